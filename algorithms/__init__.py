@@ -22,20 +22,6 @@ if TYPE_CHECKING:
     from .settings import Crossover, Mutation
     from .sms_emoa import SMSEMOA
 
-_PLACES = {
-    "AGEMOEA2": ".age_moea2",
-    "Crossover": ".settings",
-    "Exact": ".exact.solver",
-    "GA": ".ga",
-    "GDE3": ".gde3",
-    "Hybrid": ".hybrid",
-    "Mutation": ".settings",
-    "NSGA2": ".nsga2",
-    "NSGA3": ".nsga3",
-    "RandomSearch": ".random_search",
-    "SMSEMOA": ".sms_emoa",
-}
-
 __all__ = [
     "AGEMOEA2",
     "GA",
@@ -49,6 +35,20 @@ __all__ = [
     "Mutation",
     "RandomSearch",
 ]
+
+_PLACES = {
+    "AGEMOEA2": ".age_moea2",
+    "Crossover": ".settings",
+    "Exact": ".exact.solver",
+    "GA": ".ga",
+    "GDE3": ".gde3",
+    "Hybrid": ".hybrid",
+    "Mutation": ".settings",
+    "NSGA2": ".nsga2",
+    "NSGA3": ".nsga3",
+    "RandomSearch": ".random_search",
+    "SMSEMOA": ".sms_emoa",
+}
 
 
 def __dir__() -> list[str]:

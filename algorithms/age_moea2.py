@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from ..counts import PAIRED
+from ..section import PAIRED
 from .settings import Genetic
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ class AGEMOEA2(Genetic):
         from pymoo.algorithms.moo.nsga2 import binary_tournament
         from pymoo.operators.selection.tournament import TournamentSelection
 
-        from .operators import operators
+        from .settings import operators
 
         return PymooAGEMOEA2(
             pop_size=self.population,

@@ -19,10 +19,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..errors import refuse
-from ..files import write_bytes
+from ..files import sealed, unsealed, write_bytes
 from ..journal import Section
-from ..sealed import sealed, unsealed
-from .states import SavedState, State, joined, part
+from .archive import SavedState, State, joined, part
 
 FORMAT = 4
 EVERY = 2.0

@@ -20,6 +20,6 @@ class GA(Genetic):
     def build(self, problem: ToleranceProblem) -> Any:
         from pymoo.algorithms.soo.nonconvex.ga import GA as PymooGA
 
-        from .operators import operators
+        from .settings import operators
 
         return PymooGA(pop_size=self.population, **operators(problem, self.crossover, self.mutation))

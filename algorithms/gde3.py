@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from ..counts import INDIVIDUALS
+from ..section import INDIVIDUALS
 from .settings import AlgorithmSettings
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ class GDE3(AlgorithmSettings):
         from pymoo.operators.sampling.rnd import FloatRandomSampling
         from pymoo.operators.survival.rank_and_crowding import RankAndCrowding
 
-        from .operators import repair
+        from .settings import repair
 
         algorithm = PymooGDE3(
             pop_size=self.population,

@@ -7,19 +7,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..arrays import Array
-from ..counts import INDIVIDUALS, POINTS
 from ..problems.interfaces import Accuracy, Provable
+from ..section import INDIVIDUALS, POINTS, Array
+from .archive import nondominated
 from .engine import GDE3Engine, Space
-from .exact.bounds import restricted, upper_limit
-from .exact.branch import Branch
+from .exact.bounds import convex_pieces, restricted, upper_limit
+from .exact.choices import search_vectors
 from .exact.corrected import corrected_vectors, is_corrected
-from .exact.designs import search_vectors
 from .exact.epsilon import integer_moves, scale_of
-from .exact.front import front
-from .exact.pieces import convex_pieces
-from .exact.solver import closed_form, exact_vectors
-from .indicators import nondominated
+from .exact.local import Branch
+from .exact.solver import closed_form, exact_vectors, front
 from .run import Run
 from .settings import Solver
 

@@ -24,7 +24,7 @@ class NSGA2(Genetic):
         from pymoo.algorithms.moo.nsga2 import NSGA2 as PymooNSGA2
         from pymoo.operators.survival.rank_and_crowding import RankAndCrowding
 
-        from .operators import operators
+        from .settings import operators
 
         return PymooNSGA2(
             pop_size=self.population, survival=RankAndCrowding(), **operators(problem, self.crossover, self.mutation)

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Array
-from ..counts import PAIRED
 from ..errors import Fault, raise_all
+from ..section import PAIRED, Array
 from .settings import AlgorithmSettings, Crossover, Mutation
 
 if TYPE_CHECKING:
@@ -55,7 +54,7 @@ class NSGA3(AlgorithmSettings):
         from pymoo.algorithms.moo.nsga3 import NSGA3 as PymooNSGA3
         from pymoo.operators.selection.tournament import TournamentSelection
 
-        from .operators import operators
+        from .settings import operators
 
         raise_all(self.faults(problem.n_obj))
         directions = self._directions(problem.n_obj)

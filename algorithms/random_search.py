@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from ..counts import INDIVIDUALS
+from ..section import INDIVIDUALS
 from .settings import AlgorithmSettings
 
 if TYPE_CHECKING:

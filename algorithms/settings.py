@@ -4,14 +4,24 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from ..counts import INDIVIDUALS
+import numpy as np
+from pymoo.core.crossover import Crossover as PymooCrossover
+from pymoo.core.mutation import Mutation as PymooMutation
+from pymoo.core.repair import Repair
+from pymoo.operators.crossover.pntx import SinglePointCrossover, TwoPointCrossover
+from pymoo.operators.crossover.sbx import SBX
+from pymoo.operators.crossover.ux import UniformCrossover
+from pymoo.operators.mutation.gauss import GaussianMutation
+from pymoo.operators.mutation.pm import PM
+from pymoo.operators.sampling.rnd import FloatRandomSampling
+
 from ..errors import Fault
+from ..section import INDIVIDUALS, Array, Flags
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from ..problems.tolerance_problem import ToleranceProblem
     from .engine import ArrayEngine, Space
     from .run import Run
@@ -106,3 +116,63 @@ class Solver(AlgorithmSettings):
 
     def build(self, problem: ToleranceProblem) -> Any:
         raise TypeError(f"{type(self).__name__} is not a pymoo algorithm: it evaluates designs itself")
+
+
+# pymoo operators, built anew for every run, because its defaults are shared between algorithms.
+
+
+class RoundIntegers(Repair):
+    """Rounds the integer variables, leaves the others."""
+
+    def __init__(self, integer: Flags) -> None:
+        super().__init__()
+        self.integer = integer
+
+    def _do(self, problem: Any, X: Array, **kwargs: Any) -> Array:
+        return np.where(self.integer, np.rint(X), X)
+
+
+def repair(problem: ToleranceProblem) -> Repair:
+    """A repair that rounds the integer variables of `problem`."""
+    return RoundIntegers(np.array([v.integer for v in problem.free]))
+
+
+def operators(problem: ToleranceProblem, crossover: Crossover, mutation: Mutation) -> dict[str, Any]:
+    """Keyword arguments of a pymoo genetic algorithm.
+
+    The duplicate check is off: it takes a fifth of a run and has no use for continuous tolerances.
+    """
+    return {
+        "sampling": FloatRandomSampling(),
+        "crossover": _crossover(crossover),
+        "mutation": _mutation(mutation),
+        "repair": repair(problem),
+        "eliminate_duplicates": False,
+    }
+
+
+def _crossover(settings: Crossover) -> PymooCrossover:
+    if settings.operator == "sbx":
+        return SBX(prob=settings.probability, eta=settings.eta)
+    kinds = {"uniform": UniformCrossover, "one_point": SinglePointCrossover, "two_point": TwoPointCrossover}
+    return kinds[settings.operator](prob=settings.probability)
+
+
+def _mutation(settings: Mutation) -> PymooMutation:
+    if settings.operator == "gaussian":
+        return GaussianMutation(prob=1.0, prob_var=settings.probability)
+    return PM(prob=1.0, prob_var=settings.probability, eta=settings.eta)
+
+
+# Algorithms of pymoo that are not offered, and what to use instead.
+
+
+UNSEEDED = "its survival draws from a generator without a seed, so that no run can be repeated"
+SHARED = (
+    "its runs share one normalisation, so that a second run in a process differs from the first under the same seed"
+)
+
+REFUSED = MappingProxyType(
+    {"cmopso": (UNSEEDED, "gde3"), "isres": (UNSEEDED, "ga"), "spea2": (SHARED, "nsga2"), "sres": (UNSEEDED, "ga")}
+)
+"""Reason, measured on pymoo 0.6.2, and replacement, by name."""

@@ -24,7 +24,7 @@ class SMSEMOA(Genetic):
         from pymoo.algorithms.moo.sms import LeastHypervolumeContributionSurvival, cv_and_dom_tournament
         from pymoo.operators.selection.tournament import TournamentSelection
 
-        from .operators import operators
+        from .settings import operators
 
         return PymooSMSEMOA(
             pop_size=self.population,

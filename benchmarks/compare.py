@@ -25,7 +25,7 @@ from types import ModuleType
 
 import numpy as np
 
-from tolevo.arrays import Array
+from tolevo.section import Array
 
 from . import peers, promised
 from .task import OutOfTime, Recorder, Task

@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from tolevo.arrays import Array
 from tolevo.configuration.reader import read
 from tolevo.problems.settings import Settings
+from tolevo.section import Array
 
 from .parts import Watched, beyond
 from .task import Task

@@ -22,10 +22,9 @@ from statistics import median
 import numpy as np
 from scipy.optimize import brentq
 
-from tolevo.arrays import Array
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
-from tolevo.models.rv_reducer.contact.errors import PartErrors
-from tolevo.models.rv_reducer.contact.mesh import Mesh
+from tolevo.models.rv_reducer.contact.geometry import Mesh, PartErrors
+from tolevo.section import Array
 
 UNITS, ANGLES, TORQUE = 1000, 256, 412.0
 PART = 400

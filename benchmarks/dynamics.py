@@ -23,12 +23,9 @@ import numba
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from tolevo.arrays import Array
-from tolevo.models.rv_reducer.dynamics.contact_mesh import tabulated
-from tolevo.models.rv_reducer.dynamics.steady import Oscillator, steady_state
-from tolevo.models.rv_reducer.dynamics.tabulated import TabulatedMesh
-from tolevo.models.rv_reducer.dynamics.train import Train
-from tolevo.models.rv_reducer.loaded_unit import loaded_unit
+from tolevo.models.rv_reducer.dynamics import Oscillator, TabulatedMesh, Train, steady_state, tabulated
+from tolevo.models.rv_reducer.lost_motion import unit_under_load as loaded_unit
+from tolevo.section import Array
 
 SAMPLES, TORQUE, ACCURACY = 4000, 412.0, 5e-3
 RPM = (10.0, 15.0, 30.0)

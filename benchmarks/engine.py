@@ -23,8 +23,8 @@ from pymoo.core.problem import Problem
 from pymoo.core.termination import NoTermination
 from pymoo.operators.sampling.rnd import FloatRandomSampling
 
+from tolevo.algorithms.archive import hypervolume
 from tolevo.algorithms.engine import ArrayEngine, GDE3Engine, NSGA2Engine, Space
-from tolevo.algorithms.indicators import hypervolume
 
 Array = NDArray[np.float64]
 COST, SENSITIVITY = np.linspace(0.5, 2.0, 9), np.linspace(2.0, 0.5, 9)

@@ -19,11 +19,10 @@ from statistics import median
 
 import numpy as np
 
-from tolevo.arrays import Array
 from tolevo.models.manipulator.forward import exact_pose
 from tolevo.models.manipulator.geometry import Manipulator, TaskRing
-from tolevo.models.manipulator.maps import first_order
-from tolevo.models.manipulator.sources import SOURCES
+from tolevo.models.manipulator.maps import SOURCES, first_order
+from tolevo.section import Array
 
 POSES, MACHINES, TURNS = 10_000, 100_000, 7
 STEP = 1e-6

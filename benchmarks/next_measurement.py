@@ -17,13 +17,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from tolevo.configuration.gap import read_gap
-from tolevo.workflows.gap.analysis import analysed
-from tolevo.workflows.gap.next.measurement import next_measurement
-from tolevo.workflows.gap.read import read_data
-from tolevo.workflows.gap.result import Ending, ended
-from tolevo.workflows.gap.scan import scan
-from tolevo.workflows.gap.setup import prepared
+from tolevo.commands.gap.analysis import analysed
+from tolevo.commands.gap.configuration import read_gap
+from tolevo.commands.gap.next_measurement import next_measurement
+from tolevo.commands.gap.read import read_data
+from tolevo.commands.gap.result import Ending, ended
+from tolevo.commands.gap.scan import scan
+from tolevo.commands.gap.setup import prepared
 
 Array = NDArray[np.float64]
 Law = Callable[[Mapping[str, Array], float], Array]

@@ -9,13 +9,13 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from tolevo.declarations import Kind, Output, Variable
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.declaration import Declaration
 from tolevo.problems.forms import Feature, Form, Way
 from tolevo.problems.interfaces import Differentiable, Provable
 from tolevo.problems.settings import Settings
 from tolevo.problems.tolerance_problem import ToleranceProblem
+from tolevo.section import Kind, Output, Variable
 
 Array = NDArray[np.float64]
 

@@ -20,16 +20,13 @@ from statistics import median
 
 import numpy as np
 
-from tolevo.models.rv_reducer.contact.contact import Engine, LoadedContact
+from tolevo.models.rv_reducer.contact.contact import Engine, LoadedContact, backlash, loading, lost_motion
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
-from tolevo.models.rv_reducer.contact.performance import backlash, loading, lost_motion
-from tolevo.models.rv_reducer.population.design import UnitDesign
-from tolevo.models.rv_reducer.population.elastic import OUTPUTS, Elastic, elastic
-from tolevo.models.rv_reducer.population.elastic_springs import Loading
+from tolevo.models.rv_reducer.population.contact import Population
+from tolevo.models.rv_reducer.population.elastic import OUTPUTS, Elastic, Loading, elastic
+from tolevo.models.rv_reducer.population.errors import modified, part_errors
 from tolevo.models.rv_reducer.population.measures import Conditions, Measures
-from tolevo.models.rv_reducer.population.part_errors import modified, part_errors
-from tolevo.models.rv_reducer.population.statistics import Involute
-from tolevo.models.rv_reducer.population.turn import Population
+from tolevo.models.rv_reducer.population.units import Involute, UnitDesign
 from tolevo.models.rv_reducer.tighter_planet import TighterPlanet
 from tolevo.units import ARCMIN
 

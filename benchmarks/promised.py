@@ -14,7 +14,7 @@ import numpy as np
 from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget, Mutation
-from tolevo.arrays import Array
+from tolevo.section import Array
 
 from . import memory
 from .outcome import verdict

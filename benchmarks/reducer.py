@@ -17,12 +17,10 @@ from statistics import median
 
 import numpy as np
 
-from tolevo.models.inputs import Normal
-from tolevo.models.inputs.distribution import Distribution
+from tolevo.models.inputs import Distribution, Normal
 from tolevo.models.propagation import ClippedSum
 from tolevo.models.rv_reducer import declared
-from tolevo.models.rv_reducer.batch import PART
-from tolevo.models.rv_reducer.stages import batch, units
+from tolevo.models.rv_reducer.batch import PART, batch, units
 from tolevo.units import ARCMIN
 
 UNITS, TURNS, ERRORS = 1_000_000, 15, 11

@@ -24,9 +24,9 @@ from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.run import Run
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import AlgorithmSettings, Budget, Crossover, Mutation
-from tolevo.declarations import Value
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, Settings
+from tolevo.section import Value
 
 from .outcome import kept_values, verdict
 

@@ -23,7 +23,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from tolevo.problems.designs import designs_frame
+from tolevo.problems.tolerance_problem import designs_frame
 
 Array = NDArray[np.float64]
 MILLION = 1_000_000
@@ -232,7 +232,7 @@ def table_of(quick: bool, names: Sequence[str]) -> pd.DataFrame:
 
 def drawn(table: pd.DataFrame) -> bytes:
     """CPU time and memory against size as SVG, a row of panels per command."""
-    from tolevo.reports.drawing import COLOURS, as_svg, new_figure, style_axes
+    from tolevo.page.drawing import COLOURS, as_svg, new_figure, style_axes
 
     groups = list(table.groupby(["command", "against"], sort=False))
     figure = new_figure(1.6 * len(groups))

@@ -21,14 +21,13 @@ import numpy as np
 import pandas as pd
 from typer.testing import CliRunner
 
-from tolevo.algorithms.course import CURVE
+from tolevo.algorithms.archive import CURVE
 from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.cli import app
-from tolevo.configuration.study import read_study
-from tolevo.workflows.execution import InProcess
-from tolevo.workflows.execution.executor import Lost, Result, TaskT
-from tolevo.workflows.study import study
-from tolevo.workflows.study.trial import Chunk, Job, RunRecord
+from tolevo.commands.study import study
+from tolevo.commands.study.configuration import read_study
+from tolevo.commands.study.trial import Chunk, Job, RunRecord
+from tolevo.execution import InProcess, Lost, Result, TaskT
 
 STACK = """
 problem = "stack"

@@ -31,13 +31,12 @@ from typing import Any
 from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.optimize import minimize
 
-from tolevo.configuration.study import read_study
-from tolevo.workflows.execution import Executor, InProcess, executor_of
-from tolevo.workflows.study import StudyPlan
-from tolevo.workflows.study.storage.database import Database
-from tolevo.workflows.study.storage.site import Site
-from tolevo.workflows.study.work import Work
-from tolevo.workflows.study.yardstick import Yardstick, yardstick
+from tolevo.commands.study import StudyPlan
+from tolevo.commands.study.configuration import read_study
+from tolevo.commands.study.plan import Yardstick, yardstick
+from tolevo.commands.study.storage import Database, Site
+from tolevo.commands.study.study import Work
+from tolevo.execution import Executor, InProcess, executor_of
 
 RUN = Path(__file__).resolve().parent.parent / "configs" / "pose_accuracy.toml"
 STUDY = f"""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
@@ -13,12 +13,58 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Array
-from ..declarations import Output, Parameter, Value, Variable
-from ..section import Section
+from ..section import Array, Output, Parameter, Section, Value, Variable
+from ..units import converted
 from .gear import Gear
-from .inputs.distribution import Distribution
-from .sources import Sources
+from .inputs import Distribution
+from .propagation import ClippedSum, Term
+
+# The toleranced inputs of a unit of a population, as far as a model has them.
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A toleranced input of a unit.
+
+    `part` describes the quantity that is measured on parts. `tolerance` is the half-width of its
+    zone, `law` the distribution in it, and `per_unit` the change of the sum per `unit` of it.
+    `clipped` is whether it acts in the clipped part, `at` its place in that part. A zone
+    `from_zero` grows from its lower end at zero.
+    """
+
+    name: str
+    unit: str
+    part: str
+    tolerance: float
+    per_unit: float
+    clipped: bool
+    at: int
+    law: Distribution
+    from_zero: bool = False
+    widest: float = float("inf")
+    """The largest factor on its half-width about its middle that is physical."""
+    moves: bool = True
+    """Whether an error common to all units moves them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sources:
+    """The inputs of the single output of a population: it is `total`/`unit`, for one design.
+
+    Where inputs of the clipped part do not add up, that part is a single term of all of them;
+    `widened` returns it with the zone of an input widened by a factor, and `basis` states how
+    inputs are then compared.
+    """
+
+    total: ClippedSum
+    unit: float
+    inputs: tuple[Source, ...]
+    widened: Callable[[Source, float], Term] | None = None
+    basis: str = ""
+
+    def term(self, source: Source) -> Term:
+        """The contribution of an input."""
+        return (self.total.clipped if source.clipped else self.total.free)[source.at]
 
 
 def ranks_of_units(table: Mapping[str, NDArray[Any]]) -> NDArray[np.int64]:
@@ -183,3 +229,50 @@ class MeasurableModel(ABC):
     def sources(self) -> Sources | None:
         """The toleranced inputs of a unit of a population, None where they cannot be named."""
         return None
+
+
+# Predictions in a table: those of any simulator, next to the measurements.
+
+
+class MeasuredTable(MeasurableModel):
+    """`model = "table"`: predictions are read from a column, and nothing can change inside.
+
+    `inputs` are the columns that effects may depend on; `predictions` names the column of each
+    output and its unit; columns in `ignored` are omitted, predictions in `turned` count with the
+    opposite sign.
+    """
+
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+    free: ClassVar[Mapping[str, float]] = {}
+
+    def __init__(
+        self,
+        inputs: tuple[Column, ...],
+        outputs: tuple[Output, ...],
+        predictions: Mapping[str, tuple[str, str]],
+        ignored: tuple[str, ...] = (),
+        gear: Gear | None = None,
+        turned: tuple[str, ...] = (),
+    ) -> None:
+        prediction_columns = tuple(
+            Column(column, unit, f"prediction of {name}", role=Role.INPUT)
+            for name, (column, unit) in predictions.items()
+        )
+        self.columns = (*inputs, *prediction_columns)  # type: ignore[misc]
+        self.outputs = outputs  # type: ignore[misc]
+        self.predictions = dict(predictions)
+        self.ignored = ignored
+        self.gear = gear
+        self.turned = turned
+
+    def predict(
+        self, table: Mapping[str, NDArray[Any]], rng: np.random.Generator, changes: Mapping[str, Array] = NO_CHANGES
+    ) -> dict[str, Array]:
+        return {
+            output.name: np.asarray(
+                converted(np.asarray(table[column], dtype=float), unit or output.unit, output.unit)
+                * (-1.0 if column in self.turned else 1.0)
+            )
+            for output in self.outputs
+            for column, unit in (self.predictions[output.name],)
+        }

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array
+from ..section import Array
 
 MOST = 200
 """Evaluations at most; bisection alone would take some 60."""

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..arrays import Array, Flags
-from ..declarations import Output, Variable
 from ..errors import Fault
+from ..section import Array, Flags, Output, Variable
 from .settings import Bound
 
 if TYPE_CHECKING:

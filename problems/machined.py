@@ -2,27 +2,112 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from abc import abstractmethod
+from collections import OrderedDict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+import scipy
+from scipy.special import ndtri
 
-from ..arrays import Array, Integers
-from ..declarations import Assumption, Kind, Variable
-from ..models.capability import PartSample
+from ..models.capability import Knowledge, PartSample
 from ..models.costs import CostCurve
+from ..models.input_reading import read_distribution
 from ..models.inputs import Normal
-from ..models.inputs.reading import read_distribution
-from ..models.machines.offers import PLUG_IN, Offer, departures, samples_of
-from ..models.machines.reading import Owner, read_offers
-from ..section import Section
+from ..models.machine_offers import PLUG_IN, Offer, Owner, Way, departures, read_offers, samples_of
+from ..models.machines import GoodPartsBySpread
+from ..section import Array, Assumption, Flags, Integers, Kind, Section, Variable
 from ..units import split_unit
-from .declaration import ConfiguredProblem, Declaration, Interval
+from .declaration import ConfiguredProblem, Declaration, Interval, Response, evaluations
+from .deviations import Draws
 from .interfaces import Checks, Differentiable, Drawing
-from .machined_tolerance import MachinedTolerance
-from .settings import Settings, VariableSetting
+from .promise import WithPromise
+from .settings import ASSURED, Settings, VariableSetting, assured_percent
 from .tolerance_problem import ToleranceProblem
+
+# A tolerance that machines make: its ways, the scatter of its good parts, and what they cost.
+
+
+SCALE = 3.0
+"""Half-widths of a normal input with Cp = 1 per standard deviation."""
+
+
+@dataclass(frozen=True, eq=False)
+class MachinedTolerance:
+    """A tolerance that is made by machines: the ways to use them, and the variable that chooses."""
+
+    name: str
+    offers: tuple[Offer, ...]
+
+    @property
+    def choice(self) -> str:
+        """Name of the variable that chooses a way."""
+        return f"{self.name.removesuffix('_um').removesuffix('_mrad')}_process"
+
+    @cached_property
+    def ways(self) -> tuple[Way, ...]:
+        """Every machine with and without inspection."""
+        return tuple(way for offer in self.offers for way in offer.ways())
+
+    @property
+    def low(self) -> float:
+        """Tightest limit of any way."""
+        return min(way.low for way in self.ways)
+
+    @property
+    def high(self) -> float:
+        """Loosest limit of any way."""
+        return max(way.high for way in self.ways)
+
+    def by_spread(self, way: Way) -> GoodPartsBySpread:
+        """An inspected way by the spread of its good parts, in half-widths."""
+        return GoodPartsBySpread(way.machine, way.low, way.high, SCALE)
+
+    def clipped(self, t: Array, chosen: Integers) -> Array:
+        """Limits (n,) moved to the nearest that the chosen way holds."""
+        low, high = (np.array([getattr(way, end) for way in self.ways]) for end in ("low", "high"))
+        return np.clip(t, low[chosen], high[chosen])
+
+    def spread_and_mean(self, t: Array, chosen: Integers) -> tuple[Array, Array]:
+        """Half-width of a normal input with the scatter of good parts, and their mean (n,)."""
+        return self.by_way(
+            t, chosen, lambda way, t: (SCALE * way.machine.good_parts(t).std, way.machine.good_parts(t).mean)
+        )
+
+    def slopes(self, t: Array, chosen: Integers) -> tuple[Array, Array]:
+        """Derivatives of the two by the limit (n,)."""
+        return self.by_way(
+            t,
+            chosen,
+            lambda way, t: (SCALE * way.machine.good_parts(t).std_slope, way.machine.good_parts(t).mean_slope),
+        )
+
+    def cost(self, t: Array, chosen: Integers) -> tuple[Array, Array]:
+        """Cost of a good part, and its derivative by the limit (n,)."""
+        return self.by_way(t, chosen, lambda way, t: (way.curve.cost(t), way.curve.slope(t)))
+
+    def by_way(self, t: Array, chosen: Integers, values: Any) -> tuple[Array, Array]:
+        """Two values (n,) of each design by its way."""
+        first, second = np.zeros_like(t), np.zeros_like(t)
+        for number, way in enumerate(self.ways):
+            rows = chosen == number
+            if np.any(rows):
+                first[rows], second[rows] = values(way, t[rows])
+        return first, second
+
+    def limits(self, spread: Array, chosen: Integers) -> Array:
+        """Limits (n,) at spreads (n,) of good parts."""
+        return self.by_way(
+            spread, chosen, lambda way, x: (way.low if way.low == way.high else self.by_spread(way).limit(x), 0.0)
+        )[0]
+
+
+def curve_of(tolerance: MachinedTolerance, way: Way, low: float, high: float) -> CostCurve:
+    """Cost of a way against the spread of its good parts."""
+    return way.curve if low == high else tolerance.by_spread(way)
 
 
 def with_choices(variables: tuple[Variable, ...], machines: Mapping[str, tuple[Offer, ...]]) -> tuple[Variable, ...]:
@@ -289,3 +374,199 @@ def _assumptions(tolerance: MachinedTolerance) -> list[Assumption]:
     ]
     open_ = "; ".join(offer.assumed for offer in tolerance.offers if offer.assumed)
     return assumptions + ([Assumption(place, "", "", open_)] if open_ else [])
+
+
+# The most unfavourable processes that samples allow, to first order in their effect on a value.
+#
+# Let independent processes have the posterior mean E of the variance ratio, G from there to its
+# upper confidence limit, and the limit z sqrt(E/n) standard deviations of the mean. The ellipsoid
+#
+#     sum_j ((r_j - E_j)/G_j)^2 + sum_j (m_j/(z sqrt(E_j/n_j)))^2 <= b^2
+#
+# is the region in which a promise must hold: for a sum of deviations and b = 1 that is the norm of
+# an assured promise. Its worst point for a value follows from slopes (first-order reliability).
+#
+# Reference: Hasofer & Lind (1974), Exact and invariant second-moment code format, J. Engineering
+# Mechanics Division ASCE 100(1), 111-121.
+
+
+@dataclass(frozen=True, eq=False)
+class Worst:
+    """Processes along the worst direction: ratios of variances `even` + b `growth`, errors of means
+    b `shift` in estimated standard deviations, (k,) each.
+    """
+
+    even: Array
+    growth: Array
+    shift: Array
+
+    @classmethod
+    def of(cls, known: Sequence[Knowledge], by_scale: Array, by_shift: Array, confidence: float) -> Worst:
+        """The direction, by derivatives (k,) of a value that is to be small.
+
+        They are by the scale of each standard deviation, and by the error of each mean.
+        """
+        even = np.array([knowledge.inflation for knowledge in known])
+        reach = np.array([knowledge.surplus_at(confidence) for knowledge in known])
+        error = float(ndtri(confidence)) * np.sqrt(even / np.array([knowledge.n for knowledge in known]))
+        steep = np.concatenate([0.5 * reach * np.maximum(by_scale, 0.0), error * by_shift])
+        size = float(np.linalg.norm(steep))
+        unit = steep / size if size > 0.0 else steep
+        return cls(even, reach * unit[: len(known)], error * unit[len(known) :])
+
+    def at(self, radius: float) -> tuple[Array, Array]:
+        """Scales of standard deviations, and errors of means, (k,) each, at b."""
+        ratio = np.maximum(self.even + radius * self.growth, 0.01)
+        return np.sqrt(ratio), radius * self.shift
+
+
+# Problems whose yield has no closed form: a promise is tested by draws of the posterior.
+#
+# In a search a promised yield is that of the most unfavourable processes that the samples allow
+# (`worst_process`). At a reported point the units themselves are evaluated at a few draws of the
+# posterior, a quadratic function is fitted to them, and all draws decide: the promised yield is that
+# of the processes along the worst direction that are as unfavourable as the confidence requires.
+
+
+SOFTEST, HARDEST = -2.0, 6.0
+"""Range along the worst direction in which the processes of the confidence are sought."""
+MOST_VERDICTS = 64
+"""Most verdicts that are stored."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shortfall:
+    """By how much the promised fraction misses its limit, (q,) at q states of the processes; at
+    most 0 where it is kept. `slopes` (q, d) are by scales and by the shifts that count, where
+    known; `error` is the standard error of a value.
+    """
+
+    values: Array
+    error: float
+    slopes: Array | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """The results of a design over the draws, in percent, and the shortfall of each draw."""
+
+    promised: float
+    assurance: float
+    error: float
+    shortfalls: Array
+
+
+class ProcessProblem(WithPromise):
+    """A problem that evaluates its units for any state of its processes.
+
+    A state is a scale of each known standard deviation, and an error of each mean in standard
+    deviations by the estimates, in the order of `known`.
+    """
+
+    @abstractmethod
+    def shortfall(self, design: Array, scales: Array, shifts: Array, searching: bool = False) -> Shortfall:
+        """The shortfall of a full design (all,) at states (q, k)."""
+
+    @abstractmethod
+    def steepness(self, design: Array, searching: bool) -> tuple[Array, Array]:
+        """Derivatives (k,) of the shortfall by scales and shifts where the estimates are true."""
+
+    @abstractmethod
+    def yield_at(self, design: Array, scale: Array, shift: Array, searching: bool) -> float:
+        """The yield [percent] of a full design (all,) at one state (k,)."""
+
+    @abstractmethod
+    def expected_yields(self, designs: Array, searching: bool) -> Array:
+        """The yield [percent] (n,) that is expected over the posterior."""
+
+    @cached_property
+    def shifting(self) -> Flags:
+        """Which means (k,) may be off; by default none."""
+        return np.zeros(len(self.known), dtype=bool)
+
+    def coordinates(self, scales: Array, shifts: Array) -> Array:
+        """Coordinates (q, d) of states (q, k), of which the shortfall is a smooth function."""
+        return np.hstack([scales - 1.0, shifts[:, self.shifting]])
+
+    def worst(self, design: Array, searching: bool) -> Worst:
+        """The worst direction of the processes of a full design (all,)."""
+        steep = self.steepness(design, searching)
+        return Worst.of(list(self.known.values()), *steep, self.stated_promise.confidence)
+
+    def promised_yields(self, designs: Array, searching: bool) -> Array:
+        if self.stated_promise.statement != ASSURED:
+            return self.expected_yields(designs, searching)
+        if not searching:
+            return np.array([self.verdict(design).promised for design in designs])
+        return np.array([self.unfavourable_yield(design) for design in designs])
+
+    def unfavourable_yield(self, design: Array) -> float:
+        """The yield [percent] of a full design (all,) at the worst state, as a search sees it."""
+        return self.yield_at(design, *self.worst(design, True).at(1.0), True)
+
+    def assurances(self, designs: Array) -> tuple[Array, Array]:
+        verdicts = [self.verdict(design) for design in designs]
+        assurance, error = np.array([(verdict.assurance, verdict.error) for verdict in verdicts]).reshape(-1, 2).T
+        return assurance, error
+
+    @cached_property
+    def _posterior(self) -> Draws:
+        """Draws of the processes, which all designs share."""
+        return Draws.of(list(self.known.values()), [(self.settings.seed, at) for at in range(len(self.known))])
+
+    @cached_property
+    def _verdicts(self) -> OrderedDict[bytes, Verdict]:
+        return OrderedDict()
+
+    def verdict(self, design: Array) -> Verdict:
+        """The verdict of the draws on a full design (all,)."""
+        key = design.tobytes()
+        if key not in self._verdicts:
+            self._verdicts[key] = self._by_draws(design)
+            while len(self._verdicts) > MOST_VERDICTS:
+                self._verdicts.popitem(last=False)
+        return self._verdicts[key]
+
+    def _by_draws(self, design: Array) -> Verdict:
+        if not self.known:
+            return self._without_doubt(design)
+        drawn = self._posterior
+        x = self.coordinates(np.sqrt(drawn.variance), drawn.error)
+        fitted = slice(0, evaluations(x.shape[1], self._has_slopes))
+        tried = self.shortfall(design, np.sqrt(drawn.variance[fitted]), drawn.error[fitted])
+        response, worst = Response.of(x[fitted], tried.values, tried.slopes), self.worst(design, False)
+
+        def along(radius: float) -> float:
+            scale, shift = worst.at(radius)
+            return float(response(self.coordinates(scale[None, :], shift[None, :]))[0])
+
+        values = response(x)
+        wanted = float(np.quantile(values, self.stated_promise.confidence, method="higher"))
+        scale, shift = worst.at(_reached(along, wanted))
+        there = self.shortfall(design, scale[None, :], shift[None, :])
+        # the evaluated units correct the fitted response where it decides
+        values += float(there.values[0]) - wanted
+        assurance, error = assured_percent(np.array([float(np.mean(values <= 0.0))]), drawn.count)
+        doubt = np.hypot(response.rms, there.error)
+        reach = 50.0 * float(np.mean(values <= doubt) - np.mean(values <= -doubt))
+        return Verdict(
+            self.yield_at(design, scale, shift, False), float(assurance[0]), float(np.hypot(error[0], reach)), values
+        )
+
+    _has_slopes = False
+    """Whether `shortfall` gives slopes."""
+
+    def _without_doubt(self, design: Array) -> Verdict:
+        """The verdict on a design whose processes are all known."""
+        nothing = np.ones(0)
+        shortfall = self.shortfall(design, nothing[None, :], nothing[None, :])
+        assurance = 100.0 * float(shortfall.values[0] <= 0.0)
+        return Verdict(self.yield_at(design, nothing, nothing, False), assurance, 0.0, shortfall.values)
+
+
+def _reached(along: Callable[[float], float], wanted: float) -> float:
+    """Where along the worst direction a value is reached, or the nearest end."""
+    ends = [along(end) for end in (SOFTEST, HARDEST)]
+    if not ends[0] < wanted < ends[1]:
+        return SOFTEST if wanted <= ends[0] else HARDEST
+    return float(scipy.optimize.brentq(lambda b: along(b) - wanted, SOFTEST, HARDEST, xtol=1e-4))

@@ -2,20 +2,127 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass, field, replace
 from math import inf
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ..declarations import Value
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+from ..errors import Fault
 from ..models.capability import PartSample
-from ..models.costs import CostCurve
-from ..models.effects.compose import Active
+from ..models.costs import CostCurve, Table
+from ..models.effects.measurements import Active
 from ..models.gear import Gear
 from ..models.inputs import Distribution
-from ..models.machines.offers import Offer
+from ..models.machine_offers import PLUG_IN as ESTIMATED
+from ..models.machine_offers import Offer
+from ..section import Array, Assumption, Output, Range, Section, Value, Variable
 from ..tables import ColumnUse
-from .promise import Promise
+from ..units import unit_hint
+
+if TYPE_CHECKING:
+    from .tolerance_problem import ToleranceProblem
+
+# `[promise]`: what is promised of the yield, and how it is meant.
+
+
+PLUG_IN, PREDICTIVE, ASSURED = "plug_in", "predictive", "assured"
+STATEMENTS = (PLUG_IN, PREDICTIVE, ASSURED)
+YIELDS = Range(50.0, 100.0, open_high=True)
+CONFIDENCES = Range(80.0, 100.0, open_high=True)
+"""Below 80 % upper limits of variances are no limits above their posterior means."""
+YIELD, PROMISED, ASSURANCE = "yield_percent", "promised_yield_percent", "assurance_percent"
+"""Outputs: what estimates say, what the statement promises, how surely the promise is kept."""
+DRAWS = 20_000
+"""Draws of the posterior that a stated assurance is of."""
+AT_ONCE = 2_000_000
+"""Yields that are computed at once."""
+
+
+def normal_yield(z: Array, two_sided: bool) -> Array:
+    """Yield [percent] (n,) of a normal output whose limits are z (n,) deviations from the mean."""
+    return np.asarray(100.0 * (2.0 * ndtr(z) - 1.0 if two_sided else ndtr(z)))
+
+
+def assured_percent(kept: Array, draws: int = DRAWS) -> tuple[Array, Array]:
+    """An assurance [percent] (n,) by the fractions of draws that keep a promise, and its error."""
+    error = np.sqrt(np.maximum(kept * (1.0 - kept), 1.0 / draws) / draws)
+    return 100.0 * kept, 100.0 * error
+
+
+@dataclass(frozen=True, slots=True)
+class Promise:
+    """A fraction of conforming units, by one of `STATEMENTS`, with a confidence.
+
+    `plug_in`: the yield by the estimates. `predictive`: the expected yield, over the uncertainty
+    of the processes. `assured`: a yield that is kept with the confidence. `level_percent` is
+    the level of its norm where processes are chosen by samples; None: it is self-calibrated.
+    `of` is the output that holds the yield by the estimates.
+    """
+
+    yield_percent: float
+    statement: str = ASSURED
+    confidence_percent: float = 95.0
+    level_percent: float | None = None
+    of: str = YIELD
+
+    @property
+    def fraction(self) -> float:
+        """The promised fraction of conforming units."""
+        return 0.01 * self.yield_percent
+
+    @property
+    def confidence(self) -> float:
+        """The confidence as a probability."""
+        return 0.01 * self.confidence_percent
+
+    def quantile(self, two_sided: bool) -> float:
+        """Standard deviations that must fit between the mean and each limit, of two or of one."""
+        return float(ndtri(0.5 * (1.0 + self.fraction) if two_sided else self.fraction))
+
+    @property
+    def output(self) -> str:
+        """The output that keeps the promise."""
+        return self.of if self.statement == PLUG_IN else PROMISED
+
+    def table(self) -> dict[str, Any]:
+        """The table that states it."""
+        level = {} if self.level_percent is None else {"level_percent": self.level_percent}
+        table = {"yield_percent": self.yield_percent, "statement": self.statement}
+        return {**table, "confidence_percent": self.confidence_percent, **level}
+
+    def words(self) -> str:
+        """The promise in one phrase."""
+        return {
+            PLUG_IN: f"{self.yield_percent:g} % of the units conform if the estimates are true",
+            PREDICTIVE: f"{self.yield_percent:g} % of the units are expected to conform",
+            ASSURED: f"at least {self.yield_percent:g} % of the units conform, "
+            f"with {self.confidence_percent:g} % confidence",
+        }[self.statement]
+
+
+def read_promise(top: Section, of: str = YIELD) -> Promise | None:
+    """The `[promise]` table of a yield; None where there is none, or it is faulty."""
+    if "promise" not in top:
+        return None
+    section = top.section("promise")
+    percent = section.number("yield_percent", within=YIELDS)
+    statement = section.text("statement", STATEMENTS)
+    confidence = section.number("confidence_percent", within=CONFIDENCES)
+    level = section.number("level_percent", within=CONFIDENCES)
+    if "yield_percent" not in section:
+        section.fault("yield_percent", "is missing: state the percentage of units that must conform")
+    if "statement" not in section:
+        section.fault("statement", f"is missing: state one of {', '.join(STATEMENTS)}")
+    section.finish()
+    given = {"confidence_percent": confidence, "level_percent": level}
+    wrong = any(key in section and value is None for key, value in given.items())
+    if percent is None or statement is None or wrong:
+        return None
+    return Promise(percent, statement, 95.0 if confidence is None else confidence, level, of)
+
 
 METHODS = ("moments", "convolution", "monte_carlo")
 
@@ -114,3 +221,169 @@ class Settings:
     notes: tuple[str, ...] = ()
     machines: Mapping[str, tuple[Offer, ...]] = field(default_factory=dict)
     promise: Promise | None = None
+
+
+# Assumptions: values in use that no document prints.
+
+
+PRINTED = "printed"
+"""The interpretation in which a parameter has the value that a document prints."""
+NOT_PRINTED = object()
+SAMPLED = (
+    "later parts are normal and come from the process that made the sample; the promise includes the "
+    "uncertainty of its mean and scatter"
+)
+
+
+def process_assumption(promise: Promise | None) -> str:
+    """The assumption about a measured process."""
+    return ESTIMATED if promise is None or promise.statement == PLUG_IN else SAMPLED
+
+
+def assumptions_of(problem: ToleranceProblem) -> tuple[Assumption, ...]:
+    """Assumed parameters, ranges and cost curves, each with its value and who set it."""
+    return (*_parameters(problem), *_variables(problem), *_costs(problem))
+
+
+def _set_by(name: str, given: object) -> str:
+    return "configuration" if name in given else "default"  # type: ignore[operator]
+
+
+def _parameters(problem: ToleranceProblem) -> list[Assumption]:
+    settings, given = problem.settings, problem.given
+    return [
+        Assumption(
+            f"parameters.{p.name}", settings.parameters[p.name], p.unit, p.meaning, _set_by(p.name, given.parameters)
+        )
+        for p in problem.declaration.parameters
+        if p.assumed and settings.parameters[p.name] != p.readings.get(PRINTED, NOT_PRINTED)
+    ]
+
+
+def _variables(problem: ToleranceProblem) -> list[Assumption]:
+    assumptions = []
+    for v in problem.variables:
+        setting = problem.settings.variables[v.name]
+        set_by = _set_by(v.name, problem.given.variables)
+        if v.assumed and v.document is not None:
+            place = f"references.{v.name}"
+            assumptions.append(Assumption(place, v.document, v.unit, v.assumed))
+        if setting.value is None:
+            text = f"{setting.low:g} .. {setting.high:g}"
+            reason = "search range; no document prints one"
+            assumptions.append(Assumption(f"variables.{v.name}", text, v.unit, reason, set_by))
+        if setting.sample is not None:
+            assumptions += _measured(v, setting.sample, problem.settings.promise)
+        elif v.random:
+            kind = type(setting.distribution).__name__ if setting.distribution else "Uniform"
+            reason = "distribution over units; the documents name none"
+            place = f"variables.{v.name}.distribution"
+            assumptions.append(Assumption(place, kind, "", reason, set_by))
+    return assumptions
+
+
+def _measured(variable: Variable, sample: PartSample, promise: Promise | None) -> list[Assumption]:
+    """The statement of measured parts about a variable, and the assumptions that it needs."""
+    place = f"variables.{variable.name}"
+    known = sample.statement(variable.unit)
+    return [
+        Assumption(f"{place}.measured", known, "", process_assumption(promise), "configuration"),
+        *(Assumption(f"{place}.{key}", "", "", why) for key, why in sample.assumed.items()),
+    ]
+
+
+def _costs(problem: ToleranceProblem) -> list[Assumption]:
+    reason, money = "relative cost; the documents print no cost data", problem.settings.money
+    if money.currency:
+        price = f"; one assumed unit costs {money.scale:g} {money.currency}" if money.scale else ""
+        return [
+            Assumption(
+                f"costs.{name}",
+                repr(problem.settings.costs[name]),
+                money.currency,
+                f"assumed curve; the documents print no cost data{price}",
+            )
+            for name in money.assumed
+        ]
+    return [
+        Assumption(f"costs.{name}", repr(curve), "", reason, _set_by(name, problem.given.costs))
+        for name, curve in problem.settings.costs.items()
+    ]
+
+
+# Numbers of a configuration that look as if they were stated in another unit.
+
+
+FAR = 20.0
+"""Ratio of a number to the usual one, or its inverse, above which it is suspicious."""
+NEAR = 3.0
+"""Largest ratio to the usual number in the unit that was probably meant."""
+
+
+def unit_slips(problem: ToleranceProblem) -> list[Fault]:
+    """Parameters and tolerances far from the usual ones that another unit would explain.
+
+    What is usual is the default of a parameter and the default range of a variable.
+    """
+    return [Fault(place, text) for place, text in (*_parameter_slips(problem), *_variable_slips(problem))]
+
+
+def slip(value: float, unit: str, low: float, high: float) -> str:
+    """Why a number is suspicious where `low` to `high` is usual, empty where it is not."""
+    if low / FAR <= value <= high * FAR or low <= 0.0 or value <= 0.0:
+        return ""
+    hint = unit_hint(value, unit, low / NEAR, high * NEAR)
+    usual = f"{low:g} {unit}" if low == high else f"{low:g} to {high:g} {unit}"
+    return f"{value:g} {unit} is far from what is usual ({usual}){hint}" if hint else ""
+
+
+def _parameter_slips(problem: ToleranceProblem) -> Iterator[tuple[str, str]]:
+    for parameter in problem.declaration.parameters:
+        value, default = problem.settings.parameters.get(parameter.name), parameter.default
+        if not (isinstance(value, int | float) and isinstance(default, int | float) and parameter.unit):
+            continue
+        if text := slip(abs(value), parameter.unit, abs(default), abs(default)):
+            yield f"parameters.{parameter.name}", text
+
+
+def _variable_slips(problem: ToleranceProblem) -> Iterator[tuple[str, str]]:
+    usual = {variable.name: variable for variable in type(problem).declaration.variables}
+    for name, setting in problem.settings.variables.items():
+        variable = usual.get(name)
+        if variable is None or not variable.tolerance:
+            continue
+        for key in ("value", "low", "high"):
+            value = getattr(setting, key)
+            if value is not None and (text := slip(value, variable.unit, variable.low, variable.high)):
+                yield f"variables.{name}.{key}", text
+
+
+# Costs with their currency, and the assumed curves among them.
+
+
+def unit_of_cost(money: Money) -> str:
+    """The unit of a cost: "EUR", or "EUR, partly assumed"."""
+    return f"{money.currency}, partly assumed" if money.assumed else money.currency
+
+
+def with_currency(outputs: Iterable[Output], money: Money) -> tuple[Output, ...]:
+    """The outputs with the unit of the cost, and which curves behind it are assumed."""
+    unit = unit_of_cost(money)
+    more = f"; assumed: {', '.join(money.assumed)}" if money.assumed else ""
+    return tuple(
+        replace(output, unit=unit, meaning=output.meaning.replace("relative ", "") + more)
+        if output.name == "cost"
+        else output
+        for output in outputs
+    )
+
+
+def rising(name: str, curve: CostCurve | None) -> str:
+    """A note that prices of a table rise with the tolerance, empty where none does."""
+    if not isinstance(curve, Table) or not curve.rising:
+        return ""
+    where = ", ".join(f"{t:g}" for t in curve.rising)
+    return (
+        f"the prices of {name} do not fall with the tolerance (at t = {where}): the lower price of a tighter "
+        "tolerance counts there"
+    )

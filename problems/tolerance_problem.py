@@ -12,19 +12,38 @@ import numpy as np
 import pandas as pd
 from pymoo.core.problem import Problem
 
-from ..arrays import Array, Integers
-from ..declarations import Assumption, Output, Variable, completed
 from ..errors import Fault, ModelError
 from ..journal import recalled_columns
-from ..section import Section
-from .assumptions import assumptions_of
+from ..section import Array, Assumption, Integers, Output, Section, Variable, completed
 from .declaration import ConfiguredProblem, Declaration, Interval
-from .designs import designs_frame
 from .interfaces import Accuracy, Checks, refuse_lost_members
 from .limits import limits_of
-from .money import with_currency
-from .promise import Promise
-from .settings import Bound, Settings, VariableSetting
+from .settings import Bound, Promise, Settings, VariableSetting, assumptions_of, with_currency
+
+# Full designs of a problem as tables hold them: whole numbers as such, choices by name.
+
+
+def designs_frame(problem: ToleranceProblem, designs: Array) -> pd.DataFrame:
+    """Full designs (n, all variables) as a table holds them, a column per variable."""
+    columns: dict[str, Any] = {}
+    for variable in problem.variables:
+        values = problem.column(designs, variable.name)
+        columns[variable.name] = values.astype(np.int64) if variable.integer else values
+        if variable.labels:
+            columns[variable.name] = np.array(variable.labels, dtype=object)[values.astype(int)]
+    return pd.DataFrame(columns)
+
+
+def designs_of(problem: ToleranceProblem, frame: pd.DataFrame) -> Array:
+    """Full designs (n, all variables) of a table as `ToleranceProblem.frame` makes it."""
+    columns = [
+        frame[variable.name].map({label: at for at, label in enumerate(variable.labels)})
+        if variable.labels
+        else frame[variable.name]
+        for variable in problem.variables
+    ]
+    return np.asarray(np.stack(columns, axis=1), dtype=float)
+
 
 MOVED = {
     **{name: name for name in ("variables", "outputs", "parameters", "reference_ga", "sampled")},

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tolevo.reports import drawing
+from tolevo.page import drawing
 
 
 class Blank:

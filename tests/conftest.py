@@ -8,8 +8,8 @@ from functools import partial
 import pandas as pd
 import pytest
 
-from tolevo.csv_text import EXACT
-from tolevo.options import Into
+from tolevo.cli import Into
+from tolevo.files import EXACT
 
 if EXACT:  # tests read tables as tolevo does
     pd.read_csv = partial(pd.read_csv, **EXACT)  # type: ignore[assignment]

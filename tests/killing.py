@@ -178,7 +178,7 @@ def content(out: Path) -> dict[str, bytes]:
 def start(words: Sequence[object], streams: Path, before: str = "") -> BaseProcess:
     """A command in a process that has the libraries already."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["tolevo.cli", "tolevo.workflows.run.run",
+    context.set_forkserver_preload(["tolevo.cli", "tolevo.commands.run.run",
                                     "tolevo.problems.stack", "pandas"])  # fmt: skip
     names = [f"{streams}.err", f"{streams}.out"]
     text = COMMAND.format(words=[str(word) for word in words], streams=names, before=before, cpu=f"{streams}.cpu")

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from tolevo.models.rv_reducer.loaded_unit import LoadedUnit
-from tolevo.models.rv_reducer.order_table import LEFT_OUT, OrderTable
+from tolevo.models.rv_reducer.dynamics import LEFT_OUT, OrderTable
+from tolevo.models.rv_reducer.lost_motion import LoadedUnit
 
 _meshes: dict[bytes, Any] = {}
 _tables: dict[tuple[int, float, float], OrderTable] = {}

@@ -3,23 +3,21 @@ from pathlib import Path
 
 import pytest
 
-from tolevo.configuration.claims import read_claims
+from tolevo.commands.reproduce.claims import RELATIONS, ClaimTask, Word, check
+from tolevo.commands.reproduce.configuration import read_claims
+from tolevo.commands.reproduce.recipes import STATISTICS
+from tolevo.commands.study.designs import DESIGNS
 from tolevo.models.inputs import DISTRIBUTIONS
+from tolevo.models.manipulator.maps import ROWS
 from tolevo.models.manipulator.pose import ManipulatorPose
-from tolevo.models.manipulator.sources import ROWS
 from tolevo.models.rv_reducer.contact import declared as contact
 from tolevo.models.rv_reducer.transmission import RvTransmission
-from tolevo.models.serial_arm.declared import ERRORS
-from tolevo.models.serial_arm.table import OF_ALLOCATIONS
+from tolevo.models.serial_arm.arm import ERRORS, OF_ALLOCATIONS
 from tolevo.problems.pose_accuracy import PoseAccuracy
-from tolevo.problems.robot_joint.outputs import FIXED_OUTPUTS, PARAMETERS
+from tolevo.problems.robot.problem import FIXED_OUTPUTS
+from tolevo.problems.robot_joint import PARAMETERS
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.registry import names as names_of
-from tolevo.workflows.reproduce.claims import RELATIONS
-from tolevo.workflows.reproduce.recipes import STATISTICS
-from tolevo.workflows.reproduce.task import ClaimTask, check
-from tolevo.workflows.reproduce.verdict import Word
-from tolevo.workflows.study.designs import DESIGNS
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 

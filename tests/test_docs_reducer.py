@@ -2,13 +2,11 @@ from pathlib import Path
 
 import pytest
 
+from tolevo.commands.reproduce.calculations.reducer import ReducerMonteCarlo, StaggeredAssembly
+from tolevo.commands.reproduce.calculations.tooth_modification import ToleranceZones, ToothModificationTargets
+from tolevo.commands.reproduce.recipes import Calculation
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.tooth_modification import ToothModification
-from tolevo.workflows.reproduce.calculation import Calculation
-from tolevo.workflows.reproduce.calculations.reducer_monte_carlo import ReducerMonteCarlo
-from tolevo.workflows.reproduce.calculations.staggered_assembly import StaggeredAssembly
-from tolevo.workflows.reproduce.calculations.tolerance_zones import ToleranceZones
-from tolevo.workflows.reproduce.calculations.tooth_modification import ToothModificationTargets
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 pytestmark = pytest.mark.source_tree

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 from tolevo import registry
-from tolevo.declarations import Output
 from tolevo.models.effects.effect import FAMILIES, Effect, EffectParameter, Target
 from tolevo.models.effects.measurements import target_from, target_of
 from tolevo.models.gear import RV_40E
 from tolevo.problems.rv_reducer.counterparts import COUNTERPARTS
+from tolevo.section import Output
 from tolevo.testing import COLUMNS
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "effects.md"

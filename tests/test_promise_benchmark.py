@@ -17,7 +17,7 @@ from benchmarks.promise.cases import Case, cases  # noqa: E402
 from benchmarks.promise.ranking import drawn, gain  # noqa: E402
 from benchmarks.promise.repeated import Repeated, lowest  # noqa: E402
 from benchmarks.promise.repeats import SHARE, Repeat, repeat  # noqa: E402
-from tolevo.workflows.promise.next_parts import shadow_gain  # noqa: E402
+from tolevo.commands.run.promise import shadow_gain  # noqa: E402
 
 
 def test_assured_promises_are_kept_and_plug_in_ones_are_not() -> None:

@@ -10,8 +10,8 @@ import pytest
 import tolevo
 from tolevo import algorithms, plugins, testing
 from tolevo.lazy import Renamed, lazily
+from tolevo.page.document import TERMS
 from tolevo.registry import BASES
-from tolevo.reports.glossary import TERMS
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "public.md"
 

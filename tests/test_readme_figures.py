@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from matplotlib.image import imread
 
-from tolevo.problems.designs import designs_of
+from tolevo.problems.tolerance_problem import designs_of
 
 pytest.importorskip("tools.readme_figures", reason="the tools are not shipped")
 pytestmark = pytest.mark.source_tree

@@ -20,7 +20,7 @@ from typer.testing import CliRunner, Result
 from tolevo.algorithms.checkpoint import Checkpoint
 from tolevo.cli import app
 from tolevo.errors import InputError
-from tolevo.sealed import sealed
+from tolevo.files import sealed
 
 ROOMS = ("", "models", "problems", "algorithms", "workflows", "reports")
 RUNS_CODE = {
@@ -40,7 +40,7 @@ MODULES = {"joblib", "dill", "cloudpickle", "yaml", "shelve", "marshal", "ctypes
 BUILTINS = ("eval", "exec", "compile", "__import__")
 RISKY = re.compile(r"\b(?:" + "|".join([*RUNS_CODE, *MODULES, *BUILTINS]) + r")\b")
 ALLOWED = {
-    ("workflows/execution/shipped.py", "pickle.loads"): "what the command sent to its worker",
+    ("tolevo/execution.py", "pickle.loads"): "what the command sent to its worker",
     ("testing/effect.py", "pickle.loads"): "what the test itself has just pickled",
     ("testing/model.py", "pickle.loads"): "what the test itself has just pickled",
     ("testing/problem.py", "pickle.loads"): "what the test itself has just pickled",
@@ -118,7 +118,7 @@ def _call(node: ast.Call) -> Iterator[str]:
 
 def test_no_module_runs_what_stands_in_a_file() -> None:
     searched = dict(sources())
-    assert {"registry.py", "workflows/study/trial.py", "reports/page.py"} <= set(searched)
+    assert {"registry.py", "tolevo/commands/study/trial.py", "tolevo/page/page.py"} <= set(searched)
     found = {
         (place, one)
         for place, text in searched.items()

@@ -19,14 +19,14 @@ from typing import Any
 
 import tomli_w
 
-from tolevo.configuration.claims import read_claims, shipped
-from tolevo.configuration.execution import read_execution
-from tolevo.configuration.gap import is_gap, read_gap
+from tolevo.commands.gap.configuration import is_gap, read_gap
+from tolevo.commands.reproduce.configuration import read_claims, shipped
+from tolevo.commands.study.configuration import is_study, read_study
 from tolevo.configuration.reader import read
-from tolevo.configuration.study import is_study, read_study
+from tolevo.configuration.search import read_execution
 from tolevo.errors import InputError
+from tolevo.execution import Execution
 from tolevo.section import ANY, Range, Section
-from tolevo.workflows.execution import Execution
 
 from .sample_configurations import CLAIMS, SAMPLES
 

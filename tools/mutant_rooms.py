@@ -76,8 +76,8 @@ ROOMS: Mapping[str, Room] = {
             "analysis", "comparisons", "sensitivity", "statistics_by_hand")),
     ),
     "gap selection": Room(
-        ("workflows/gap/select.py", "workflows/gap/settle.py", "workflows/gap/scan.py",
-         "workflows/gap/ambiguity.py"),
+        ("tolevo/commands/gap/selection.py", "tolevo/commands/gap/analysis.py", "tolevo/commands/gap/scan.py",
+         "tolevo/commands/gap/selection.py"),
         tuple(f"tests/workflows/test_gap_{name}.py" for name in (
             "statistics", "settled", "terms", "noise", "bounds", "arts", "counterparts",
             "selection_by_hand", "settling_by_hand")),

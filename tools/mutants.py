@@ -216,7 +216,7 @@ class Changed(MetaPathFinder):
 
 
 def module_of(file: str) -> str:
-    """`algorithms/exact/path.py` is `tolevo.algorithms.exact.path`, and core/ is tolevo itself."""
+    """`algorithms/exact/combination.py` is `tolevo.algorithms.exact.combination`, and core/ is tolevo itself."""
     parts = Path(file).with_suffix("").parts
     return ".".join(("tolevo", *(parts[1:] if parts[0] == "core" else parts)))
 

@@ -18,8 +18,8 @@ import pandas as pd
 import tomli_w
 
 import tolevo
+from tolevo.commands.template import template
 from tolevo.configuration import read
-from tolevo.workflows.template import template
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "tests" / "pinned"

@@ -17,11 +17,11 @@ from types import MappingProxyType
 
 import pandas as pd
 
+from tolevo.commands.run import RunPlan, run
 from tolevo.configuration import Configuration, read
+from tolevo.page.drawing import as_png
+from tolevo.page.figures import front_figure
 from tolevo.records import Axis, RunResult
-from tolevo.reports.drawing import as_png
-from tolevo.reports.figure import front_figure
-from tolevo.workflows.run import RunPlan, run
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT / "docs" / "figures"

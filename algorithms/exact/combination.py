@@ -5,15 +5,147 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Array, Integers
-from ...models.costs.joint import Joint
-from ...problems.forms import Form, Way
-from ...problems.spread import Spread, spread_of
-from .prices import Prices
+from ...models.cost_reading import Joint
+from ...models.roots import bracketed_roots
+from ...problems.forms import Feature, Form, Spread, Way, spread_of
+from ...section import Array, Flags, Integers
+from .local import ascend
+
+# Multipliers that make the requirements separable, and with them a lower bound of the cost.
+#
+# For multipliers lambda_i >= 0, least cost under V_i(t) <= L_i is at least
+#
+#     min_t  cost(t) + sum_i lambda_i (V_i(t) - L_i)
+#
+# (weak duality; Boyd & Vandenberghe, Convex Optimization, 2004, ch. 5), and it stays a lower bound
+# where V_i is replaced by something smaller that is separable: S is at least its tangent at any
+# reference point (a root by Cauchy and Schwarz, a quantile because it is convex). A requirement that
+# is a root alone is priced by its square, constant + sum a_j^2 t_j^2 <= (L - offset)^2, which needs
+# no reference point.
+
+
+ROUNDING = 1e-13
+"""Relative allowance for rounding in a bound."""
+
+
+def only_roots(form: Form) -> Flags:
+    """Which requirements (r,) are priced by their square: roots, no linear part or correlation."""
+    ways = [way for feature in form.features for way in feature.ways]
+    nothing = (0.0,) * len(form.outputs)
+    linear = np.any(np.array([way.linear for way in ways]), axis=0)
+    offset = np.any(np.array([way.offset or nothing for way in ways]), axis=0)
+    spread = np.any(np.array([way.spread for way in ways]), axis=0) | (form.constant > 0.0)
+    root = np.array([quantile is None for quantile in form.rows], dtype=bool)
+    if form.surpluses:
+        root &= np.array([surplus is None for surplus in form.surpluses])
+    return np.asarray(root & ~linear & ~offset & spread & (form.correlation is None))
+
+
+def spread_at(form: Form, chosen: Integers, t: Array, most: Array | None) -> Spread:
+    """S at tolerances (n, features) of the chosen ways (n, features), and its tangents."""
+    coefficients = [np.array([way.spread for way in f.ways])[chosen[:, at]] for at, f in enumerate(form.features)]
+    return spread_of(form, t[:, None, :] * np.stack(coefficients, axis=2), most)
+
+
+def rows_of(spread: Spread, rows: NDArray[Any]) -> Spread:
+    """S and its tangents at some of the points."""
+    return Spread(spread.value[rows], spread.direction[rows], spread.intercept[rows])
+
+
+def tabulated(form: Form, grid: Array, multiplier: Array, limits: Array, spread: Spread) -> tuple[list[Array], Array]:
+    """Cost plus price of every way of each feature, (ways, g, n), and the sum (g, n) of the limits,
+    at multiples `grid` (g,) of multipliers (n, r) and at limits (n, r), with tangents `spread`.
+    """
+    n, shape = len(limits), (len(grid), len(limits))
+    rows = np.tile(np.arange(n), len(grid))
+    prices = Prices.at(form, np.repeat(grid, n)[:, None] * multiplier[rows], limits[rows], rows_of(spread, rows))
+    tables = [prices.ways(feature, at)[1].reshape(-1, *shape) for at, feature in enumerate(form.features)]
+    return tables, prices.received.reshape(shape)
+
+
+def less_rounding(total: Array, received: Array) -> Array:
+    """`total` less `received`, and less an allowance for rounding, of the same shape."""
+    return np.asarray(total - received - ROUNDING * (np.abs(total) + np.abs(received)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prices:
+    """The prices of r requirements at n sets of limits.
+
+    `linear` (n, r) is the price of V, `square` (n, r) that of its root's square, one of them zero;
+    `direction` (n, r, features) is dS/ds at the reference point, `received` (n,) the sum of the
+    limits at these prices.
+    """
+
+    linear: Array
+    square: Array
+    direction: Array
+    received: Array
+
+    @classmethod
+    def at(cls, form: Form, multiplier: Array, limit: Array, spread: Spread) -> Prices:
+        """Prices from multipliers and limits (n, r) and the S at n reference points."""
+        safe = np.where(spread.value > 0.0, spread.value, 1.0)
+        multiplier = np.where(np.isfinite(limit), multiplier, 0.0)
+        squared = only_roots(form) & (spread.value > 0.0)
+        linear = np.where(squared, 0.0, multiplier)
+        square = np.where(squared, multiplier / (2.0 * safe), 0.0)
+        room = np.where(np.isfinite(limit), limit - form.offset, 0.0)
+        with np.errstate(invalid="ignore"):
+            received = np.where(linear > 0.0, linear * (room - spread.intercept), 0.0)
+        received = received + square * (np.maximum(room, 0.0) ** 2 - form.constant)
+        return cls(linear, square, spread.direction, received.sum(axis=1))
+
+    def tolerance(self, way: Way, feature: int, count: float) -> tuple[Array, Array]:
+        """The t (n,) at which a feature made in a `way` is cheapest, and cost plus price there."""
+        m, a = np.array(way.linear), np.array(way.spread)
+        linear = np.sum(self.linear * (m + self.direction[:, :, feature] * a), axis=1)
+        square = self.square @ (a * a)
+        t = (
+            np.full_like(square, way.low)
+            if way.low == way.high
+            else way.curve.best(linear / count, square / count, way.low, way.high)
+        )
+        offset = self.linear @ np.array(way.offset) if way.offset else 0.0
+        return t, count * way.curve.cost(t) + linear * t + square * t * t + offset
+
+    def ways(self, feature: Feature, at: int) -> tuple[Array, Array]:
+        """`tolerance` of every way of feature number `at`: t and cost plus price, (ways, n) each.
+
+        Ways of one cost curve, with a stationary point in closed form, are solved at once.
+        """
+        count, ways = float(feature.count), feature.ways
+        if len(ways) > 1 and all(way.curve == ways[0].curve for way in ways):
+            solutions = self._of_one_curve(ways, at, count)
+            if solutions is not None:
+                return solutions
+        pairs = [self.tolerance(way, at, count) for way in ways]
+        return np.array([t for t, _ in pairs]), np.array([cost for _, cost in pairs])
+
+    def _of_one_curve(self, ways: tuple[Way, ...], at: int, count: float) -> tuple[Array, Array] | None:
+        curve, nothing = ways[0].curve, (0.0,) * self.linear.shape[1]
+        m, a, offset = (
+            np.array([getattr(way, name) or nothing for way in ways]) for name in ("linear", "spread", "offset")
+        )
+        low, high = (np.array([[getattr(way, name)] for way in ways]) for name in ("low", "high"))
+        linear = m @ self.linear.T + a @ (self.linear * self.direction[:, :, at]).T
+        square = (a * a) @ self.square.T
+        stationary = curve.stationary(linear / count, square / count)
+        if stationary is None:
+            return None
+        t = np.clip(stationary, low, high)
+        return t, count * curve.cost(t) + linear * t + square * t * t + offset @ self.linear.T
+
+    def bound(self, form: Form, total: Array) -> Array:
+        """The proven bound (n,) from the sum (n,) over the features of what `tolerance` states."""
+        slack = ROUNDING * (np.abs(total) + np.abs(self.received))
+        return np.asarray(form.base + total - self.received - slack)
+
 
 CHORDS = 8
 """Times that a step back within the limits is made longer, where rounding makes it too short."""
@@ -220,3 +352,246 @@ def moved_within(combination: Combination, t: Array, limit: Array, inner: Array)
 
 def _columns(rows: Sequence[Sequence[float]]) -> Array:
     return np.array(rows, dtype=float).reshape(len(rows), -1).T
+
+
+# The whole front of one requirement in one combination of ways, along the price nu.
+#
+# At the least cost under V(t) = offset + sum m_j t_j + S <= L, S = sqrt(constant + sum a_j^2 t_j^2),
+# there is a multiplier lambda >= 0 with (Karush 1939, Kuhn & Tucker 1951)
+#
+#     -dC_j/dt_j = lambda (m_j + a_j^2 t_j / S)      inside of the range of t_j.
+#
+# With lambda = 2 nu S this is -dC_j/dt_j = 2 nu S m_j + 2 nu a_j^2 t_j: for m = 0 every t_j follows
+# from nu alone, in closed form for the usual curves; for S = 0 nu stands for lambda itself; else S is
+# the root of S - S(t(nu, S)), which rises with S. V falls as nu rises, so the nu of a limit is a root
+# as well.
+
+
+DECADES = 40.0
+"""Prices are searched from 1e-40 to 1e40 of the units of cost and requirement."""
+COARSE = 128
+"""Prices that the arc length of a front is measured at."""
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """The tolerances of least cost of a `Combination` with one requirement, by price."""
+
+    combination: Combination
+
+    @cached_property
+    def ends(self) -> tuple[float, float]:
+        """Logarithms of a price at which all is loosest, and one at which all is tightest."""
+        x = np.linspace(-DECADES, DECADES, 81) * np.log(10.0)
+        value = self.value(self.at(np.exp(x)))
+        if not value[-1] < value[0]:  # nothing that costs anything moves it
+            return float(x[0]), float(x[-1])
+        loosest = np.flatnonzero(value >= value[0])[-1]
+        tightest = np.flatnonzero(value <= value[-1])[0]
+        return float(x[loosest]), float(x[max(tightest, loosest + 1)])
+
+    @cached_property
+    def tightest(self) -> Array:
+        """The tolerances (features,) of least V; a feature that lowers it is at its widest."""
+        return np.asarray(self.at(np.exp(np.array([self.ends[1]])))[0])
+
+    @cached_property
+    def cheapest(self) -> Array:
+        """The tightest tolerances (features,) of least cost: some are tighter at no cost."""
+        return np.asarray(self.at(np.exp(np.array([self.ends[0]])))[0])
+
+    @cached_property
+    def _rooted(self) -> bool:
+        return bool(self.combination.root(self.combination.high[None, :])[0, 0] > 0.0)
+
+    def value(self, t: Array) -> Array:
+        """V (n,)."""
+        return self.combination.values(t)[:, 0]
+
+    def at(self, price: Array) -> Array:
+        """Tolerances (n, features) at prices nu (n,)."""
+        c, nu = self.combination, price[:, None]
+        if not self._rooted:
+            return c.best(nu * c.linear[0], np.zeros((len(nu), len(c.low))))
+        squares = nu * c.spread[0] ** 2
+        if not np.any(c.linear):
+            return c.best(np.zeros_like(squares), squares)
+        return c.best(2.0 * self._root(price)[:, None] * nu * c.linear[0], squares)
+
+    def _root(self, price: Array) -> Array:
+        """The S (n,) that equals the S of the tolerances of least cost at it."""
+        c = self.combination
+        low, high = (float(c.root(end[None, :])[0, 0]) for end in (c.low, c.high))
+
+        def excess(root: Array, nu: Array) -> Array:
+            nu, flat = nu.ravel()[:, None], root.ravel()[:, None]
+            t = c.best(2.0 * flat * nu * c.linear[0], nu * c.spread[0] ** 2)
+            return root - c.root(t)[:, 0].reshape(root.shape)
+
+        roots = bracketed_roots(excess, (low * (1.0 - 1e-9), high * (1.0 + 1e-9)), price)
+        return np.asarray(roots.x)
+
+    # ---------------------------------------------------------------- at given limits
+
+    def least_cost(self, limits: Array) -> Solved:
+        """Least cost at upper limits (n, 1) of the requirement."""
+        c, limit = self.combination, limits[:, 0]
+        loosest, tightest = (float(self.value(t[None, :])[0]) for t in (c.high, self.tightest))
+        least = float(c.cost(c.high[None, :])[0])
+        inner = (limit < float(self.value(self.cheapest[None, :])[0])) & (limit >= tightest)
+        t = np.where((limit >= loosest)[:, None], c.high, self.cheapest)
+        bound, multiplier = np.full(len(limit), least), np.zeros_like(limits)
+        if np.any(inner):
+            t[inner], bound[inner], multiplier[inner] = self._inside(limits[inner])
+        cost, bound = c.cost(t), np.maximum(bound, least)
+        cost[limit < tightest], bound[limit < tightest] = np.inf, np.inf
+        return Solved(t, cost, np.minimum(bound, cost), multiplier)
+
+    def _inside(self, limits: Array) -> tuple[Array, Array, Array]:
+        """Tolerances, bounds and multipliers at limits that bind."""
+        limit = limits[:, 0]
+        roots = bracketed_roots(self._excess, self.ends, limit)
+        prices = tuple(np.exp(np.asarray(end)) for end in roots.bracket)
+        outside, inside = (self.at(price) for price in prices)
+        met = self.value(outside) <= limit  # a root to the last digit
+        inside = np.where(met[:, None], outside, inside)
+        inside = np.where((self.value(inside) <= limit)[:, None], inside, self.tightest)
+        multiplier = self._multiplier(prices[1], inside)
+        bounds = [
+            self.combination.dual(self._multiplier(price, t), limits, t)
+            for price, t in zip(prices, (outside, inside), strict=True)
+        ]
+        return self._between(inside, outside, limit), np.maximum(*bounds), multiplier
+
+    def _excess(self, x: Array, upper: Array) -> Array:
+        """V less a limit at logarithms of the price, any shape."""
+        return self.value(self.at(np.exp(x.ravel()))).reshape(x.shape) - upper
+
+    def _multiplier(self, price: Array, t: Array) -> Array:
+        """lambda (n, 1) of a price nu (n,)."""
+        return price[:, None] * (2.0 * self.combination.root(t) if self._rooted else 1.0)
+
+    def _between(self, inside: Array, outside: Array, limit: Array) -> Array:
+        """The cheapest point between two optima of one price: curves with kinks jump between them.
+
+        V is convex, so that it crosses the limit once between them.
+        """
+        differ = np.max(np.abs(outside / inside - 1.0), axis=1) > 1e-9
+        if not np.any(differ):
+            return inside
+        low, high = np.zeros(len(limit)), np.where(differ, 1.0, 0.0)
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            kept = self.value(inside + middle[:, None] * (outside - inside)) <= limit
+            low, high = np.where(kept, middle, low), np.where(kept, high, middle)
+        between = inside + low[:, None] * (outside - inside)
+        better = self.combination.cost(between) < self.combination.cost(inside)
+        return np.where(better[:, None], between, inside)
+
+    # ---------------------------------------------------------------- the whole front
+
+    def front(self, count: int, upper: float = np.inf, most: float = np.inf) -> Array:
+        """`count` tolerances (count, features) along the front, evenly by its arc length.
+
+        It begins where V keeps `upper` and ends where the cost keeps `most`.
+        """
+        ends = self._begin(upper), self._end(most)
+        x = np.linspace(ends[0], max(ends), COARSE)
+        t = self.at(np.exp(x))
+        length = arc_length(np.stack([self.value(t), self.combination.cost(t)]))
+        even = np.linspace(0.0, length[-1], count)
+        return self.at(np.exp(np.interp(even, length, x)))
+
+    def _begin(self, upper: float) -> float:
+        """Logarithm of the least price at which V keeps a limit."""
+        value = self.value(self.at(np.exp(np.array(self.ends))))
+        if not value[1] < upper < value[0]:
+            return self.ends[0]
+        return float(bracketed_roots(self._excess, self.ends, upper).bracket[1])
+
+    def _end(self, most: float) -> float:
+        """Logarithm of the largest price at which the cost keeps a limit."""
+        cost = self.combination.cost(self.at(np.exp(np.array(self.ends))))
+        if not cost[0] < most < cost[1]:
+            return self.ends[1]
+
+        def excess(x: Array) -> Array:
+            t = self.at(np.exp(x.ravel()))
+            return self.combination.cost(t).reshape(x.shape) - most
+
+        roots = bracketed_roots(excess, self.ends)
+        return float(roots.bracket[0])
+
+
+def arc_length(drawn: Array) -> Array:
+    """Arc length (n,) along points (2, n), each axis in units of its span."""
+    finite = np.where(np.isfinite(drawn), drawn, np.nan)
+    span = np.nanmax(finite, axis=1) - np.nanmin(finite, axis=1)
+    steps = np.nan_to_num(np.diff(finite, axis=1)) / np.where(span > 0.0, span, 1.0)[:, None]
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*steps))])
+
+
+# The best multipliers of a form with open alternatives: the maximum of its Lagrangian dual.
+#
+# The dual is concave in the multipliers, with any alternatives open. A single factor for all of them,
+# as the search of `choices` tries, causes a gap of percents where many requirements bind; the maximum
+# by L-BFGS-B (Byrd, Lu, Nocedal & Zhu 1995) has only the duality gap.
+
+
+LITTLE = 1e-6
+"""Fraction of the bound that a limit is worth at least, where prices are improved from."""
+STEPS = 200
+"""Evaluations of the dual at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ascent:
+    """The dual of a form at one set of limits (r,), with tangents at one reference point."""
+
+    form: Form
+    limit: Array
+    spread: Spread
+
+    def multipliers(self, first: Array) -> Array:
+        """Multipliers (r,) of the largest bound, begun from `first`."""
+        asked = np.isfinite(self.limit)
+        scale = abs(self.value(first)[0]) or 1.0
+        sizes = np.where(asked & (self.limit != 0.0), np.abs(np.where(asked, self.limit, 1.0)), 1.0)
+        worth = max(float(np.max(first * sizes, initial=0.0)), LITTLE * scale)
+        unit = np.where(first > 0.0, first, 1e-2 * worth / sizes)
+
+        def scaled(y: Array) -> tuple[float, Array]:
+            value, slope = self.value(y * unit)
+            return value / scale, slope * unit / scale
+
+        start, high = np.where(asked, first / unit, 0.0), np.where(asked, np.inf, 0.0)
+        better = ascend(scaled, start, high, slopes=True, maxfun=STEPS) * unit
+        return better if self.value(better)[0] >= self.value(first)[0] else first
+
+    def value(self, multiplier: Array) -> tuple[float, Array]:
+        """The proven bound, and its slope (r,) by the multipliers."""
+        form = self.form
+        prices = Prices.at(form, multiplier[None, :], self.limit[None, :], self.spread)
+        direction, total = prices.direction[0], 0.0
+        linear, square = form.offset.copy(), form.constant.copy()
+        for at, feature in enumerate(form.features):
+            tolerances, costs = prices.ways(feature, at)
+            best = int(np.argmin(costs[:, 0]))
+            way, t = feature.ways[best], float(tolerances[best, 0])
+            total += float(costs[best, 0])
+            m, a = np.array(way.linear), np.array(way.spread)
+            linear += (m + direction[:, at] * a) * t + (np.array(way.offset) if way.offset else 0.0)
+            square += (a * t) ** 2
+        bound = float(prices.bound(form, np.array([total]))[0])
+        return bound, self._slope(linear, square)
+
+    def _slope(self, linear: Array, square: Array) -> Array:
+        """The excess of every requirement over its limit, of the value or the square that has the price."""
+        form, asked = self.form, np.isfinite(self.limit)
+        value = self.spread.value[0]
+        limit = np.where(asked, self.limit, 0.0)
+        room = np.maximum(limit - form.offset, 0.0)
+        squared = only_roots(form) & (value > 0.0)
+        by_square = (square - room**2) / (2.0 * np.where(value > 0.0, value, 1.0))
+        along = linear + self.spread.intercept[0] - limit
+        return np.where(asked, np.where(squared, by_square, along), 0.0)

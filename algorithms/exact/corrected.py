@@ -11,17 +11,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...arrays import Array, Flags, Integers
 from ...journal import recalled
-from ...problems.forms import Form
+from ...problems.forms import Form, least_value
 from ...problems.interfaces import Provable
-from ...problems.least import least_value
+from ...section import Array, Flags, Integers
 from ..run import Run
 from .bounds import row_limits
-from .choices import Optimum, least_cost
-from .combination import Combination
-from .designs import search_vector
-from .path import arc_length
+from .choices import least_cost, search_vector
+from .combination import Combination, Optimum, arc_length
 from .programme import Programme
 
 COARSE = 24

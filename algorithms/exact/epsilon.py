@@ -10,17 +10,297 @@ that contribute nothing to a coarse front are dropped.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 
-from ...arrays import Array
 from ...errors import Fault, raise_all
 from ...problems.interfaces import Accuracy
 from ...problems.tolerance_problem import ToleranceProblem
-from ..indicators import nondominated
-from ..run import Run
-from .branch import Branch, joint_front
-from .continuation import sampled_front
+from ...section import Array, Flags
+from ..archive import nondominated
+from ..run import BudgetSpent, Run
+from ..settings import Budget
+from .local import NEARLY, Branch, joint, joint_front
+
+# The end of a search on a sample: its points are tested on fresh units, and solved again.
+#
+# A search on one sample fits the chance in it: its limits hold there to the last digit, and on fresh
+# units half of its points would break them. Therefore every point is solved again with its limits
+# moved by the excess on fresh units.
+
+
+ROUNDS, ALONE, SPARE = 3, 6, 4
+"""Times that a point of a front, or a single point, is solved with its limits moved, and further
+times that it is moved inside them where it is not."""
+BEYOND, MARGIN = 1.2, 3e-4
+"""Factor and fraction of a limit by which it is moved farther than fresh units require, so that
+few rounds suffice."""
+OF_TAIL = 0.02
+"""Fraction of the distance from a lower limit on a percentage to 100, by which it is moved
+farther."""
+HALVED = 10
+"""Times that the step to the tightest tolerances is halved, where nothing else keeps the limits."""
+FAR = 0.5
+"""Fraction of a limit by which it is moved at most."""
+
+
+def tested_afresh(run: Run, points: Sequence[tuple[Branch, int]]) -> None:
+    """Hand points, each by its branch and index, to the run as its result.
+
+    A point that breaks a limit on fresh units is solved again with the limit moved by the excess.
+    """
+    for done, (branch, at) in enumerate(points):
+        run.phase("fresh units", 0.9 + 0.1 * done / len(points))
+        run.choose(feasible_afresh(run, branch, branch.y[at], branch.f[at], search=True))
+
+
+def feasible_afresh(run: Run, branch: Branch, y: Array, f: Array, search: bool) -> Array:
+    """The search vector (1, variables) of a point, after its limits hold on fresh units.
+
+    With `search` it is solved again with every limit moved by the difference between fresh units
+    and the sample, and the cheapest point accepted on fresh units is taken; else the nearest.
+    """
+    limit = np.full(len(f), np.inf)
+    limit[1:] = f[1:]
+    accepted: list[tuple[float, Array]] = []
+    rounds = ALONE if run.problem.n_obj == 1 else ROUNDS
+    for _ in range(rounds if search else 0):
+        excess = _excess_afresh(run, branch, y, accepted)
+        violation = branch.smooth.values(y)[1]
+        moved = np.where(excess != violation, excess - violation + _farther(run), 0.0)
+        y = branch.solved(0, branch.restored(y, moved, FAR), limit, moved)
+    _excess_afresh(run, branch, y, accepted)
+    return min(accepted, key=lambda point: point[0])[1] if accepted else _pushed(run, branch, y)
+
+
+def _excess_afresh(run: Run, branch: Branch, y: Array, accepted: list[tuple[float, Array]]) -> Array:
+    """Violations (constraints,) on fresh units; a point without any joins `accepted`."""
+    x = branch.smooth.vectors(y[None, :])
+    values, excess = run.problem.tested(x)
+    if np.all(excess <= 0.0):
+        accepted.append((float(values[0, 0]), x))
+    return branch.smooth.constraints(excess[0])[0]
+
+
+def _pushed(run: Run, branch: Branch, y: Array) -> Array:
+    """The search vector (1, variables) of a point that is moved inside its limits on fresh units."""
+    slack, farther = np.zeros(run.problem.n_ieq_constr), _farther(run)
+    for _ in range(SPARE):
+        x = branch.smooth.vectors(y[None, :])
+        excess = branch.smooth.constraints(run.problem.tested(x)[1][0])[0]
+        if not np.any(excess > 0.0):
+            break
+        violation = branch.smooth.values(y)[1]
+        slack = np.where(excess > 0.0, np.maximum(slack, -violation) + BEYOND * excess + farther, slack)
+        y = branch.restored(y, slack, FAR)
+    else:
+        y = _tightened(run, branch, y)
+    return branch.smooth.vectors(y[None, :])
+
+
+def _tightened(run: Run, branch: Branch, y: Array) -> Array:
+    """The point, where it breaks limits with all its tolerances tighter alike, by no more than it must be."""
+
+    def kept(fraction: float) -> bool:
+        x = branch.smooth.vectors(np.where(branch.smooth.log, (1.0 - fraction) * y, y)[None, :])
+        return not np.any(run.problem.tested(x)[1] > 0.0)
+
+    if kept(0.0) or not kept(1.0):
+        return y
+    low, high = 0.0, 1.0
+    for _ in range(HALVED):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if kept(middle) else (middle, high)
+    return np.asarray(np.where(branch.smooth.log, (1.0 - high) * y, y))
+
+
+def _farther(run: Run) -> Array:
+    """The fraction by which limits (constraints,) are moved beyond what fresh units require."""
+    fractions = []
+    for limit in run.problem.limits:
+        tail = 100.0 - limit.low if limit.of_percentage else np.inf
+        fraction = OF_TAIL * tail / limit.low if 0.0 < tail < limit.low else MARGIN
+        fractions += [min(MARGIN, fraction)] * limit.count
+    return np.array(fractions)
+
+
+# A front on a sample by continuation: level after level of the second objective, warm started.
+#
+# At every level the first objective is minimised at each set of integers that may be best there, from
+# the designs at the neighbouring levels. A set that is worse by more than `BEATEN` at both of them is
+# omitted.
+
+
+RATIO = 0.75
+"""Ratio of neighbouring levels of the coarse front."""
+BEATEN = 0.02
+"""Fraction of the least value by which a set of integers is worse where it is not tried between."""
+STEPS = 3
+"""Steps to a level that is not reached at once."""
+SWEEPS, SAGGING = 2, 1e-3
+"""Times that points are solved again from their neighbours, and the excess over the chord of both
+from which that is done, in natural logarithms."""
+END = 1.03
+"""The tight end of the front, as a multiple of the least second objective: beyond it the cost
+rises without bound, and chance dominates."""
+Levels = dict[float, Array]
+
+
+def sampled_front(run: Run, branches: list[Branch], points: int) -> None:
+    """Compute the front of one or two objectives of a sampled problem, tested on fresh units."""
+    if run.problem.n_obj == 1:
+        for at, branch in enumerate(branches):
+            run.phase("least value", 0.8 * at / len(branches))
+            branch.begin(run)
+        alive = [branch for branch in branches if branch.f]
+        tested_afresh(run, joint(alive)[:1] if alive else [])
+    else:
+        levels = _between(run, branches, points)
+        tested_afresh(run, [_best(branches, level) for level in sorted(levels)])
+        run.chosen = undominated(run.problem, run.chosen)
+
+
+def undominated(problem: ToleranceProblem, x: Array) -> Array:
+    """The search vectors (k, variables) that none of those (n, variables) that keep the limits dominates.
+
+    On fresh units a point may come out both dearer and looser than its neighbours: the rounding of a
+    processor decides which, and a front has no such end.
+    """
+    if not len(x):
+        return x
+    f, g = problem.tested(x)
+    kept = f[np.all(g <= 0.0, axis=1)]
+    return x[[not np.any(np.all(kept <= point, axis=1) & np.any(kept < point, axis=1)) for point in f]]
+
+
+def _between(run: Run, branches: list[Branch], points: int) -> Levels:
+    """Solve at coarse levels, then where the joint front is widest, until it has `points`."""
+    levels = _coarse(run, branches)
+    while levels and len(levels) < points:
+        run.phase("largest gaps of the front", 0.4 + 0.5 * len(levels) / points)
+        below, above = _widest(levels, branches[0].unit)
+        level = 0.5 * (below + above)
+        tried = _promising(levels[below]) | _promising(levels[above])
+        levels[level] = np.array(
+            [_solved(branch, level) if promising else np.inf for branch, promising in zip(branches, tried, strict=True)]
+        )
+    for sweep in range(SWEEPS):
+        run.phase("points from their neighbours", 0.8 + 0.1 * sweep / SWEEPS)
+        if not _mended(branches, levels):
+            break
+    return levels
+
+
+def _mended(branches: list[Branch], levels: Levels) -> bool:
+    """Solve points above the chord of their neighbours again from there; whether there were any.
+
+    On doubly logarithmic axes a front is convex, but for kinks where the integers change.
+    """
+    order = sorted(levels)
+    if len(order) < 3:
+        return False
+    least = np.log([np.min(levels[level]) for level in order])
+    at = np.log(order)
+    fraction = (at[1:-1] - at[:-2]) / (at[2:] - at[:-2])
+    above = least[1:-1] - (1.0 - fraction) * least[:-2] - fraction * least[2:]
+    bad = [order[i + 1] for i in np.flatnonzero(above > SAGGING)]
+    for level in bad:
+        branch = branches[int(np.argmin(levels[level]))]
+        for other_level in (order[order.index(level) - 1], order[order.index(level) + 1]):
+            near = branches[int(np.argmin(levels[other_level]))]
+            near.minimise(0, near.nearest(other_level), near.at_most(1, level))
+            if near is not branch:
+                branch.minimise(0, near.nearest(other_level), branch.at_most(1, level))
+        levels[level] = np.array([_value(candidate, level) for candidate in branches])
+    return bool(bad)
+
+
+def _coarse(run: Run, branches: list[Branch]) -> Levels:
+    """From the cheapest design of every set of integers to tighter levels, as far as possible."""
+    none = np.full(len(branches[0].unit), np.inf)
+    for at, branch in enumerate(branches):
+        run.phase("coarse front", 0.4 * at / len(branches))
+        start = branch.starts(run)[-1]
+        branch.minimise(0, start, none)
+        if branch.f:
+            branch.minimise(1, branch.y[0], branch.at_most(0, branch.f[0][0] * (1.0 + 1e-6)))
+        while branch.f:
+            tightest = branch.f[0][1]
+            branch.minimise(0, branch.y[0], branch.at_most(1, RATIO * tightest))
+            if branch.f[0][1] > 0.95 * tightest:
+                break
+    high = max((branch.f[-1][1] for branch in branches if branch.f), default=np.nan)
+    last = min((b for b in branches if b.f), key=lambda b: b.f[0][1], default=None)
+    if last is None:
+        return {}
+    for _ in range(SWEEPS):
+        last.minimise(1, last.y[0], none)
+    low = END * last.f[0][1]
+    count = int(np.ceil(np.log(low / high) / np.log(RATIO)))
+    levels = np.geomspace(low, high, max(count, 2) + 1).tolist()
+    return {level: np.array([_solved(b, level) for b in branches]) for level in levels}
+
+
+def _promising(values: Array) -> Flags:
+    """Which sets of integers (n,) are good enough at a level; a set that is not tried is not."""
+    return np.asarray(values <= (1.0 + BEATEN) * np.min(values))
+
+
+def _widest(levels: dict[float, Array], unit: Array) -> tuple[float, float]:
+    """The neighbouring levels between which the joint front has its largest gap."""
+    order = sorted(levels)
+    least = np.array([np.min(levels[level]) for level in order])
+    drop = np.where(np.isfinite(least[:-1]), -np.diff(least), unit[0]) / unit[0]
+    at = int(np.argmax(np.maximum(drop, 1e-9) * np.diff(order) / unit[1]))
+    return order[at], order[at + 1]
+
+
+def _value(branch: Branch, level: float) -> float:
+    """The least first objective that a branch has at a level, or nearly there."""
+    return min(_reached(branch, level), default=np.inf)
+
+
+def _reached(branch: Branch, level: float) -> list[float]:
+    """First objectives of the points of a branch up to a level, or nearly there."""
+    return [float(f[0]) for f in branch.f if f[1] <= level + NEARLY * branch.unit[1]]
+
+
+def _best(branches: list[Branch], level: float) -> tuple[Branch, int]:
+    """Branch and index of the least first objective at a level: other points there are not part of
+    the front, though some are tighter by less than the accuracy of a solution.
+    """
+    branch = min(branches, key=lambda candidate: _value(candidate, level))
+    return branch, int(np.argmin(_reached(branch, level)))
+
+
+def _solved(branch: Branch, level: float) -> float:
+    """The least first objective at a level, from between its neighbours, else from the tighter."""
+    limit = branch.at_most(1, level)
+    values = np.array([f[1] for f in branch.f])
+    above = int(np.searchsorted(values, level))
+    if above == 0:  # tighter than the branch reaches
+        return np.inf
+    tighter, cost_there = branch.y[above - 1], float(branch.f[above - 1][0])
+    if above < len(values):
+        fraction = (level - values[above - 1]) / max(values[above] - values[above - 1], 1e-12)
+        branch.minimise(0, tighter + fraction * (branch.y[above] - tighter), limit)
+    if _value(branch, level) > 0.999 * cost_there:
+        branch.minimise(0, tighter, limit)
+    if _value(branch, level) > 0.999 * cost_there:
+        _stepped(branch, level)
+    return _value(branch, level)
+
+
+def _stepped(branch: Branch, level: float) -> None:
+    """From the next looser point to a level in steps, where a larger step does not lead there."""
+    looser = [f[1] for f in branch.f if f[1] > level]
+    if not looser:
+        return
+    for target in np.geomspace(min(looser), level, STEPS + 1)[1:]:
+        start = branch.nearest(float(min(f[1] for f in branch.f if f[1] >= target)))
+        branch.minimise(0, start, branch.at_most(1, float(target)))
+
 
 SETS = 64
 """Sets of integers that are enumerated at most."""
@@ -122,3 +402,99 @@ def _contributing(branches: list[Branch]) -> list[Branch]:
     owner = np.repeat(np.arange(len(branches)), [len(branch.f) for branch in branches])
     kept = set(owner[nondominated(f)].tolist())
     return [branch for at, branch in enumerate(branches) if at in kept]
+
+
+# The end of a search on a sample: its front on fresh units, improved by gradients where asked.
+
+
+POINTS = 40
+"""Points of a front that are tested on fresh units at most."""
+CANDIDATES = 500
+"""Designs of the archive that take the place of a result of which no point keeps its limits."""
+
+
+def finished(run: Run, polish: bool) -> None:
+    """Make the front of the run its result, after its limits hold on fresh units.
+
+    With `polish` every point is first improved by SLSQP at its own value of the other objectives,
+    within the budget of evaluations. Tests on fresh units, and the moves that they require, do not
+    count as evaluations.
+    """
+    x = _finished_front(run)
+    aside = Run(run.problem, Budget(evaluations=run.evaluations_left), seed=0)
+    free, unit = Run(run.problem, Budget(), seed=0), scale_of(run.problem)
+    for done, vector in enumerate(x):
+        run.phase("polish" if polish else "fresh units", done / len(x))
+        if polish:
+            vector = _polished(aside, vector, unit)
+        branch = Branch(free, vector, unit)
+        y = branch.smooth.scaled(vector[None, :])[0]
+        run.choose(feasible_afresh(free, branch, y, branch.smooth.values(y)[0], search=polish))
+    if polish:
+        run.evaluations += aside.evaluations
+
+
+def secured(run: Run) -> None:
+    """Replace points of the result that break a limit as reported, though they keep it in the search.
+
+    A single point is solved again with its limits moved by the difference, in any case where they take
+    a sample: it may keep them with a margin by chance. Points of a front are moved inside their limits.
+    Where none keeps them after that, others of the archive are candidates.
+    """
+    problem, alone, x = run.problem, run.problem.n_obj == 1, run.chosen
+    smooth = Accuracy.of(problem).smooth()
+    sampled = smooth is not problem
+    if not (alone or sampled):
+        return
+    archived = run.archive.arrays()[0]
+    if not len(x):
+        x = _finished_front(run, max(POINTS, len(archived)))
+    if not len(x) and sampled:
+        x = run.archive.miss
+    if not len(x):
+        return
+    f, g = problem.tested(x)
+    broken = ~np.all(g <= 0.0, axis=1)
+    if not np.all(broken) and not (sampled and (alone or np.any(broken))):
+        return
+    rows = np.flatnonzero(broken)
+    if alone:
+        rows = np.lexsort([f[:, 0], broken])[:1]
+    free, unit = Run(smooth, Budget(), seed=0), scale_of(problem)
+    run.chosen = x[~broken]
+    for done, vector in enumerate(x[rows[np.unique(np.linspace(0, len(rows) - 1, POINTS).astype(int))]]):
+        run.phase("fresh units", done / len(rows))
+        branch = Branch(free, vector, unit)
+        y = branch.smooth.scaled(vector[None, :])[0]
+        run.choose(feasible_afresh(free, branch, y, branch.smooth.values(y)[0], search=alone))
+    if len(archived) and np.all(np.any(problem.tested(run.chosen)[1] > 0.0, axis=1)):
+        order = np.lexsort(run.archive.arrays()[1].T[::-1])
+        run.choose(archived[order[np.unique(np.linspace(0, len(order) - 1, CANDIDATES).astype(int))]])
+
+
+def _finished_front(run: Run, most: int = POINTS) -> Array:
+    """Search vectors (n, variables) along the front of the archive, at most so many."""
+    x, f = run.archive.arrays()
+    if not len(x):
+        return x
+    if f.shape[1] == 1:
+        return np.asarray(x[[int(np.argmin(f[:, 0]))]])
+    rows = np.flatnonzero(nondominated(f))
+    rows = rows[np.lexsort(f[rows].T[::-1])]
+    some = np.unique(np.linspace(0, len(rows) - 1, most).astype(int))
+    return np.asarray(x[rows[some]])
+
+
+def _polished(run: Run, x: Array, unit: Array) -> Array:
+    """The search vector after SLSQP on its first objective, the others held."""
+    try:
+        branch = Branch(run, x, unit)
+        y = branch.smooth.scaled(x[None, :])[0]
+        limit = branch.smooth.values(y)[0].copy()
+        limit[0] = np.inf
+        objectives = branch.minimise(0, y, limit)
+    except BudgetSpent:
+        return x
+    if objectives is None:
+        return x
+    return np.asarray(branch.smooth.vectors(branch.y[0][None, :])[0])

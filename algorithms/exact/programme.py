@@ -14,11 +14,10 @@ from functools import partial
 
 import numpy as np
 
-from ...arrays import Array, Flags
 from ...journal import recalled
-from .combination import Combination, Solved, moved_within
-from .prices import ROUNDING
-from .slsqp import ascend, slsqp
+from ...section import Array, Flags
+from .combination import ROUNDING, Combination, Solved, moved_within
+from .local import ascend, slsqp
 
 GAP, GAP_QUANTILE = 1e-10, 1e-8
 """Relative gap from which on the multipliers are improved; that of quantiles, which take longer."""

@@ -25,9 +25,9 @@ from benchmarks.gap.generator.records import GROUPS, record
 from benchmarks.gap.namers.workflow import SIMULATORS, read_as_files
 from benchmarks.gap.trial import WORKFLOW
 from benchmarks.kept import keep, kept
-from tolevo.workflows.gap.blocks import HeldOut
-from tolevo.workflows.gap.gap import ending, lines_of, result_of
-from tolevo.workflows.gap.result import Ending
+from tolevo.commands.gap.blocks import HeldOut
+from tolevo.commands.gap.gap import ending, lines_of, result_of
+from tolevo.commands.gap.result import Ending
 
 RECALIBRATED = "held-out error above that of the model as recalibrated"
 STEP = "held-out error above that of an accepted step by more than its standard error"

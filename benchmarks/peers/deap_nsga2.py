@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from deap import algorithms, base, tools
 
-from tolevo.arrays import Array
+from tolevo.section import Array
 
 from ..task import Recorder
 

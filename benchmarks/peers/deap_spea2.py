@@ -8,7 +8,7 @@ import random
 import numpy as np
 from deap import algorithms, base, tools
 
-from tolevo.arrays import Array
+from tolevo.section import Array
 
 from ..task import Recorder
 from .deap_nsga2 import POPULATION, Individual, evaluate

@@ -10,7 +10,7 @@ import numpy as np
 from jmetal.algorithm.multiobjective.gde3 import GDE3
 from jmetal.util.termination_criterion import StoppingByEvaluations
 
-from tolevo.arrays import Array
+from tolevo.section import Array
 
 from ..task import Recorder
 from .jmetalpy_nsga2 import OneByOne

@@ -14,7 +14,7 @@ from jmetal.operator.crossover import SBXCrossover
 from jmetal.operator.mutation import PolynomialMutation
 from jmetal.util.termination_criterion import StoppingByEvaluations
 
-from tolevo.arrays import Array
+from tolevo.section import Array
 
 from ..task import Recorder
 

@@ -12,7 +12,7 @@ from jmetal.operator.mutation import PolynomialMutation
 from jmetal.util.archive import CrowdingDistanceArchive
 from jmetal.util.termination_criterion import StoppingByEvaluations
 
-from tolevo.arrays import Array
+from tolevo.section import Array
 
 from ..task import Recorder
 from .jmetalpy_nsga2 import OneByOne

@@ -8,7 +8,7 @@ import random
 import numpy as np
 from platypus import GDE3, DifferentialEvolution, Problem, Real
 
-from tolevo.arrays import Array
+from tolevo.section import Array
 
 from ..task import Recorder
 

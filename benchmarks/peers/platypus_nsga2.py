@@ -8,7 +8,7 @@ import random
 import numpy as np
 from platypus import NSGAII, Problem, Real
 
-from tolevo.arrays import Array
+from tolevo.section import Array
 
 from ..task import Recorder
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pygmo
 
-from tolevo.arrays import Array
+from tolevo.section import Array
 
 from ..task import Recorder
 

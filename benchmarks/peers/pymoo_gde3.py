@@ -5,7 +5,7 @@ from __future__ import annotations
 from pymoo.algorithms.moo.gde3 import GDE3
 from pymoo.optimize import minimize
 
-from tolevo.arrays import Array
+from tolevo.section import Array
 
 from ..task import Recorder
 from .pymoo_nsga2 import Batch

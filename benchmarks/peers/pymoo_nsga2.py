@@ -8,7 +8,7 @@ from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.core.problem import Problem
 from pymoo.optimize import minimize
 
-from tolevo.arrays import Array
+from tolevo.section import Array
 
 from ..task import Recorder
 

@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from tolevo.algorithms.exact.front import front
-from tolevo.algorithms.exact.solver import Exact, closed_form
+from tolevo.algorithms.exact.solver import Exact, closed_form, front
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
-from tolevo.arrays import Array
+from tolevo.section import Array
 
 from ..task import Recorder, Task
 

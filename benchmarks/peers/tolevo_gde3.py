@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tolevo.algorithms.engine import GDE3Engine
-from tolevo.arrays import Array
+from tolevo.section import Array
 
 from ..task import Recorder
 from .tolevo_nsga2 import POPULATION, evolve, space

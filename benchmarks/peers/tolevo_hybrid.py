@@ -5,7 +5,7 @@ from __future__ import annotations
 from tolevo.algorithms.hybrid import Hybrid
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
-from tolevo.arrays import Array
+from tolevo.section import Array
 
 from ..task import Recorder, Task
 

@@ -15,11 +15,10 @@ import numpy as np
 from scipy import stats
 from scipy.stats import qmc
 
+from tolevo.commands.run.promise import MORE, shadow_gain, solved
 from tolevo.configuration.reader import read_table
 from tolevo.problems.stack import Stack
-from tolevo.problems.stack.anew import with_knowledge
-from tolevo.workflows.promise.least import solved
-from tolevo.workflows.promise.next_parts import MORE, shadow_gain
+from tolevo.problems.stack.promises import with_knowledge
 
 CASES, NEEDED, PARTS = 12, 11, 5
 

@@ -16,11 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from tolevo.commands.run.promise import Least, cheapest, solved, with_statement
 from tolevo.configuration.reader import read, read_table
-from tolevo.problems.promise import ASSURED, PLUG_IN
+from tolevo.problems.settings import ASSURED, PLUG_IN
 from tolevo.problems.tolerance_problem import ToleranceProblem
-from tolevo.workflows.promise.anew import with_statement
-from tolevo.workflows.promise.least import Least, cheapest, solved
 
 SIZES, RUNS, MOST = (1, 3, 9, 20, 40), 9, 3.0
 UNITS = Path(__file__).parents[2] / "docs" / "promise" / "units"

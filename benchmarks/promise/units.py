@@ -14,11 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tolevo.commands.run.promise import cheapest
 from tolevo.models.capability import PartSample, knowledge_of
-from tolevo.problems.promise import ASSURED, PLUG_IN, Promise
 from tolevo.problems.rv_reducer import RvReducer
-from tolevo.problems.settings import Bound, Settings, VariableSetting
-from tolevo.workflows.promise.least import cheapest
+from tolevo.problems.settings import ASSURED, PLUG_IN, Bound, Promise, Settings, VariableSetting
 
 from .repeated import Repeated, lowest, parser
 

@@ -11,7 +11,7 @@ from itertools import product
 import moocore
 import numpy as np
 
-from tolevo.arrays import Array
+from tolevo.section import Array
 
 from ..parts import Parts, WatchedParts
 from ..task import Task

@@ -17,9 +17,9 @@ from tolevo.algorithms.exact.bounds import proof
 from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
-from tolevo.arrays import Array
 from tolevo.models.propagation import Convolution, Propagation
 from tolevo.problems.rv_backlash import RvBacklash
+from tolevo.section import Array
 
 from ..configured import Source
 from ..outcome import kept_values

@@ -15,8 +15,8 @@ import numpy as np
 from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
-from tolevo.arrays import Array
 from tolevo.problems.rv_reducer import RvReducer
+from tolevo.section import Array
 
 from ..configured import Source
 from ..parts import Watched

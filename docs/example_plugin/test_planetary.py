@@ -3,7 +3,11 @@
 import numpy as np
 import pandas as pd
 import tolevo
-from tolevo.testing import AlgorithmContract, CurveContract, EffectContract, ModelContract, ProblemContract
+from tolevo.testing import AlgorithmContract
+from tolevo.testing import CurveContract
+from tolevo.testing import EffectContract
+from tolevo.testing import ModelContract
+from tolevo.testing import ProblemContract
 from tolevo_planetary import LatinHypercube, Logarithmic, PinBending, PlanetaryStage, PlanetaryTolerances
 
 RUN = {

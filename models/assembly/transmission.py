@@ -18,17 +18,19 @@ a crank order 40 cancels, and no figure of the document is reproduced.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import pi
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...arrays import Array
+from ...section import Array
+from ...units import ARCSEC, MRAD
 from ..rv_reducer.contact.contact import LoadedContact
-from ..rv_reducer.contact.errors import PartErrors
-from ..rv_reducer.contact.mesh import Mesh
-from ..rv_reducer.dynamics.steady import Oscillator, transfer
-from ..rv_reducer.dynamics.train import Train
+from ..rv_reducer.contact.geometry import Mesh, PartErrors
+from ..rv_reducer.dynamics import Oscillator, Train, transfer
+from .assemble import assemble
+from .process import Process, gains, plane_process, terminal_weight
 
 ECCENTRICS = ("one_crank", "own_cranks")
 CRANKSHAFTS, GEARS = (0, 2), (1, 3)
@@ -155,3 +157,164 @@ def about_z(states: Array) -> Array:
     rotations = np.zeros((*states.shape, 3))
     rotations[..., 2] = states
     return rotations
+
+
+# Influence coefficients of the final angles on transmission error amplitude and peak mesh force.
+#
+# Computed once from the full model, by central differences over the period of order 40:
+#
+#     TE amplitude = A_0 + |c . x + m|,  c complex (order 40; no other order appears to first order)
+#     peak force   = max over discs of phi_d(d_d . x) + |h_d . x|
+#
+# x are the twelve final angles, m is a wave of order 40 that all units have. d_d . x is the
+# difference of the discs' rotations that loads disc d as much as x does on average; phi_d is the peak
+# force of disc d, tabulated over that difference (it is nonlinear, because an unloaded disc no longer
+# takes part); h_d is the component of order 40.
+
+
+STEP = 1e-3
+"""[rad] Half-step of the differences: the size of the document's tolerances."""
+WIDEST = 40e-3
+"""[rad] Ends of the tabulated difference of rotations."""
+KNOTS = 81
+SIZE = 12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Influence:
+    """Influence coefficients of the final angles; see the module."""
+
+    base_amplitude: float
+    """A_0 [rad], without angular errors."""
+    order_40: Array
+    """Real and imaginary part of c, shape (2, 12)."""
+    differences: Array
+    """Knots of phi [rad], shape (k,)."""
+    peak: Array
+    """phi_d [N], shape (discs, k)."""
+    force: Array
+    """d_d, real and imaginary part of h_d per disc, shape (3 discs, 12) [-, N/rad, N/rad]."""
+    wave: Array
+    """Real and imaginary part of m [rad], shape (2,)."""
+
+    def amplitude(self, states: Array) -> Array:
+        """TE amplitude (...) [rad] of final angles (..., 12) [rad]."""
+        return self.amplitude_of(states @ self.order_40.T)
+
+    def amplitude_of(self, waves: Array) -> Array:
+        """TE amplitude (...) [rad] of c . x, real and imaginary part (..., 2) [rad]."""
+        whole = np.moveaxis(waves + self.wave, -1, 0)
+        return np.asarray(self.base_amplitude + np.hypot(*whole))
+
+    def peak_force(self, states: Array) -> Array:
+        """Peak mesh force (...) [N] of final angles (..., 12) [rad]."""
+        return self.peak_of(states @ self.force.T)
+
+    def peak_of(self, loads: Array) -> Array:
+        """Peak mesh force (...) [N] of the combinations `force` x, shape (..., 3 discs)."""
+        by_disc = [
+            np.interp(loads[..., 3 * disc], self.differences, curve)
+            + np.hypot(loads[..., 3 * disc + 1], loads[..., 3 * disc + 2])
+            for disc, curve in enumerate(self.peak)
+        ]
+        return np.asarray(np.max(by_disc, axis=0))
+
+
+def influence(full: Transmission) -> Influence:
+    """The influence coefficients of a full model."""
+    wave, full = full.wave, replace(full, wave=0j)
+    units = np.eye(SIZE).reshape(SIZE, 4, 3) * STEP
+    up, down = full.turn(units), full.turn(-units)
+    nominal = full.turn(np.zeros((1, 4, 3)))
+    error = _harmonics((up.error - down.error) / (2.0 * STEP))[1]
+    mean, first = _harmonics((up.force - down.force) / (2.0 * STEP))
+    differences = np.linspace(-WIDEST, WIDEST, KNOTS)
+    spread = np.zeros((KNOTS, 4, 3))
+    for gear, sign in zip(GEARS, (0.5, -0.5), strict=True):
+        spread[:, gear, 2] = sign * differences / full.mapping.absorption
+    loaded = full.turn(spread).force
+    slope = np.real(mean[3 * GEARS[0] + 2] - mean[3 * GEARS[1] + 2]) / 2.0
+    slope = slope / full.mapping.absorption
+    rows = np.stack([np.real(mean) / slope, np.real(first), np.imag(first)], axis=1)
+    return Influence(
+        base_amplitude=float(full.amplitude(nominal)[0]),
+        order_40=np.stack([np.real(error), np.imag(error)]),
+        differences=differences,
+        peak=loaded.max(axis=1).T,
+        force=np.moveaxis(rows, 0, -1).transpose(1, 0, 2).reshape(-1, SIZE),
+        wave=np.array([wave.real, wave.imag]),
+    )
+
+
+def _harmonics(values: Array) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """Mean and complex amplitude of the first harmonic over axis 1."""
+    spectrum = np.fft.fft(values, axis=1) / values.shape[1]
+    return spectrum[:, 0], 2.0 * spectrum[:, 1]
+
+
+# Document A's case: its parts, its table of precision weights, recomputed by the full model.
+
+
+PART_ERRORS_MRAD = (-1.6, 5.3, 5.8, 3.2)
+"""Printed angular errors of the four parts."""
+PRECISION_WEIGHTS = (0.0, 5.0, 10.0, np.inf)
+"""Printed rows; the last is the document's "ideal, error-free"."""
+MAPPINGS = (AngleMapping(), AngleMapping("own_cranks", absorption=1.2, floor=2.0 * ARCSEC))
+"""Mappings chosen to reproduce the printed figures (docs/rv_transmission_error.md)."""
+_LARGE = 1e9
+"""Stands for the infinite weight."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One row of the document's table. Falls are relative to the first row, Q = 0."""
+
+    precision_weight: float
+    state_mrad: tuple[float, ...]
+    norm_mrad: float
+    """Norm of the final state."""
+    combined_mrad: float
+    """Norm of y = C x."""
+    effort_mrad2: float
+    """Sum of u'Ru."""
+    te_amplitude_arcsec: float
+    peak_mesh_force_N: float
+    norm_fall_percent: float
+    combined_fall_percent: float
+    te_fall_percent: float
+    force_fall_percent: float
+
+
+def rows(
+    transmission: Transmission | None = None,
+    reading: str = "printed",
+    insertion: str = "before",
+    process: Process | None = None,
+) -> tuple[Row, ...]:
+    """The document's table by the full model, with the same physical parameters in every row."""
+    process, full = process or plane_process(), transmission or Transmission()
+    weights = np.minimum(PRECISION_WEIGHTS, _LARGE)
+    outcome = assemble(
+        process,
+        gains(process, terminal_weight(process, weights, reading)),
+        np.array(PART_ERRORS_MRAD) * MRAD,
+        insertion,
+    )
+    turned = full.turn(about_z(outcome.state))
+    sizes = np.stack(
+        [
+            np.linalg.norm(outcome.state, axis=1) / MRAD,
+            np.linalg.norm(outcome.state @ process.observation.T, axis=1) / MRAD,
+            full.amplitude(turned) / ARCSEC,
+            full.peak(turned),
+        ]
+    )
+    falls = 100.0 * (1.0 - sizes / sizes[:, :1])
+    effort = outcome.effort(process) / MRAD**2
+    columns = (outcome.state / MRAD, effort, sizes.T, falls.T)
+    return tuple(
+        Row(weight, tuple(state), norm, combined, adjusting, te, force, *fallen)
+        for weight, state, adjusting, (norm, combined, te, force), fallen in zip(
+            PRECISION_WEIGHTS, *(column.tolist() for column in columns), strict=True
+        )
+    )

@@ -11,8 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...arrays import Array
-from ...declarations import Output
+from ...section import Array, Output
 from ..measurable import Role
 from .effect import Action, Effect, EffectParameter, Measurements, Target, Values, quantity, value_or_zero
 

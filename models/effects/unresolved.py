@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from ...arrays import Array
+from ...section import Array
 from ..measurable import Role
 from .effect import Action, Effect, EffectParameter, Measurements, Target, Values
 from .measurements import SESSION, labels_of

@@ -1,10 +1,7 @@
 """Standards of drawings: limits and fits (ISO 286), general tolerances (2768), symbols (1101)."""
 
-from .fits import Fit, pair_of_text, zone
-from .general import angle_rad, geometrical_mm, linear_mm
-from .grades import GRADES, UNVERIFIED, grade_um
-from .symbols import SYMBOLS
-from .tables import LARGEST
+from .fits import GRADES, LARGEST, UNVERIFIED, Fit, grade_um, pair_of_text, zone
+from .general import SYMBOLS, angle_rad, geometrical_mm, linear_mm
 
 __all__ = [
     "GRADES",

@@ -94,3 +94,25 @@ def _value(ends: _Ends, table: _Table, kind: str, size: float, smallest: float =
     if not within or table[kind][at] == _NONE:
         raise ValueError(f"ISO 2768 has no tolerance of class {kind} for {size:g} mm: state a tolerance")
     return table[kind][at]
+
+
+# Symbols of geometrical characteristics on drawings, ISO 1101.
+
+
+SYMBOLS = {
+    "straightness": "\u23e4",
+    "flatness": "\u23e5",
+    "roundness": "\u25cb",
+    "cylindricity": "\u232d",
+    "line_profile": "\u2312",
+    "surface_profile": "\u2313",
+    "parallelism": "\u2225",
+    "perpendicularity": "\u27c2",
+    "angularity": "\u2220",
+    "position": "\u2316",
+    "concentricity": "\u25ce",
+    "symmetry": "\u232f",
+    "circular_runout": "\u2197",
+    "total_runout": "\u2330",
+}
+"""By name; ISO 1101:2017, table 2."""

@@ -1,18 +1,106 @@
-"""Exact pose of a manipulator with any elementary errors, by Newton's method."""
+"""Joints of machines whose parts have errors."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
+from scipy.special import ndtri
 
-from ...arrays import Array
 from ...errors import Fault, InputError
-from .geometry import Manipulator
-from .inverse import angles
-from .machine import UP, Machine, about_up, built
-from .sources import NAMES
-from .vectors import cofactors, cross, dot, rotation_vector, solved, turned, vector
+from ...section import Array
+from . import maps as sources
+from .geometry import (
+    CHAINS,
+    SIDE,
+    Manipulator,
+    TaskRing,
+    angles,
+    axes,
+    cofactors,
+    cross,
+    dot,
+    posture,
+    rotation_vector,
+    solved,
+    turned,
+    vector,
+)
+from .maps import NAMES, first_order, separated
+from .ring import Index
+
+SIDES = np.array([0.5, -0.5])
+"""s_j/2 of the two rods of a parallelogram."""
+UP = np.array([0.0, 0.0, 1.0])
+JOINT_LINES = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+"""n of the chains in platform axes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """Joints of machines (...) [m], in the meridian plane's axes: three chains of two rods.
+
+    `base` (..., 3, 3) where the arms begin, `arm` (..., 3, 2, 3) from there to the joints with the
+    follow-up plane at 0, `arm_middle` (..., 3) of chain 3 likewise, `platform` (..., 3, 2, 3) in
+    platform axes, its `middle` (..., 3) of chain 3, and the rods' `length` (..., 3, 2).
+    """
+
+    base: Array
+    arm: Array
+    arm_middle: Array
+    platform: Array
+    middle: Array
+    length: Array
+
+
+def built(manipulator: Manipulator, drives: Array, phi: Array, errors: Array) -> Machine:
+    """Machines with `errors` (..., 63) [m, rad], their arms commanded to `drives` (..., 3)
+    [rad] from e_r at the azimuth `phi` (...) [rad].
+
+    A_ij = O + dO + F exp(dT) ((l1 + dl1) x + s_j (d + ddA)/2 exp(dA) n) and
+    B_ij = P + R (p + dp + s_j (d + ddB)/2 exp(dB) n), |B_ij - A_ij| = l2 + dl2_ij.
+    """
+    m, e = manipulator, _by_chain(errors)
+    middle = vector(m.arms + e[..., sources.ARM_LENGTH], 0.0, 0.0)
+    line = turned(SIDE[:, None] * UP, e[..., sources.JOINT_LINE_ARM])
+    joints = _pair(middle, line, m.distances + e[..., sources.JOINT_DISTANCE_ARM])
+    joints = turned(joints, e[..., sources.ARM_ORIENTATION][..., None, :])
+    u, v, k = (a[..., None, :] for a in axes(drives + e[..., sources.DRIVE_ZERO]))
+    arm = joints[..., :1] * u + joints[..., 1:2] * v + joints[..., 2:] * k
+    across = turned(JOINT_LINES, e[..., sources.JOINT_LINE_PLATFORM])
+    at = m.attachments + e[..., sources.PLATFORM_ATTACHMENT]
+    return Machine(
+        base=m.origins + about_up(e[..., sources.ORIGIN], -phi[..., None]),
+        arm=arm,
+        arm_middle=arm[..., 2, :, :].mean(axis=-2),
+        platform=_pair(at, across, m.distances + e[..., sources.JOINT_DISTANCE_PLATFORM]),
+        middle=at[..., 2, :],
+        length=m.rods[:, None] + e[..., sources.ROD_LENGTH],
+    )
+
+
+def about_up(v: Array, angle: Array) -> Array:
+    """Vectors (..., 3) turned about z by angles (...) [rad]."""
+    c, s = np.cos(angle), np.sin(angle)
+    return vector(c * v[..., 0] - s * v[..., 1], s * v[..., 0] + c * v[..., 1], v[..., 2])
+
+
+def _by_chain(errors: Array) -> Array:
+    """Errors (..., 63) as (..., 3 chains, 21), the sources apart in memory."""
+    apart = np.ascontiguousarray(np.moveaxis(errors, -1, 0))
+    apart = apart.reshape(CHAINS, sources.PER_CHAIN, *apart.shape[1:])
+    return np.moveaxis(apart, (0, 1), (-2, -1))
+
+
+def _pair(middle: Array, line: Array, distance: Array) -> Array:
+    """The two joints (..., 3, 2, 3) on a joint line (..., 3, 3) about its middle (..., 3, 3)."""
+    half = SIDES * distance[..., None]
+    return middle[..., None, :] + half[..., None] * line[..., None, :]
+
+
+# Exact pose of a manipulator with any elementary errors, by Newton's method.
+
 
 ENOUGH = 1e-9
 """Newton's last step [m, rad]: the next would be its square, below rounding."""
@@ -183,3 +271,120 @@ def _no_pose(size: Array, first: int) -> NoPose:
         f"is {size[bad[0]]:.3g}); give smaller errors, or another pose"
     )
     return NoPose([Fault(f"pose {first + int(bad[0]) + 1}", message)])
+
+
+# The first-order maps against the exact pose, by quasi-Monte Carlo.
+
+
+NONLINEAR_BLOCK = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class Nonlinearity:
+    """Root mean squares over the ring and over machines with random errors.
+
+    `position` [m] and `orientation` [rad] of the exact pose error; `position_off` and
+    `orientation_off` of the residuals of the first-order maps, in the same units.
+    """
+
+    position: float
+    orientation: float
+    position_off: float
+    orientation_off: float
+
+
+def nonlinearity(
+    manipulator: Manipulator,
+    ring: TaskRing,
+    sigma: Array,
+    rng: np.random.Generator,
+    samples: int = 4096,
+    index: Index = "plane",
+) -> Nonlinearity:
+    """Scrambled Sobol sample (rounded up to a power of two) of poses, and of machines whose errors
+    are normal with the standard deviations `sigma` (63,) [m, rad].
+
+    Raises OutOfReach and NoPose.
+    """
+    power = int(np.ceil(np.log2(max(2, samples))))
+    points = scipy.stats.qmc.Sobol(3 + len(NAMES), scramble=True, rng=rng).random_base2(power)
+    r, z, phi = _poses(ring, points, index)
+    errors = sigma * ndtri(np.clip(points[:, 3:], 1e-16, 1.0 - 1e-16))
+    exact = exact_pose(manipulator, r, z, phi, errors)
+    off_position, off_turn = exact.position.copy(), exact.orientation.copy()
+    for first in range(0, len(points), NONLINEAR_BLOCK):
+        at = slice(first, first + NONLINEAR_BLOCK)
+        maps = first_order(manipulator, r[at], z[at], phi[at])
+        off_position[at] -= (maps.position @ errors[at, :, None])[..., 0]
+        off_turn[at] -= (maps.orientation @ errors[at, :, None])[..., 0]
+    return Nonlinearity(_rms(exact.position), _rms(exact.orientation), _rms(off_position), _rms(off_turn))
+
+
+def _poses(ring: TaskRing, points: Array, index: Index) -> tuple[Array, Array, Array]:
+    (low, high), (bottom, top) = ring.r, ring.z
+    r = low + (high - low) * points[:, 0]
+    if index.endswith("volume"):
+        r = np.sqrt(low**2 + (high**2 - low**2) * points[:, 0])
+    return r, bottom + (top - bottom) * points[:, 1], 2.0 * np.pi * points[:, 2]
+
+
+def _rms(v: Array) -> float:
+    return float(np.sqrt(np.mean(np.sum(v**2, axis=-1))))
+
+
+# Pose errors that correcting the command removes, and the residual.
+
+
+EXACT = 1e-13
+"""Position [m] that counts as exact."""
+MOST_PASSES = 30
+
+
+@dataclass(frozen=True, slots=True)
+class Split:
+    """First-order effects at poses (n,) of the 63 sources, split by what a command corrects.
+
+    `compensatable` (n, 3, 63): the whole position error, which the three drives can remove;
+    `through_orientation` (n, 3, 63): the part of it that the orientation causes; `residual` (n, 3,
+    63): the residual orientation, both tilts unchanged and the yaw less dt/r, by which the machine
+    is turned about z to remove dt.
+    """
+
+    compensatable: Array
+    through_orientation: Array
+    residual: Array
+
+
+def split(manipulator: Manipulator, r: Array, z: Array, phi: Array | float = 0.0) -> Split:
+    """The split maps at poses r, z [m], phi [rad], each (n,). Raises OutOfReach."""
+    maps = first_order(manipulator, r, z, phi)
+    radius = np.broadcast_to(np.ravel(r), len(maps.position))
+    chains = posture(manipulator, radius, np.ravel(z))
+    through = separated(chains)[2] @ maps.orientation
+    residual = maps.orientation.copy()
+    residual[:, 2] -= maps.position[:, 1] / radius[:, None]
+    return Split(maps.position, through, residual)
+
+
+def compensated(
+    manipulator: Manipulator, r: Array | float, z: Array | float, phi: Array | float = 0.0, errors: Array | None = None
+) -> Array:
+    """Residual rotation vectors (..., 3) [rad] when commands make the position exact.
+
+    Arguments as for `exact_pose`; the axes are those at the desired azimuth. The command is
+    corrected by the error of the exact pose until that is below EXACT. Raises OutOfReach, NoPose.
+    """
+    error_vector = np.zeros(len(NAMES)) if errors is None else np.asarray(errors, dtype=float)
+    r, z, phi, _ = np.broadcast_arrays(r, z, phi, error_vector[..., 0])
+    command_r, command_z, ahead = r.astype(float), z.astype(float), np.zeros(r.shape)
+    for _ in range(MOST_PASSES):
+        pose = exact_pose(manipulator, command_r, command_z, phi + ahead, error_vector)
+        x, y = command_r + pose.position[..., 0], pose.position[..., 1]
+        off_r = np.hypot(x, y) - r
+        off_t = np.arctan2(y, x) + ahead
+        off_z = command_z + pose.position[..., 2] - z
+        if max(np.abs(component).max(initial=0.0) for component in (off_r, r * off_t, off_z)) <= EXACT:
+            axes = turned(np.eye(3), pose.orientation[..., None, :])
+            return rotation_vector(about_up(axes, ahead[..., None]))
+        command_r, command_z, ahead = command_r - off_r, command_z - off_z, ahead - off_t
+    raise NoPose([Fault("compensation", "no command makes the position exact; give smaller errors")])

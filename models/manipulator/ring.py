@@ -13,17 +13,88 @@ contribution of the other poses is sampled. The sum is never below the probabili
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
-from scipy.special import ndtri
+from scipy.special import chdtri, dawsn, erfc, ndtri
 
-from ...arrays import Array
-from ..gaussian_length import exceedance
+from ...section import Array
 from ..propagation import MonteCarlo
+from ..roots import bracketed_roots
+from .geometry import Manipulator, TaskRing
+from .maps import NAMES, Combination, first_order, matrix
+
+# Length of a centred Gaussian vector in space: how often it exceeds a bound, and its quantiles.
+#
+# With the variances l_1 >= l_2 >= l_3 along the principal axes, the square of the two smaller
+# components together is s(phi) = l_2 cos^2 phi + l_3 sin^2 phi times an exponential variable of mean
+# 2, phi uniform. At a given phi the integral over the largest component has a closed form, and one
+# integral remains:
+#
+#     P(|v| > r) = erfc(a) + (2/sqrt pi) exp(-a^2) mean over phi of D(a sqrt k)/sqrt k,
+#     a = r/sqrt(2 l_1),  k = l_1/s(phi) - 1,  D Dawson's function.
+#
+# The length of one component is half-normal (l_2 = l_3 = 0), that of two equal ones Rayleigh's, of
+# two unequal ones Hoyt's, and of three equal ones Maxwell's.
+
+
+ANGLES = 16
+"""Midpoints of phi in a quarter turn: the error of P is up to 1e-6 from r = sqrt(l_1) on, and up to
+1e-4 below."""
+LEAST, MOST = 1e-14, 1e300
+"""Range of k: below it D(a sqrt k)/sqrt k is a to rounding; beyond it one component counts."""
+
+
+def principal(covariance: Array) -> Array:
+    """Principal variances (..., 3), largest first, of covariances (..., c, c), c = 1, 2 or 3."""
+    size = covariance.shape[-1]
+    variances = np.zeros((*covariance.shape[:-2], 3))
+    if size == 2:  # in closed form: many times faster
+        a, b, d = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
+        largest = 0.5 * (a + d) + np.hypot(0.5 * (a - d), b)
+        safe = np.where(largest > 0.0, largest, 1.0)
+        variances[..., 0], variances[..., 1] = largest, (a * d - b * b) / safe
+    else:
+        variances[..., :size] = np.linalg.eigvalsh(covariance)[..., ::-1]
+    return np.maximum(variances, 0.0)
+
+
+def exceedance(variances: Array, length: Array | float) -> Array:
+    """P(|v| > r), shape (...), of principal variances (..., 3), largest first, and r > 0, (...)."""
+    largest = np.maximum(variances[..., 0], np.finfo(float).tiny)
+    a = np.asarray(length) / np.sqrt(2.0 * largest)
+    probability = erfc(a)
+    if np.any(variances[..., 1] > 0.0):
+        phi = 0.5 * np.pi * (np.arange(ANGLES) + 0.5) / ANGLES
+        s = variances[..., 1, None] * np.cos(phi) ** 2 + variances[..., 2, None] * np.sin(phi) ** 2
+        with np.errstate(divide="ignore"):
+            root = np.sqrt(np.clip(largest[..., None] / s - 1.0, LEAST, MOST))
+        integrand = dawsn(np.minimum(a[..., None] * root, MOST)) / root
+        probability += 2.0 / np.sqrt(np.pi) * np.exp(-(a**2)) * np.mean(integrand, axis=-1)
+    return np.asarray(probability)
+
+
+def quantile(variances: Array, coverage: float) -> Array:
+    """Length (...) that v does not exceed with the probability `coverage`.
+
+    The variances are those of `exceedance`. The length lies between those of one component and of three equal ones.
+    """
+    scale = np.sqrt(variances[..., 0])
+    relative = variances / np.where(scale > 0.0, scale, 1.0)[..., None] ** 2
+
+    def excess(length: Array, second: Array, third: Array) -> Array:
+        parts = np.stack([np.ones_like(second), second, third], axis=-1)
+        return exceedance(parts, length) - (1.0 - coverage)
+
+    low, high = ndtri(0.5 * (1.0 + coverage)), np.sqrt(chdtri(3.0, 1.0 - coverage))
+    bracket = np.full(scale.shape, 0.999 * low), np.full(scale.shape, 1.001 * high)
+    roots = bracketed_roots(excess, bracket, relative[..., 1], relative[..., 2])
+    return np.asarray(scale * roots.x)
+
 
 Rows = NDArray[np.int64]
 WIDER = 1.1
@@ -182,3 +253,170 @@ def _quadratic(effects: Array, a: Array, b: Array) -> tuple[Array, Array, Array]
             for total, product in zip(products_of, products, strict=True):
                 total[:, some] += product
     return products_of
+
+
+# Pose errors of machines over poses, to first order: a linear map of independent normal sources.
+#
+# A machine has one error per source and keeps it at every pose, so that its pose errors at different
+# poses are dependent; the spread over machines at one pose needs the covariance there alone.
+
+
+FieldRows = NDArray[np.int64]
+EQUAL = 1e-9
+"""Relative difference of two probabilities that counts as equal."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Field:
+    """A pose error of c = 1, 2 or 3 components at poses: `effects` (poses, c, sources), per unit
+    of each source.
+    """
+
+    effects: Array
+
+    def at(self, poses: FieldRows | slice) -> Field:
+        """The same error at some of the poses."""
+        return Field(self.effects[poses])
+
+    def variances(self, sigma: Array) -> Array:
+        """Principal variances (n, poses, 3) over machines, of standard deviations (n, sources)."""
+        poses, size, sources = self.effects.shape
+        products = self.effects[:, :, None, :] * self.effects[:, None, :, :]
+        covariance = sigma**2 @ products.reshape(-1, sources).T
+        return principal(covariance.reshape(len(sigma), poses, size, size))
+
+
+def worst_deviation(variances: Array) -> Array:
+    """Largest root mean square length (n,) over poses, of principal variances (n, poses, 3)."""
+    return np.asarray(np.sqrt(variances.sum(axis=-1).max(axis=-1)))
+
+
+def worst_exceedance(variances: Array, bound: float) -> tuple[Array, FieldRows]:
+    """Largest P(length > bound) (n,) over poses, and the pose (n,) where it is."""
+    probabilities = exceedance(variances, bound)
+    at = np.argmax(probabilities, axis=1)
+    return probabilities[np.arange(len(probabilities)), at], at
+
+
+def worst_quantile(variances: Array, coverage: float) -> tuple[Array, FieldRows]:
+    """Largest quantile (n,) of the length over poses, and the pose (n,) where it is.
+
+    A pose has a larger quantile than another where its error exceeds the quantile of the other with
+    a probability above 1 - coverage. The widest axis of all poses alone, half-normal, gives a lower
+    bound of the worst quantile: only poses that exceed it too often are examined again.
+    """
+    rows, missed = np.arange(len(variances)), (1.0 - coverage) * (1.0 + EQUAL)
+    axis = np.zeros((len(variances), 3))
+    axis[:, 0] = variances[..., 0].max(axis=1)
+    over = exceedance(variances, quantile(axis, coverage)[:, None])
+    at = np.argmax(over, axis=1)
+    while True:
+        bound = quantile(variances[rows, at], coverage)
+        remaining = over > missed
+        remaining[rows, at] = False
+        if not np.any(remaining):
+            return bound, at
+        over = np.zeros_like(over)
+        over[remaining] = exceedance(variances[remaining], bound[np.nonzero(remaining)[0]])
+        worst = np.argmax(over, axis=1)
+        at = np.where(over[rows, worst] > missed, worst, at)
+
+
+# Global sensitivity of the pose to its error sources, over the task ring.
+
+
+Index = Literal["plane", "volume", "rms_plane", "rms_volume"]
+INDICES: tuple[Index, ...] = ("plane", "volume", "rms_plane", "rms_volume")
+"""Means over the rectangle in the rz plane (the document's), over the ring (weight r), and the
+root mean squares of both."""
+ORDER = 24
+"""Nodes per axis of Gauss-Legendre quadrature, at first."""
+FINEST = 192
+"""Nodes per axis at most: an effect that changes its sign within the ring has a kink in its size,
+on which the quadrature converges slowly."""
+INDEX_CLOSE = 1e-3
+"""Relative change by doubling the nodes at which an index counts as converged."""
+GRID = 41
+"""Nodes per axis of a grid of all poses."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sensitivity:
+    """Global indices of sources or combinations (m,), in the order of `names`.
+
+    `squareness` sqrt(dth_r^2 + dth_t^2) and `yaw` |dth_z| [rad], `position` |dP| [m], each per
+    metre or radian of the source. `error` is the largest relative change by the last doubling of
+    the quadrature's `order`.
+    """
+
+    names: tuple[str, ...]
+    squareness: Array
+    yaw: Array
+    position: Array
+    error: float
+    order: int
+
+    def contributions(self, output: str, sigma: Array | float = 1.0) -> Array:
+        """Contributions (m,) [percent] to the variance of `output` ("squareness", "yaw",
+        "position") of sources with the standard deviations `sigma` (m,) [m, rad].
+        """
+        part = np.asarray(getattr(self, output) * sigma) ** 2
+        total = part.sum()
+        return 100.0 * part / total if total > 0.0 else np.zeros_like(part)
+
+
+def quadrature(ring: TaskRing, index: Index, order: int = ORDER) -> tuple[Array, Array, Array]:
+    """Gauss-Legendre nodes r, z [m] and weights (sum 1), each (order^2,), of a mean."""
+    x, gauss = np.polynomial.legendre.leggauss(order)
+    r, z = (lo + 0.5 * (hi - lo) * (x + 1.0) for lo, hi in (ring.r, ring.z))
+    weight = np.outer(gauss * (r if index.endswith("volume") else 1.0), gauss)
+    r, z = np.meshgrid(r, z, indexing="ij")
+    return r.ravel(), z.ravel(), (weight / weight.sum()).ravel()
+
+
+def grid(ring: TaskRing, count: int = GRID) -> tuple[Array, Array]:
+    """Poses r, z (count^2,) [m] on a regular grid that includes the ring's edges."""
+    r, z = np.meshgrid(np.linspace(*ring.r, count), np.linspace(*ring.z, count), indexing="ij")
+    return r.ravel(), z.ravel()
+
+
+def sensitivity(
+    manipulator: Manipulator,
+    ring: TaskRing,
+    index: Index = "plane",
+    combinations: Mapping[str, Combination] | None = None,
+    order: int = ORDER,
+) -> Sensitivity:
+    """Indices of the `combinations`, or of all 63 sources; the order doubles until they are CLOSE.
+
+    Raises OutOfReach.
+    """
+    names = NAMES if combinations is None else tuple(combinations)
+    columns = None if combinations is None else matrix(combinations)
+    coarse = _means(manipulator, ring, index, columns, max(1, order // 2))
+    while True:
+        fine = _means(manipulator, ring, index, columns, order)
+        error = _change(fine, coarse)
+        if error <= INDEX_CLOSE or 2 * order > FINEST:
+            return Sensitivity(names, fine[0], fine[1], fine[2], error, order)
+        coarse, order = fine, 2 * order
+
+
+def _change(fine: Array, coarse: Array) -> float:
+    """Largest relative change; values below rounding of the largest of their row count as zero."""
+    floor = 1e-9 * fine.max(axis=1, keepdims=True)
+    size = np.maximum(np.maximum(fine, floor), np.finfo(float).tiny)
+    return float(np.max(np.abs(fine - coarse) / size))
+
+
+def _means(manipulator: Manipulator, ring: TaskRing, index: Index, columns: Array | None, order: int) -> Array:
+    """Means (3, m) of squareness, yaw and position."""
+    r, z, weight = quadrature(ring, index, order)
+    maps = first_order(manipulator, r, z)
+    turn, move = maps.orientation, maps.position
+    if columns is not None:
+        turn, move = turn @ columns, move @ columns
+    sizes = np.stack([np.hypot(turn[:, 0], turn[:, 1]), np.abs(turn[:, 2]), np.linalg.norm(move, axis=1)])
+    if index.startswith("rms"):
+        return np.sqrt(np.tensordot(sizes**2, weight, axes=(1, 0)))
+    return np.tensordot(sizes, weight, axes=(1, 0))

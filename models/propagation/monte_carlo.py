@@ -8,10 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ...arrays import Array
-from .method import Propagation
-from .result import Estimate, Propagated
-from .sums import ClippedSum, Term, total_cumulants
+from ...section import Array
+from .sums import ClippedSum, Estimate, Propagated, Propagation, Term, total_cumulants
 
 BLOCK = 8
 """Designs whose units are computed at once: with 4096 units each they stay in the cache."""

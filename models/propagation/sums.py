@@ -1,14 +1,57 @@
-"""The propagated sum of independent inputs, a part of which cannot go below zero."""
+"""Results of a propagation: estimates, each with the error that its method states."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, fields, replace
 from math import comb
+from typing import Any
 
 import numpy as np
 
-from ...arrays import Array
-from ..inputs.distribution import Distribution
+from ...section import Array
+from ..inputs import Distribution
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A value per design and its stated numerical (or standard) error, both of shape (n,)."""
+
+    value: Array
+    error: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Propagated:
+    """Statistics of a `ClippedSum` over the units built to each of n designs.
+
+    `geometric_mean`, `geometric_std` are exact in every method. `mean`, `std` and `quantile` (at
+    the one-sided coverage) are those of the effective value, `conforming` is the probability that
+    it does not exceed the limit, `negative` the probability that the clipped part is below zero.
+    """
+
+    geometric_mean: Array
+    geometric_std: Array
+    mean: Estimate
+    std: Estimate
+    quantile: Estimate
+    conforming: Estimate
+    negative: Estimate
+
+
+def joined(parts: list[Propagated]) -> Propagated:
+    """The results of consecutive blocks of designs, joined."""
+    return Propagated(*(_joined([getattr(part, field.name) for part in parts]) for field in fields(Propagated)))
+
+
+def _joined(pieces: list[Any]) -> Any:
+    if not isinstance(pieces[0], Estimate):
+        return np.concatenate(pieces)
+    value, error = (np.concatenate(arrays) for arrays in zip(*((p.value, p.error) for p in pieces), strict=True))
+    return Estimate(value, error)
+
+
+# The propagated sum of independent inputs, a part of which cannot go below zero.
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,3 +151,28 @@ def cumulants_of(raw: Array) -> Array:
     third = m3 - 3.0 * m1 * m2 + 2.0 * m1**3
     fourth = m4 - 4.0 * m1 * m3 - 3.0 * m2**2 + 12.0 * m1**2 * m2 - 6.0 * m1**4
     return np.array([m1, variance, third, fourth])
+
+
+# The interface of a propagation method.
+
+
+class Propagation(ABC):
+    """Propagates the spread of the inputs to that of a `ClippedSum`."""
+
+    @property
+    @abstractmethod
+    def block(self) -> int:
+        """Designs computed at once, so that the working set stays in the cache."""
+
+    @abstractmethod
+    def _propagate(self, total: ClippedSum, coverage: float, limit: float) -> Propagated:
+        """`propagate` for a block of designs."""
+
+    def propagate(self, total: ClippedSum, coverage: float, limit: float) -> Propagated:
+        """Statistics of `total` for its n designs.
+
+        `coverage` is the one-sided probability of the quantile, in (0, 1); `limit` is the value
+        that conforming units do not exceed, in the unit of the sum.
+        """
+        starts = range(0, total.size, self.block)
+        return joined([self._propagate(total.rows(slice(at, at + self.block)), coverage, limit) for at in starts])

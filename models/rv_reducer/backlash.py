@@ -1,4 +1,4 @@
-"""Geometric backlash of an RV reducer in its three stages (document B), as a sum to propagate."""
+"""The toleranced inputs of a unit of a batch, in the order of its sum."""
 
 from __future__ import annotations
 
@@ -7,16 +7,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...arrays import Array
+from ...section import Array
+from ...units import ARCMIN, UM
 from ..inputs import Distribution, Uniform
+from ..measurable import Source, Sources
 from ..propagation import ClippedSum, Term
 from ..propagation.sums import total_cumulants
-from . import involute
+from . import geometry as involute
 from .cycloid import LINEAR_ERRORS, ROTATIONS, EccentricityLaw, coefficients, pin_circle_growth
-from .geometry import RvGeometry
-from .modification import modification_backlash
-from .tighter_of import tighter_of
-from .tighter_planet import TighterPlanet
+from .geometry import RvGeometry, backlash_zone, lever, modification_backlash
+from .tighter_planet import TighterPlanet, tighter_of
+
+# Geometric backlash of an RV reducer in its three stages (document B), as a sum to propagate.
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,3 +136,55 @@ def stage_means(total: ClippedSum) -> tuple[Array, Array, Array]:
     """Mean phi_1, phi_2 (may be negative) and phi_3 [rad], each (n,)."""
     phi_1, phi_3 = (term.cumulants()[0] for term in total.free)
     return phi_1, total_cumulants(total.clipped)[0], phi_3
+
+
+def flank_clearance(half: float, slope: float, law: Distribution, widest: float) -> Source:
+    """The flank clearance of the involute stage, its zone +-`half` [um]; arguments as of `Source`."""
+    meaning = "flank clearance j_n of the involute stage"
+    return Source("flank_clearance_um", "um", meaning, half, slope, clipped=False, at=0, law=law, widest=widest)
+
+
+def sources_of(model: BacklashModel, allocation: Allocation, total: ClippedSum) -> Sources:
+    """The errors of the cycloid stage, the flank clearance and that of the crank bearings."""
+    geometry, law = model.geometry, model.eccentricity
+    bent = law.factor * law.expanded(model.mid.get("eccentricity", 0.0))[1] / geometry.lever
+    gains = {name: model.gain(name) for name in LINEAR_ERRORS}
+    slopes = gains | {"eccentricity": model.output_factor * bent}
+    cycloid = tuple(
+        Source(
+            f"{name}_um",
+            "um",
+            f"{name.replace('_', ' ')} error",
+            float(np.squeeze(allocation.half_width[name])) / UM,
+            slopes[name] * UM,
+            clipped=True,
+            at=at,
+            law=total.clipped[at].distribution,
+            moves=model.moves(name),
+        )
+        for at, name in enumerate((*LINEAR_ERRORS, "eccentricity"))
+    )
+    zone = backlash_zone(model.stage, geometry, allocation.involute_grade)
+    mid, half = (float(np.squeeze(limits)) for limits in zone)
+    per_um = UM / lever(model.stage, geometry)
+    bearing = float(np.squeeze(allocation.crank_bearing)) / UM
+    play = model.output_factor * UM / geometry.centre_distance
+    return Sources(
+        total,
+        ARCMIN,
+        (
+            *cycloid,
+            flank_clearance(half / per_um, per_um, total.free[0].distribution, mid / max(half, 1e-300)),
+            Source(
+                "crank_bearing_um",
+                "um",
+                "clearance of the crank-arm bearings",
+                0.5 * bearing,
+                play,
+                clipped=False,
+                at=1,
+                law=total.free[1].distribution,
+                from_zero=True,
+            ),
+        ),
+    )

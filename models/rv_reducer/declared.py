@@ -6,19 +6,102 @@ Shared by the problem `rv_backlash` and the model `rv_batch`. Defaults are docum
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import radians
+from dataclasses import dataclass, replace
+from math import inf, radians
+from typing import Any
 
-from ...arrays import Array
-from ...declarations import READING, Kind, Parameter, Value, Variable, completed, number
-from ...errors import Fault
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import Fault, raise_all
+from ...section import READING, Array, Kind, Parameter, Value, Variable, completed, number
 from ...units import ARCMIN, MM, UM
-from ..inputs.distribution import Distribution
+from ..inputs import Distribution
+from ..measurable import Outside
 from .backlash import Allocation, BacklashModel
 from .cycloid import LINEAR_ERRORS, EccentricityLaw
-from .geometry import RvGeometry
-from .involute import InvoluteStage
-from .reading import READINGS
+from .geometry import InvoluteStage, RvGeometry
 from .tighter_planet import TighterPlanet
+
+# Interpretation of document B's formula: its corrections, each by one parameter.
+
+
+CONSISTENT, PRINTED = "consistent", "printed"
+
+
+def _corrected(name: str, default: Value, printed: Value, meaning: str, source: str, high: float = inf) -> Parameter:
+    """A parameter whose default differs from the printed interpretation of document B."""
+    return Parameter(name, default, "", meaning, source, assumed=True, low=0.0, high=high, readings={PRINTED: printed})
+
+
+READINGS: tuple[Parameter, ...] = (
+    Parameter(
+        READING,
+        CONSISTENT,
+        "",
+        "consistent: document B's formula with its errors corrected; "
+        "printed: the formula as printed, and as in version 0.1. It sets the defaults of eccentricity_factor, "
+        "position_mids_count, sun_held, involute_cosine and planets",
+        choices=(CONSISTENT, PRINTED),
+    ),
+    _corrected(
+        "eccentricity_factor",
+        1.0,
+        2.0,
+        "factor on the law of the eccentricity, factor/(e z_c) times the polynomial",
+        "exact 40-pin geometry: 1",
+        100.0,
+    ),
+    _corrected(
+        "position_mids_count",
+        False,
+        True,
+        "whether the mid-limits of pin position and pitch move the mean backlash",
+        "a turn common to all pins causes no backlash",
+    ),
+    _corrected(
+        "sun_held",
+        True,
+        False,
+        "whether backlash is measured at the carrier with the sun held: the cranks then turn "
+        "with the carrier, and phi_2 and phi_3 are 117/121 of the turn of the discs (derived "
+        "from the teeth); otherwise they are the turn of the discs",
+        "kinematics",
+    ),
+    _corrected(
+        "involute_cosine",
+        True,
+        False,
+        "whether phi_1 is j_n/(i r_1 cos(alpha)), because j_n is normal to the flanks; otherwise j_n/(i r_1)",
+        "geometry of the involute",
+    ),
+    replace(
+        _corrected(
+            "planets", 2, 1, "number of planets; phi_1 is the least of their clearances", "as in document A", 12
+        ),
+        low=1,
+    ),
+    Parameter(
+        "planet_share",
+        0.5,
+        "",
+        "fraction of the variance of the planets' clearances (as normal scores) that is common to all",
+        "all planets mesh with the same sun",
+        assumed=True,
+        low=0.0,
+        high=1.0,
+    ),
+    Parameter(
+        "stagger_gain",
+        2.0,
+        "",
+        "phi_2 decreases by stagger_gain times stagger_arcmin: document B's 4 delta', where delta' is half the stagger",
+        "document B",
+        low=0.0,
+        high=100.0,
+    ),
+)
+
 
 ERRORS = (*LINEAR_ERRORS, "eccentricity")
 """The errors of the cycloid stage that have a half-width and a mid-limit."""
@@ -283,3 +366,71 @@ def allocation(designs: Mapping[str, Array]) -> Allocation:
         dr_rp=designs["dr_rp_mm"] * MM,
         dr_p=designs["dr_p_mm"] * MM,
     )
+
+
+# Rows of a measurement table of a loaded unit, checked.
+
+
+SPEED = "must be above 0 (omit the column for quasi-static measurements; the sense of turning is `direction`)"
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Columns (n,) of a table in SI; `speed` and `direction` are None where the table has none.
+
+    `angle` [rad] and `torque` [N m] are zero where the table has none, `speed` is in rad/s,
+    `direction` is +1 or -1; `angled` is true where the table has angles.
+    """
+
+    angle: Array
+    torque: Array
+    speed: Array | None
+    direction: Array | None
+    angled: bool
+
+    def __len__(self) -> int:
+        return len(self.angle)
+
+    @classmethod
+    def of(cls, table: Mapping[str, NDArray[Any]]) -> Rows:
+        """The rows of a table. Raises InputError with every fault of its numbers."""
+        names = ("output_angle_deg", "torque_Nm", "output_speed_rpm", "direction")
+        columns = {n: np.asarray(table[n], dtype=float) for n in names if n in table}
+        raise_all(_faults(columns))
+        count = len(next(iter(table.values()))) if table else 0
+        speed = columns.get("output_speed_rpm")
+        return cls(
+            angle=np.radians(columns.get("output_angle_deg", np.zeros(count))),
+            torque=columns.get("torque_Nm", np.zeros(count)),
+            speed=None if speed is None else speed * (2.0 * np.pi / 60.0),
+            direction=columns.get("direction"),
+            angled="output_angle_deg" in columns,
+        )
+
+
+def _faults(columns: Mapping[str, Array]) -> list[Fault]:
+    faults = []
+    for name, column in columns.items():
+        wrong = ~np.isfinite(column)
+        text = "must be finite"
+        if name == "output_speed_rpm":
+            wrong, text = wrong | (column <= 0.0), SPEED
+        if name == "direction":
+            wrong, text = wrong | (np.abs(column) != 1.0), "must be 1 or -1"
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            faults.append(Fault(f"{name}, row {row + 1}", f"{text}, got {column[row]:g}"))
+    return faults
+
+
+def outside(table: Mapping[str, NDArray[Any]], momentary: float) -> Outside:
+    """Torques [N m] beyond the momentary one, and speeds that are not positive."""
+    rows: dict[str, tuple[NDArray[np.bool_], str]] = {}
+    if "torque_Nm" in table:
+        wrong = np.abs(np.asarray(table["torque_Nm"], dtype=float)) > momentary
+        text = f"is beyond the momentary torque of the reducer, {momentary:g} N m"
+        rows["torque_Nm"] = wrong, text
+    if "output_speed_rpm" in table:
+        wrong = np.asarray(table["output_speed_rpm"], dtype=float) <= 0.0
+        rows["output_speed_rpm"] = wrong, SPEED
+    return rows

@@ -9,24 +9,28 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Array
-from ...declarations import Output, Parameter, Value, number
 from ...errors import raise_all
+from ...section import Array, Output, Parameter, Value, number
 from ...units import ARCMIN, ARCSEC, MM, UM
 from ..gear import RV_40E, Gear
-from ..inputs.distribution import Distribution
+from ..inputs import Distribution
 from ..measurable import NO_CHANGES, Column, MeasurableModel, Outside, Role
-from . import declared, loaded_unit
-from .changes import CHANGEABLE, Responses
+from . import declared
+from . import lost_motion as loaded_unit
 from .contact.contact import warn_of_overload
-from .dynamics.contact_mesh import tabulated
-from .dynamics.displaced import DisplacedMesh
-from .dynamics.full import FullDynamics
-from .dynamics.spectrum import ComplexArray
-from .dynamics.steady import Oscillator, transfer
-from .dynamics.train import Train
-from .order_table import LEFT_OUT, OrderTable
-from .rows import Rows, outside
+from .declared import Rows, outside
+from .dynamics import (
+    LEFT_OUT,
+    ComplexArray,
+    DisplacedMesh,
+    FullDynamics,
+    OrderTable,
+    Oscillator,
+    Train,
+    tabulated,
+    transfer,
+)
+from .lost_motion import CHANGEABLE, Responses
 
 SAMPLES_PER_PIN = 100
 REACH = 1.25
@@ -123,7 +127,7 @@ class RvTransmission(MeasurableModel):
     ) -> None:
         values = {parameter.name: parameter.default for parameter in OF_TRANSMISSION} | dict(parameters or {})
         p = {parameter.name: number(values[parameter.name]) for parameter in OF_TRANSMISSION if not parameter.choices}
-        self.unit = loaded_unit.loaded_unit(values)
+        self.unit = loaded_unit.unit_under_load(values)
         self.gear = loaded_unit.gear_of(values)
         train = Train(
             p["input_inertia_kgm2"],

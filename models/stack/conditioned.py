@@ -14,11 +14,9 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Array
+from ...section import Array
 from ..inputs import Distribution
-from .made import Tolerances, mean_of, spread_of
-from .mechanism import Mechanism
-from .sampling import Sample
+from .mechanism import Mechanism, Sample, Tolerances, mean_of, spread_of
 
 NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(5) / 4.0)
 """Values of z_i at which a formula is evaluated, as fractions of the range of z_i."""

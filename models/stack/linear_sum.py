@@ -19,10 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from ...arrays import Array
+from ...section import Array
 from ..inputs import Distribution
-from .made import Tolerances, mean_of, spread_of
-from .mechanism import Mechanism
+from .mechanism import Mechanism, Tolerances, mean_of, spread_of
 
 TERMS = (48, 192, 1024)
 """Odd terms of the series: the next number is taken where the last terms are above `NEGLECTED`."""

@@ -2,16 +2,75 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
 
-from ...arrays import Array
-from ..expressions import Formula
-from ..inputs import Distribution
-from .made import Tolerances, mean_of, spread_of
+from ...section import Array
+from ..expressions import Formula, domain_margin
+from ..inputs import Distribution, Normal
+from ..propagation.convolution import Even, even_law
+from ..propagation.monte_carlo import REPLICATES, power_of, replicates
+from ..propagation.symmetric_sum import SymmetricSum
+
+# Scatter and mean of parts where these do not follow from their tolerances alone.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AsMade:
+    """Parts of n designs, (n, p) each, in the units of the parts.
+
+    A part deviates by mean + spread z from its mid-limit, z ~ its input, and its drawing allows
+    +-limit. For parts whose scatter is proportional to their tolerance, limit = spread = t.
+    `chosen` is the index of the process of each part, None where it does not matter.
+    """
+
+    limit: Array
+    spread: Array
+    mean: Array
+    chosen: NDArray[np.int64] | None = None
+
+    def __len__(self) -> int:
+        return len(self.limit)
+
+    def __getitem__(self, rows: slice | NDArray[np.int64] | NDArray[np.bool_]) -> AsMade:
+        """Some of the designs."""
+        chosen = None if self.chosen is None else self.chosen[rows]
+        return AsMade(self.limit[rows], self.spread[rows], self.mean[rows], chosen)
+
+
+Tolerances = Array | AsMade
+"""Half-widths t (n, p), where the scatter of all parts is in proportion to them; else `AsMade`."""
+
+
+def between(low: Tolerances, high: Tolerances, fraction: Array) -> Tolerances:
+    """Designs at fractions (n, 1) of the distance from one design (1, p) to another."""
+    limit = limit_of(low) + fraction * (limit_of(high) - limit_of(low))
+    if not (isinstance(low, AsMade) and isinstance(high, AsMade)):
+        return limit
+    spread = low.spread + fraction * (high.spread - low.spread)
+    return AsMade(limit, spread, low.mean + fraction * (high.mean - low.mean))
+
+
+def limit_of(t: Tolerances) -> Array:
+    """Deviation that the drawing allows (n, p)."""
+    return t.limit if isinstance(t, AsMade) else t
+
+
+def spread_of(t: Tolerances) -> Array:
+    """Factor of z (n, p)."""
+    return t.spread if isinstance(t, AsMade) else t
+
+
+def mean_of(t: Tolerances) -> Array:
+    """Shift of the mean of each part (n, p)."""
+    return t.mean if isinstance(t, AsMade) else np.zeros_like(t)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,3 +138,436 @@ class Mechanism:
             if name in self.formula.names
         }
         return np.broadcast_to(self.gain * self.formula.value(x), (len(t), z.shape[1]))
+
+
+# What the corners of the tolerances reach: the worst case, and the edge of the formula's domain.
+
+
+CORNERS = 12
+"""Pieces of a formula up to which all corners of the tolerance range are tested; with more pieces,
+a sample of the corners."""
+INNER = 4096
+"""Points within the tolerance range that are tested on loading."""
+FEW = 256
+"""Points within the tolerances of each design that are tested in addition to its corners."""
+MEMORY = 2**18
+"""Values held for a block of designs."""
+
+
+def box(pieces: int, inner: int = INNER) -> Array:
+    """Corners of [-1, 1]^k and points between them, shape (k, m); the first is the middle."""
+    sobol = 2.0 * scipy.stats.qmc.Sobol(pieces, scramble=False).random(INNER).T - 1.0
+    if pieces <= CORNERS:
+        corners = np.array(list(product((-1.0, 1.0), repeat=pieces))).T
+    else:
+        corners = np.where(sobol[:, 1:] > 0.0, 1.0, -1.0)
+    return np.hstack([np.zeros((pieces, 1)), corners, sobol[:, :inner]])
+
+
+def least_margin(mechanism: Mechanism, t: Tolerances) -> Array:
+    """Least domain margin (n,) over the corners of the tolerances t (n, p), and points between.
+
+    1 at tolerances of 0, 0 where a unit within the tolerances just reaches the edge, below 0 where
+    such a unit has no value. See `models/expressions.py`.
+    """
+    formula, mids, scale = mechanism.formula, mechanism.mids, mechanism.scale
+    if formula is None or mids is None or scale is None:
+        return np.full(len(t), np.inf)
+    middle = {name: np.asarray(mids[i]) for i, name in enumerate(mechanism.names) if name in formula.names}
+    margins = [np.empty(0)]
+    for x in _corners(mechanism, t):
+        shape = next(iter(x.values())).shape
+        margins.append(np.broadcast_to(domain_margin(formula, x, middle), shape).min(axis=1))
+    return np.concatenate(margins)
+
+
+def worst_by_corners(mechanism: Mechanism, t: Tolerances) -> Array:
+    """Largest deviation (n,) of y from its value at the mid-limits, over the corners of the
+    tolerances t (n, p) and points between; of units for which y has a value.
+
+    Exact where y is monotone in each piece while the others are held.
+    """
+    assert mechanism.formula is not None
+    worst = [np.empty(0)]
+    for x in _corners(mechanism, t):
+        deviations = np.abs(mechanism.gain * mechanism.formula.value(x) - mechanism.centre)
+        worst.append(np.where(np.isfinite(deviations), deviations, 0.0).max(axis=1))
+    return np.concatenate(worst)
+
+
+def _corners(mechanism: Mechanism, t: Tolerances) -> Iterator[dict[str, Array]]:
+    """Quantities (n, m) of the formula at `_points` of the tolerances t (n, p), in blocks of designs."""
+    formula, mids, scale = mechanism.formula, mechanism.mids, mechanism.scale
+    assert formula is not None and mids is not None and scale is not None
+    used = [i for i, name in enumerate(mechanism.names) if name in formula.names]
+    z, reach = _points(mechanism, used), (limit_of(t)[:, mechanism.owners] * scale)[:, used]
+    step = max(1, MEMORY // z.shape[1])
+    for start in range(0, len(t), step):
+        ends = reach[start : start + step]
+        yield {mechanism.names[i]: mids[i] + ends[:, k, None] * z[k] for k, i in enumerate(used)}
+
+
+def _points(mechanism: Mechanism, used: list[int]) -> Array:
+    """Corners, the corners of the largest and least requirement, and some points between."""
+    largest = np.sign(mechanism.sensitivities[used])[:, None]
+    return np.hstack([box(len(used), FEW), largest, -largest])
+
+
+# The linearised stack: worst case, root sum square, mean shifts and contributions.
+
+
+SIGMAS = 3.0
+"""Standard deviations in a root-sum-square variation: t of a normal part with Cp = 1."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linear:
+    """y = centre + sum_i S_i t z_i by parts, per unit of tolerance.
+
+    `worst` (p,) is sum |S_i| over the pieces of a part, `mean` (p,) the sum of S_i E[z_i], `shift`
+    (p,) the sum of |S_i E[z_i]|, `covariance` (p, p) that of y's contributions at t = 1, `slope`
+    (p,) the sum of S_i, by which y follows the mean of a part that is `AsMade`. All results are in
+    the unit of the requirement; designs t have shape (n, p), and so have derivatives, which are by
+    the spread of parts that are `AsMade`.
+    """
+
+    worst: Array
+    mean: Array
+    shift: Array
+    covariance: Array
+    slope: Array
+
+    def worst_case(self, t: Tolerances) -> Array:
+        """sum_i |S_i| t: no unit of parts within their zones deviates more."""
+        return np.asarray(limit_of(t) @ self.worst)
+
+    def variance(self, t: Tolerances) -> Array:
+        """Variance of y (n,)."""
+        s = spread_of(t)
+        return np.asarray(np.sum((s @ self.covariance) * s, axis=1))
+
+    def rss(self, t: Tolerances) -> Array:
+        """Three standard deviations of y; for normal parts with Cp = 1 sqrt(sum (S_i t)^2)."""
+        return SIGMAS * np.sqrt(np.maximum(self.variance(t), 0.0))
+
+    def shifted_rss(self, t: Tolerances) -> Array:
+        """Mean shifts in the worst direction plus the root sum square.
+
+        sum |S_i| |E[x_i]| + rss, E[x_i] = t E[z_i]. Reference: Chase & Greenwood (1988), Design
+        issues in mechanical tolerance analysis, Manufacturing Review 1(1), 50-59 (estimated mean
+        shift), with Cp.
+        """
+        return spread_of(t) @ self.shift + np.abs(mean_of(t)) @ self.worst + self.rss(t)
+
+    def mean_shift(self, t: Tolerances) -> Array:
+        """Mean of y minus its value at the mid-limits (n,)."""
+        return np.asarray(spread_of(t) @ self.mean + mean_of(t) @ self.slope)
+
+    def rss_slopes(self, t: Tolerances) -> Array:
+        """d rss / d t, shape (n, p); 0 where there is no spread at all."""
+        rss = self.rss(t)[:, None]
+        along = SIGMAS**2 * (spread_of(t) @ self.covariance)
+        return np.divide(along, rss, out=np.zeros_like(along), where=rss > 0.0)
+
+    def within(self, t: Tolerances, lower: Array, upper: Array) -> Array:
+        """Fraction of units (n,) between limits, as if y were normal.
+
+        `lower` and `upper` (n,) are those of y minus its value at the mid-limits, or infinite.
+        """
+        std, shift = self.rss(t) / SIGMAS, self.mean_shift(t)
+        safe = np.where(std > 0.0, std, 1e-300)
+        return np.asarray(ndtr((upper - shift) / safe) - ndtr((lower - shift) / safe))
+
+    def yield_slopes(self, t: Tolerances, lower: Array, upper: Array) -> Array:
+        """d/dt of the fraction of units between limits, as if y were normal, shape (n, p).
+
+        `lower` and `upper` (n,) are those of y minus its value at the mid-limits, or infinite.
+        """
+        std = self.rss(t)[:, None] / SIGMAS
+        safe, shift = np.where(std > 0.0, std, 1.0), self.mean_shift(t)[:, None]
+        slopes = np.zeros_like(spread_of(t))
+        for sign, limit in ((1.0, upper), (-1.0, lower)):
+            z = (np.where(np.isfinite(limit), limit, 0.0)[:, None] - shift) / safe
+            density = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi) * np.isfinite(limit)[:, None]
+            slopes -= sign * density * (self.mean + z * self.rss_slopes(t) / SIGMAS) / safe
+        return np.where(std > 0.0, slopes, 0.0)
+
+    def variance_shares(self, t: Tolerances) -> Array:
+        """Fraction of each part in the variance (n, p); a negative fraction compensates others."""
+        return _fractions(spread_of(t) * (spread_of(t) @ self.covariance))
+
+    def worst_shares(self, t: Tolerances) -> Array:
+        """Fraction of each part in the worst case (n, p)."""
+        return _fractions(limit_of(t) * self.worst)
+
+
+def _fractions(contributions: Array) -> Array:
+    """Fractions (n, p) that add up to 1, or are 0 where the total is 0."""
+    total: Array = contributions.sum(axis=1)[:, None]
+    return np.divide(contributions, total, out=np.zeros_like(contributions), where=total > 0.0)
+
+
+def linearised(mechanism: Mechanism) -> Linear:
+    """The linear model about the mid-limits."""
+    parts = np.arange(len(mechanism.inputs))
+    moments = np.array([distribution.raw_moments(2) for distribution in mechanism.inputs])
+    mean, std = moments[:, 1], np.sqrt(np.maximum(moments[:, 2] - moments[:, 1] ** 2, 0.0))
+    owners, slope = mechanism.owners, mechanism.sensitivities
+    of_part = (owners == parts[:, None]).astype(float)
+    pieces = len(owners)
+    correlation = np.eye(pieces) if mechanism.correlation is None else mechanism.correlation
+    scaled = of_part * (slope * std[owners])
+    return Linear(
+        worst=of_part @ np.abs(slope),
+        mean=of_part @ (slope * mean[owners]),
+        shift=of_part @ np.abs(slope * mean[owners]),
+        covariance=scaled @ correlation @ scaled.T,
+        slope=of_part @ slope,
+    )
+
+
+# The law of a linear stack of even deviations: yield and half-width without a sample.
+
+
+ROUNDING = 1e-12
+"""Least stated error of a yield [percent]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """y = centre + sum_i S_i t (mean_i + d_i) of k pieces, d_i independent, even and log-concave.
+
+    `slopes` (k,) are |S_i|, `mean` (p,) the shift of the mean of y per unit of each tolerance.
+    Where all parts are normal (`covariance`, p x p, at t = 1) pieces may be correlated.
+    Tolerances t have shape (n, p); derivatives are by the spread of parts that are `AsMade`.
+    """
+
+    mechanism: Mechanism
+    slopes: Array
+    mean: Array
+    deviations: SymmetricSum
+    laws: tuple[Even, ...]
+    covariance: Array | None = None
+
+    def yield_percent(self, t: Tolerances) -> tuple[Array, Array]:
+        """Fraction of units within the limits (n,), in percent, and a bound of its error (n,)."""
+        ends = self._ends(t)
+        if self.covariance is None:
+            (_, high), (_, low) = ends
+            yields, error = self.deviations.within(self._scales(t), low, high)
+        else:
+            yields, error = np.zeros(len(t)), np.zeros(len(t))
+            for sign, end in ends:
+                below, _, doubt = self._below(t, end)
+                yields, error = yields + sign * below, error + doubt
+        return 100.0 * np.clip(yields, 0.0, 1.0), 100.0 * error + ROUNDING
+
+    def half_width(self, t: Tolerances, coverage: float) -> Array:
+        """Half the width (n,) of the interval that holds `coverage` of the units, centred."""
+        p = 0.5 * (1.0 + coverage)
+        if self.covariance is not None:
+            return np.asarray(float(ndtri(p)) * self._std(t))
+        return self.deviations.values(self._scales(t), p)
+
+    def half_width_slopes(self, t: Tolerances, coverage: float) -> Array:
+        """d half_width/dt, (n, p)."""
+        p = 0.5 * (1.0 + coverage)
+        if self.covariance is not None:
+            std = self._std(t)[:, None]
+            return float(ndtri(p)) * (spread_of(t) @ self.covariance) / np.where(std > 0.0, std, 1.0)
+        return self._to_parts(self.deviations.quantile(self._scales(t), p).gradient)
+
+    def yield_slopes(self, t: Tolerances) -> Array:
+        """d yield_percent/dt, (n, p)."""
+        by_part = np.zeros_like(spread_of(t))
+        for sign, end in self._ends(t):
+            slopes = self._below(t, end)[1] - self.density(t, end)[:, None] * self.mean
+            by_part += 100.0 * sign * np.where(np.isfinite(end)[:, None], slopes, 0.0)
+        return by_part
+
+    def density(self, t: Tolerances, at: Array) -> Array:
+        """Density (n,) of y minus its mean."""
+        if self.covariance is None:
+            safe = np.where(np.isfinite(at), at, 0.0)
+            return np.where(np.isfinite(at), self.deviations.density(self._scales(t), safe), 0.0)
+        std = self._std(t)
+        safe = np.where(std > 0.0, std, 1.0)
+        bell = np.exp(-0.5 * (at / safe) ** 2) / (safe * np.sqrt(2.0 * np.pi))
+        return np.where(std > 0.0, bell, 0.0)
+
+    def edge_density(self, t: Tolerances) -> Array:
+        """Density (n,) of y at its limits, both together."""
+        return np.asarray(sum(self.density(t, end) for _, end in self._ends(t)))
+
+    def _ends(self, t: Tolerances) -> list[tuple[float, Array]]:
+        """Sign and distance (n,) of each limit from the mean of y."""
+        slope = np.bincount(self.mechanism.owners, self.mechanism.sensitivities, len(self.mean))
+        mean = self.mechanism.centre + spread_of(t) @ self.mean + mean_of(t) @ slope
+        return [(1.0, self.mechanism.upper - mean), (-1.0, self.mechanism.lower - mean)]
+
+    def _below(self, t: Tolerances, at: Array) -> tuple[Array, Array, Array]:
+        """P(y - mean <= at), its derivatives in t by the spread alone, and its error."""
+        if self.covariance is None:
+            far = np.where(np.isfinite(at), at, 0.0)
+            probability, slopes, error = self.deviations.below(self._scales(t), far)
+            below = np.where(np.isfinite(at), probability, (at > 0.0).astype(float))
+            return below, self._to_parts(slopes), np.where(np.isfinite(at), error, 0.0)
+        std = self._std(t)
+        safe = np.where(std > 0.0, std, 1.0)
+        x = np.where(std > 0.0, at / safe, np.where(at >= 0.0, np.inf, -np.inf))
+        level = np.where(np.isfinite(x), x, 0.0)
+        bell = -level * np.exp(-0.5 * level**2) / np.sqrt(2.0 * np.pi)
+        rise = (spread_of(t) @ self.covariance) / safe[:, None] ** 2
+        return np.asarray(ndtr(x)), bell[:, None] * rise, np.zeros(len(t))
+
+    def _std(self, t: Tolerances) -> Array:
+        assert self.covariance is not None
+        s = spread_of(t)
+        return np.asarray(np.sqrt(np.maximum(np.sum((s @ self.covariance) * s, axis=1), 0.0)))
+
+    def _scales(self, t: Tolerances) -> Array:
+        return np.asarray(spread_of(t)[:, self.mechanism.owners] * self.slopes)
+
+    def _to_parts(self, by_piece: Array) -> Array:
+        """Derivatives in t (n, p) from those in the scales of the pieces (n, k)."""
+        parts = np.arange(len(self.mechanism.inputs))
+        owner = (self.mechanism.owners[:, None] == parts) * self.slopes[:, None]
+        return np.asarray(by_piece @ owner)
+
+
+def law_of(mechanism: Mechanism, covariance: Array) -> Law | str:
+    """The law, or why there is none in closed form; `covariance` (p, p) is that of y at t = 1."""
+    if mechanism.formula is not None and not mechanism.formula.linear:
+        return "the formula is not linear"
+    mechanism = _relevant_pieces(mechanism)
+    used = dict.fromkeys(mechanism.owner)
+    even_laws = {}
+    for at in used:
+        law = even_law(mechanism.inputs[at])
+        if law is None:
+            return f"the deviations of {mechanism.names[mechanism.owner.index(at)]} are skewed or have poles"
+        even_laws[at] = law
+    normal = all(isinstance(mechanism.inputs[at], Normal) for at in used)
+    if mechanism.correlation is not None and not normal:
+        return "correlated deviations have no even law"
+    owners = mechanism.owners
+    parts = (owners == np.arange(len(mechanism.inputs))[:, None]).astype(float)
+    mean = parts @ (mechanism.sensitivities * np.array([even_laws[at][0] for at in owners]))
+    laws = tuple(even_laws[at][1] for at in owners)
+    slopes = np.abs(mechanism.sensitivities)
+    return Law(mechanism, slopes, mean, SymmetricSum(laws), laws, covariance if normal else None)
+
+
+def _relevant_pieces(mechanism: Mechanism) -> Mechanism:
+    """The mechanism with only the pieces that the requirement depends on."""
+    used = np.flatnonzero(mechanism.sensitivities)
+    if len(used) == len(mechanism.owner):
+        return mechanism
+    correlation = mechanism.correlation
+    return replace(
+        mechanism,
+        names=tuple(mechanism.names[i] for i in used),
+        owner=tuple(mechanism.owner[i] for i in used),
+        sensitivities=mechanism.sensitivities[used],
+        mids=None if mechanism.mids is None else mechanism.mids[used],
+        scale=None if mechanism.scale is None else mechanism.scale[used],
+        correlation=None if correlation is None else correlation[np.ix_(used, used)],
+    )
+
+
+# The exact stack: yield and half-width by scrambled Sobol sampling of the requirement itself.
+
+
+SAMPLING_MEMORY = 2**22
+"""Bytes that the pieces of a block of designs may take."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sample:
+    """Deviations z (replicates, k, m) that every design of every batch is built with."""
+
+    deviations: Array
+
+    @classmethod
+    def draw(cls, mechanism: Mechanism, samples: int, rng: np.random.Generator) -> Sample:
+        """A scrambled Sobol sample, in independent replicates (Owen 1997, Ann. Stat. 25(4)).
+
+        Correlated pieces are normal: z = mean + std L g with L L' the correlation matrix. Dimensions
+        belong to the names of the pieces, so that the order of the parts does not matter.
+        """
+        order = sorted(range(len(mechanism.owner)), key=lambda at: mechanism.names[at])
+        kinds = [mechanism.inputs[mechanism.owner[at]] for at in order]
+        correlation = mechanism.correlation
+        root = None if correlation is None else _root(correlation[np.ix_(order, order)])
+        deviations = np.empty((REPLICATES, len(kinds), 2 ** power_of(samples)))
+        # One replicate after the other: the points of all of them would double the memory.
+        for replicate, uniform in zip(deviations, replicates(samples, len(kinds), rng), strict=True):
+            points = uniform
+            if root is not None:
+                points = ndtr(np.clip(ndtri(uniform), -8.0, 8.0) @ root.T)
+            for i, (at, kind) in enumerate(zip(order, kinds, strict=True)):
+                replicate[at] = kind.quantile(points[:, i])
+        return cls(deviations)
+
+    @property
+    def size(self) -> int:
+        """Units in all."""
+        return int(self.deviations[:, 0].size)
+
+    def blocks(self, mechanism: Mechanism, t: Tolerances) -> Iterator[tuple[slice, Array]]:
+        """Rows of a block of designs, and y (block, replicates, m) of all units of each."""
+        _, pieces, units = self.deviations.shape
+        wide = max(1, SAMPLING_MEMORY // (8 * max(self.size, (pieces + 6) * units)))
+        for start in range(0, len(t), wide):
+            chosen = slice(start, start + wide)
+            block = [mechanism.values(t[chosen], z) for z in self.deviations]
+            yield chosen, np.stack(block, axis=1)
+
+
+def _root(correlation: Array) -> Array:
+    """L with L L' = correlation, also where it is singular."""
+    values, vectors = np.linalg.eigh(correlation)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def yield_percent(mechanism: Mechanism, t: Tolerances, sample: Sample) -> tuple[Array, Array]:
+    """Fraction of units within the limits (n,), in percent, and its standard error (n,).
+
+    A unit for which the requirement has no value does not conform. The error follows from the
+    scatter over the replicates, and is at least one unit of the sample.
+    """
+    return joint_yield_percent((mechanism,), t, sample)
+
+
+def joint_yield_percent(mechanisms: Sequence[Mechanism], t: Tolerances, sample: Sample) -> tuple[Array, Array]:
+    """`yield_percent` of the units that conform to all of several mechanisms."""
+    yields, error = np.empty(len(t)), np.empty(len(t))
+    least = 1.0 / sample.size
+    for blocks in zip(*(sample.blocks(mechanism, t) for mechanism in mechanisms), strict=True):
+        rows = blocks[0][0]
+        with np.errstate(invalid="ignore"):
+            within = [
+                (y >= mechanism.lower) & (y <= mechanism.upper)
+                for mechanism, (_, y) in zip(mechanisms, blocks, strict=True)
+            ]
+        conforming = np.mean(np.logical_and.reduce(within), axis=2)
+        yields[rows] = conforming.mean(axis=1)
+        error[rows] = np.maximum(conforming.std(axis=1, ddof=1) / np.sqrt(conforming.shape[1]), least)
+    return 100.0 * yields, 100.0 * error
+
+
+def half_width(mechanism: Mechanism, t: Tolerances, sample: Sample, coverage: float) -> Array:
+    """Half the width (n,) of the interval that holds `coverage` of the units, with equal tails.
+
+    (q(1 - a/2) - q(a/2))/2 with a = 1 - coverage: for normal parts of a linear stack and a coverage
+    of 0.9973 the root sum square. Units without a value are omitted: see `least_margin`. NaN where
+    no unit has a value.
+    """
+    widths = np.empty(len(t))
+    tail = 0.5 * (1.0 - coverage)
+    for rows, y in sample.blocks(mechanism, t):
+        units = y.reshape(len(y), -1)
+        kind = np.quantile if np.all(np.isfinite(units)) else np.nanquantile
+        ends = kind(units, [tail, 1.0 - tail], axis=1, method="median_unbiased")
+        widths[rows] = 0.5 * (ends[1] - ends[0])
+    return widths

@@ -10,26 +10,20 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...arrays import Array
-from ...declarations import Assumption, number
 from ...errors import Fault
-from ...models.manipulator import declared
-from ...models.manipulator.faults import faults
-from ...models.manipulator.fields import Field
-from ...models.manipulator.indices import grid, sensitivity
-from ...models.manipulator.maps import first_order
-from ...models.manipulator.sources import matrix, orientation_combinations, position_sources
+from ...models.manipulator import pose as declared
+from ...models.manipulator.maps import first_order, matrix, orientation_combinations, position_sources
+from ...models.manipulator.pose import faults
+from ...models.manipulator.ring import Field, grid, sensitivity
 from ...records import Bars
-from ...section import Section
+from ...section import Array, Assumption, Section, Value, number
 from ...units import MM, MRAD, UM
 from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..forms import Feature, Form, Way
 from ..interfaces import Documented, Page, Provable
 from ..limits import narrowed
-from ..promise import ASSURANCE, PROMISED
-from ..settings import Settings
-from .grouping import NINE, SOURCES, Grouping, costs_of, read_grouping, reference_of, unit_of, variables_of
-from .machines import Population
+from ..settings import ASSURANCE, PROMISED, Settings
+from .machines import Population, PromisingPoses
 from .outputs import (
     BOUNDS,
     ERRORS,
@@ -37,16 +31,91 @@ from .outputs import (
     LIMITED,
     LIMITS,
     MACHINES,
+    NINE,
     OTHER,
     OUTPUTS,
     OVER_MACHINES,
     PARAMETERS,
     POSE,
+    SOURCES,
     UNITS,
+    Grouping,
+    costs_of,
+    read_grouping,
+    reference_of,
+    unit_of,
+    variables_of,
 )
-from .pose import pose_faults, pose_of, words_of
-from .promised import PromisingPoses
-from .remarks import remarks_of
+
+# The one pose that `[parameters.pose]` names.
+
+
+PLACE = "parameters.pose"
+ENDS = ("r_mm", "z_mm")
+
+
+def pose_of(given: Value) -> tuple[Array, Array] | None:
+    """Radius and height (1,) [m] of the table; None where it is empty."""
+    if not isinstance(given, Mapping) or not given:
+        return None
+    r, z = (np.array([given[name]]) * MM for name in ENDS)
+    return r, z
+
+
+def words_of(given: Value) -> str:
+    """Where the outputs at a pose are, in words."""
+    if not isinstance(given, Mapping) or not given:
+        return "at the worst pose of the ring"
+    return f"at r {given['r_mm']:g} mm, z {given['z_mm']:g} mm"
+
+
+def pose_faults(given: Value, ring_r: Value, ring_z: Value) -> list[Fault]:
+    """A fault where half of the pose is missing, or where it lies outside of the ring [mm]."""
+    if not isinstance(given, Mapping) or not given:
+        return []
+    faults = []
+    for name, (low, high) in zip(ENDS, np.array([ring_r, ring_z]).tolist(), strict=True):
+        if name not in given:
+            faults.append(Fault(f"{PLACE}.{name}", "is missing: a pose has r_mm and z_mm"))
+        elif not low <= given[name] <= high:
+            text = f"must lie in the ring, [{low:.10g}, {high:.10g}], got {given[name]:.10g}"
+            faults.append(Fault(f"{PLACE}.{name}", text))
+    return faults
+
+
+# What a reported allocation means for machines, in words.
+
+
+PLACES = {
+    "plane": "mean effects over the rectangle of the ring",
+    "volume": "mean effects over the ring",
+    "rms_plane": "root mean square over the rectangle of the ring",
+    "rms_volume": "root mean square over the ring",
+    "every_pose": "at the worst pose of the ring",
+}
+
+
+def remarks_of(
+    row: Mapping[str, float], index: str, limits: Mapping[str, float], coverage: float, pose: str
+) -> tuple[str, ...]:
+    """A sentence per limited pose error of one design, given its outputs by name.
+
+    `limits` are the bounds of the yields, `pose` says where the outputs at a pose are.
+    """
+    return tuple(_remark(name, row, index, limits[name], coverage, pose) for name in LIMITED)
+
+
+def _remark(name: str, row: Mapping[str, float], index: str, limit: float, coverage: float, pose: str) -> str:
+    unit, percent = UNITS[name], f"{100.0 * coverage:.6g} %"
+    beyond = 100.0 - row[f"{name}_pose_yield_percent"]
+    return (
+        f"cheapest point: {name}_{unit} {row[f'{name}_{unit}']:.3g} is a standard deviation over machines "
+        f"({PLACES[index]}); {pose} it is {row[f'{name}_pose_{unit}']:.3g} {unit}, where {beyond:.3g} % of machines "
+        f"exceed {limit:g} {unit} and {percent} keep {row[f'{name}_pose_quantile_{unit}']:.3g} {unit}; over the whole "
+        f"ring {percent} keep {row[f'{name}_ring_quantile_{unit}']:.3g} {unit}, and "
+        f"{row[f'{name}_ring_yield_percent']:.3g} % keep {limit:g} {unit}"
+    )
+
 
 SCALES: Array = np.array([{"um": UM, "mrad": MRAD}[unit_of(source)] for source in SOURCES])
 """Metres or radians in one unit of each source."""

@@ -9,10 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ...arrays import Array
-from ...declarations import Value, number
-from ...models.robot.drives import Drives
-from ...models.robot.sample import AccuracySample
+from ...models.robot import AccuracySample, Drives
+from ...section import Array, Value, number
 from ...units import ARCMIN, MM, MRAD
 
 NONE = 1e-18

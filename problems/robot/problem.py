@@ -2,29 +2,409 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from ...arrays import Array
-from ...declarations import Assumption, Value
 from ...errors import Fault
-from ...models.robot.sample import ratio
-from ..declaration import Interval
-from ..forms import Form
+from ...models.costs import CostCurve
+from ...models.robot import CALIBRATED, ratio
+from ...section import Array, Assumption, Output, Parameter, Value, Variable
+from ..declaration import Declaration, Interval
+from ..forms import Feature, Form, Way
 from ..interfaces import Comparison, Documented, Page, Provable, Stored
-from ..settings import Settings, VariableSetting
+from ..limits import narrowed
+from ..nested_reducers import Nested
+from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import ToleranceProblem
-from .definition import Definition, declaration_of
-from .form import form_of
-from .gears import Built, Gears
+from .gears import RMS, SECONDS, TE, Built, Fitted, Gears, gear_variables
 from .machine import Machine, Sampled
-from .outputs import AXES, share_name
-from .remarks import remarks_of
+
+# Parameters and outputs that every machine of links and reducers declares.
+
+
+Points = Iterable[Sequence[float] | Array]
+AXES = ("", "tilt_", "yaw_")
+"""Position, squareness and yaw, as mean squares of a machine are named."""
+FLANKS = ("gravity", "free", "held")
+
+
+def assumed(name: str, default: float, unit: str, meaning: str, high: float) -> Parameter:
+    """A positive number that no document prints."""
+    return Parameter(name, default, unit, meaning, "assumed", assumed=True, low=0.0, high=high)
+
+
+PARAMETERS: tuple[Parameter, ...] = (
+    Parameter(
+        "calibrated",
+        "none",
+        "",
+        "position: commands are corrected for the links of the machine, so that their position errors vanish; the "
+        "reducers' errors remain",
+        "assumed",
+        assumed=True,
+        choices=CALIBRATED,
+    ),
+    Parameter(
+        "flanks",
+        "gravity",
+        "",
+        "the flank of a reducer that carries: gravity: that on which gravity holds it at rest, pose by pose; free: "
+        "that of the approach; held: always the same",
+        "assumed",
+        assumed=True,
+        choices=FLANKS,
+    ),
+    assumed("payload_kg", 10.0, "kg", "mass at the tool", 1e5),
+    assumed(
+        "friction_torque_Nm",
+        12.4,
+        "Nm",
+        "friction of a reducer at its output: gravity holds a flank beyond it (3 % of 412 N m)",
+        1e6,
+    ),
+    assumed("stiffness_Nm_per_arcmin", 108.0, "Nm/arcmin", "stiffness of a reducer", 1e9),
+    assumed(
+        "hysteresis_arcmin",
+        0.0,
+        "arcmin",
+        "lost motion of friction, 2 friction torques over the stiffness; it adds to the backlash",
+        60.0,
+    ),
+    assumed("precision_weight", 5.0, "", "Q of the reducers' adjusted assembly (document A)", 1e6),
+    assumed("reducer_price", 1.0, "", "cost of a reducer in units of the links' cost, as a factor", 1e6),
+    Parameter("per_drive", True, "", "reducers may differ; false: all are alike", "assumed", assumed=True),
+    Parameter(
+        "nested",
+        True,
+        "",
+        "reducers enter by what an rms of their backlash costs; false: every tolerance of them is a variable",
+    ),
+)
+
+FIXED_OUTPUTS: tuple[Output, ...] = (
+    Output("cost", "", "relative cost of links and reducers", low=0.0),
+    Output("cost_links", "", "relative cost of the links", low=0.0),
+    Output("cost_reducers", "", "relative cost of the reducers", low=0.0),
+    Output(
+        "pose_accuracy_mm",
+        "mm",
+        "bidirectional pose accuracy A: quantile of the position error over units, sides of approach, phases and "
+        "poses, at the coverage",
+        low=0.0,
+    ),
+    Output("pose_rms_mm", "mm", "R, the rms of the same", low=0.0),
+    Output("accuracy_ratio", "", "A/R", low=0.0),
+    Output("squareness_mrad", "mrad", "rms tilt of the tool", low=0.0),
+    Output("yaw_mrad", "mrad", "rms rotation of the tool about its axis", low=0.0),
+    Output(
+        "backlash_arcmin", "arcmin", "quantile of a reducer's backlash at its coverage; of the worst drive", low=0.0
+    ),
+    Output(
+        "backlash_rms_arcmin",
+        "arcmin",
+        "root mean square of a reducer's backlash, hysteresis included; of the worst drive",
+        low=0.0,
+    ),
+    Output(
+        "te_amplitude_arcsec",
+        "arcsec",
+        "quantile of the amplitude of a reducer's transmission error at the coverage; of the worst drive",
+        low=0.0,
+    ),
+    Output(
+        "reversal_mm",
+        "mm",
+        "rms distance of two attained positions, all drives approached from opposite sides",
+        low=0.0,
+    ),
+    Output(
+        "iso_vap_mm",
+        "mm",
+        "multi-directional variation vAP of ISO 9283: largest distance of the means of approaches along three axes; "
+        "rms over units and poses",
+        low=0.0,
+    ),
+    Output("path_te_mm", "mm", "rms amplitude of the transmission errors along a path", low=0.0),
+    Output(
+        "wind_up_mm",
+        "mm",
+        "rms displacement by gravity's torque on the stiffness of the reducers; no tolerance changes it",
+        low=0.0,
+    ),
+    Output("wind_up_varying_mm", "mm", "rms of the displacement less its mean over the poses", low=0.0),
+    Output("held_percent", "%", "poses and drives at which gravity holds a flank", low=0.0, high=100.0),
+)
+LIMITS: dict[str, Bound] = {}
+OBJECTIVES = ("cost", "pose_accuracy_mm", "squareness_mrad", "te_amplitude_arcsec")
+STANDS = {"pose_rms_mm": "pose_accuracy_mm", "backlash_rms_arcmin": "backlash_arcmin"}
+"""Requirements of the convex form, and the outputs that grow with them."""
+
+
+def millimetres(points: Points) -> list[list[float]]:
+    """Points [m] of a drawing, in tenths of a millimetre."""
+    return [[round(1e3 * float(x), 1) + 0.0 for x in point] for point in points]
+
+
+def sketched(name: str, kind: str, points: Points, shares: Sequence[str] = ()) -> dict[str, Any]:
+    """A part of the drawing of a machine: its line [m], and the columns of its fractions of R^2."""
+    return {"name": name, "kind": kind, "points": millimetres(points), "shares": list(shares)}
+
+
+def share_name(variable: str) -> str:
+    """`share_origin_1_percent` of the variable `origin_1_um`."""
+    return f"share_{variable.rpartition('_')[0]}_percent"
+
+
+def outputs_of(drives: Iterable[str], links: Iterable[str], priced: Iterable[str]) -> tuple[Output, ...]:
+    """All outputs: fractions of R^2 of links and joints, prices of the variables."""
+    fractions = [
+        Output(f"share_joint_{drive}_percent", "%", f"fraction of R^2 of drive {drive}'s reducer", low=0.0, high=100.0)
+        for drive in drives
+    ]
+    fractions += [Output(share_name(name), "%", f"fraction of R^2 of {name}", low=0.0, high=100.0) for name in links]
+    prices = [Output(f"price_{name}", "um", f"reduction of R per unit of cost of {name}", low=0.0) for name in priced]
+    return (*FIXED_OUTPUTS, *fractions, *prices)
+
+
+# What a configuration declares of a machine: links, and a reducer on each drive.
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A drive with a reducer: `key` numbers it, drives of one `group` have reducers alike.
+
+    Cost, backlash and transmission error are the reducer's times a factor each.
+    """
+
+    key: str
+    reducer: Nested
+    cost_factor: float = 1.0
+    backlash_factor: float = 1.0
+    te_factor: float = 1.0
+    group: str = ""
+
+
+class Definition(ABC):
+    """Links and reducers of a machine."""
+
+    nested: bool
+    """Reducers enter by two numbers each; else every tolerance of them is a variable."""
+    per_drive: bool
+    """Reducers may differ; else all are alike."""
+
+    @property
+    @abstractmethod
+    def drives(self) -> tuple[Drive, ...]:
+        """The drives with a reducer, in the order of the machine's."""
+
+    @property
+    @abstractmethod
+    def link_variables(self) -> tuple[Variable, ...]:
+        """The variables of the links."""
+
+    @property
+    @abstractmethod
+    def link_costs(self) -> Mapping[str, CostCurve]:
+        """Their costs by name."""
+
+    @property
+    @abstractmethod
+    def link_references(self) -> Mapping[str, float]:
+        """Their usual standard deviations by name."""
+
+    @cached_property
+    def links(self) -> tuple[str, ...]:
+        """Names of the links' variables."""
+        return tuple(v.name for v in self.link_variables)
+
+    @cached_property
+    def gears(self) -> Mapping[str, Nested]:
+        """The reducers that have separate variables, by the key of their first drive."""
+        first: dict[str, Drive] = {}
+        for fitted in self.drives:
+            first.setdefault(self._group(fitted), fitted)
+        return {drive.key: drive.reducer for drive in first.values()}
+
+    @cached_property
+    def fitted(self) -> tuple[Fitted, ...]:
+        """The gear of each drive, with its factors."""
+        names = [self._group(drive) for drive in self.drives]
+        order = list(dict.fromkeys(names))
+        return tuple(
+            Fitted(order.index(name), drive.cost_factor, drive.backlash_factor, drive.te_factor)
+            for name, drive in zip(names, self.drives, strict=True)
+        )
+
+    def _group(self, drive: Drive) -> str:
+        return (drive.group or f"drive {drive.key}") if self.per_drive else ""
+
+
+def declaration_of(definition: Definition, **more: Any) -> Declaration:
+    """Variables, outputs and cost curves of links and reducers; `more` fields as they are."""
+    gears = gear_variables(definition.gears, definition.nested)
+    variables = (*definition.link_variables, *gears)
+    names = [v.name for v in variables if v.tolerance]
+    drives = [drive.key for drive in definition.drives]
+    return Declaration(
+        variables,
+        outputs_of(drives, definition.links, names),
+        costs=dict(definition.link_costs),
+        limits=LIMITS,
+        objectives=OBJECTIVES,
+        algorithm="exact",
+        **more,
+    )
+
+
+# The convex form of a machine of links and reducers.
+#
+# Every requirement is a root of a sum of squares: variances of links, E b^2 and W of reducers. What a
+# reducer costs at an rms of its backlash is a convex curve per grade (problems/reducers), each a way
+# of making it; its transmission error has a curve in closed form. The curves are lower bounds, by at
+# most 1e-5 of their cost, so that what is proven of the form is proven of all tolerances.
+
+
+TE_OUTPUT = "te_amplitude_arcsec"
+
+
+def form_of(problem: RobotProblem) -> Form | None:
+    """The form; None where a reducer's front is not proven."""
+    if not problem.gears.proven:
+        return None
+    gears = problem.gears.nested
+    shared = ["pose_rms_mm", "squareness_mrad", "yaw_mrad", "reversal_mm", "path_te_mm"]
+    outputs = [*shared, *(["backlash_rms_arcmin"] * len(gears)), *([TE_OUTPUT] * len(gears))]
+    features = [*_of_gears(problem, len(outputs)), *_of_links(problem, len(outputs))]
+    base = (problem.gears.wave.base * problem.gears.largest[1]).tolist()
+    offset = np.array([*[0.0] * (len(outputs) - len(base)), *base])
+    asked = (*outputs, "cost", *STANDS.values(), *(v.name for v in problem.variables))
+    relaxed = tuple(
+        limit.name
+        for limit in problem.limits
+        if limit.name not in asked or (np.isfinite(limit.low) and limit.name not in problem.names)
+    )
+    left_out = f"; limits left out: {', '.join(relaxed)}" if relaxed else ""
+    return Form(
+        tuple(outputs),
+        tuple(features),
+        offset,
+        _constant(problem, outputs),
+        "rms of the position error (first order) and proven fronts of the reducers, phi_2 normal" + left_out,
+        exact=False,
+        relaxed=relaxed,
+        stands=STANDS,
+    )
+
+
+def _constant(problem: RobotProblem, outputs: list[str]) -> Array:
+    """Squares that no tolerance changes: the hysteresis of drives whose flank is held."""
+    mean, gears = problem.machine.squares, problem.gears
+    lost = 0.25 * (gears.hysteresis * gears.factors) ** 2
+    squares = np.zeros(len(outputs))
+    for row, name in enumerate(AXES):
+        squares[row] = float((mean[f"{name}wave"] - mean[f"{name}backlash"]) @ lost)
+    return squares
+
+
+def _of_gears(problem: RobotProblem, rows: int) -> list[Feature]:
+    spreads = [_spreads(problem, gear, rows) for gear in range(len(problem.gears.nested))]
+    play = [_of_backlash(problem, gear, spread[0]) for gear, spread in enumerate(spreads)]
+    return play + [_of_wave(problem, gear, spread[1]) for gear, spread in enumerate(spreads)]
+
+
+def _spreads(problem: RobotProblem, gear: int, rows: int) -> Array:
+    """Coefficients (2, rows) of a gear's rms backlash [arcmin] and rms wave [arcsec]."""
+    mean, gears = problem.machine.squares, problem.gears
+    drives = [at for at, gear_of_drive in enumerate(gears.gear_of) if gear_of_drive == gear]
+    squares = gears.factors[drives] ** 2, gears.te_factors[drives] ** 2
+    play = np.array([float(mean[f"{name}backlash"][drives] @ squares[0]) for name in AXES])
+    wave = np.array([float(mean[f"{name}wave"][drives] @ squares[1]) for name in AXES])
+    spread = np.zeros((2, rows))
+    spread[0, :3], spread[1, :3] = np.sqrt(play / 4.0), SECONDS * np.sqrt(wave)
+    spread[0, 3], spread[1, 4] = np.sqrt(play[0]), SECONDS * np.sqrt(2.0 * wave[0])
+    spread[0, 5 + gear] = gears.largest[0, gear]
+    spread[1, 5 + len(gears.nested) + gear] = gears.largest[1, gear] * gears.wave.least
+    return spread
+
+
+def _of_backlash(problem: RobotProblem, gear: int, spread: Array) -> Feature:
+    """A way per grade; the cost of all drives that have the gear is in its curve."""
+    reducer, name = problem.gears.nested[gear], f"reducer_{problem.gears.keys[gear]}"
+    low, high = _range(problem, f"{name}_{RMS}", reducer.range)
+    price = reducer.price * float(problem.gears.counts[gear])
+    ways = []
+    for curve, grade in zip(reducer.curves, reducer.grades, strict=True):
+        ends = max(low, float(curve.t[0])), min(high, float(curve.t[-1]))
+        if ends[0] < ends[1]:
+            priced = replace(curve, price=price)
+            ways.append(_way(priced, ends, spread, float(grade)))
+    return Feature(f"{name}_{RMS}", tuple(ways), f"{name}_grade_of_form")
+
+
+def _of_wave(problem: RobotProblem, gear: int, spread: Array) -> Feature:
+    curve, name = problem.gears.wave.curve, f"reducer_{problem.gears.keys[gear]}"
+    usual = float(curve.t[0]), float(curve.t[-1])
+    low, high = _range(problem, f"{name}_{TE}", usual)
+    priced = replace(curve, price=curve.price * float(problem.gears.counts[gear]))
+    way = _way(priced, (max(low, usual[0]), min(high, usual[1])), spread)
+    return Feature(f"{name}_{TE}", (way,))
+
+
+def _way(curve: CostCurve, ends: tuple[float, float], spread: Array, choice: float = 0.0) -> Way:
+    nothing = (0.0,) * len(spread)
+    return Way(curve, *ends, nothing, tuple(spread.tolist()), choice=choice)
+
+
+def _of_links(problem: RobotProblem, rows: int) -> list[Feature]:
+    spreads = np.pad(np.sqrt(problem.machine.links), ((0, rows - 3), (0, 0))).T
+    return [
+        Feature(name, (_way(problem.settings.costs[name], _range(problem, name, problem.interval(name)), spread),))
+        for name, spread in zip(problem.link_names, spreads, strict=True)
+    ]
+
+
+def _range(problem: RobotProblem, name: str, usual: tuple[float, float]) -> tuple[float, float]:
+    """Range of a variable within the limits on it."""
+    return narrowed(problem.limits, name, *(problem.interval(name) if name in problem.names else usual))
+
+
+# Where the next unit of cost reduces the error most, in words.
+
+
+MOST = 3
+"""Tolerances that are named."""
+
+
+def remarks_of(front: pd.DataFrame) -> tuple[str, ...]:
+    """The best prices and the largest fractions of R^2 at the front's middle point by cost."""
+    if front.empty:
+        return ()
+    order = front["cost"].astype(float).argsort(kind="stable")
+    row = front.iloc[int(order.iloc[len(front) // 2])]
+    values = {str(name): float(value) for name, value in row.items() if str(name).startswith(("price_", "share_"))}
+    where = f"at cost {float(row['cost']):.4g} (A {float(row['pose_accuracy_mm']):.3g} mm)"
+    bought = ", ".join(f"{name} {value:.3g} um" for name, value in _largest(values, "price_", ""))
+    largest = ", ".join(f"{name} {value:.3g} %" for name, value in _largest(values, "share_", "_percent"))
+    return (
+        f"{where} a further unit of cost lowers R most where it is spent on {bought}; the largest fractions of R^2 "
+        f"are {largest}",
+    )
+
+
+def _largest(values: dict[str, float], begins: str, ends: str) -> list[tuple[str, float]]:
+    ranked = [
+        (name.removeprefix(begins).removesuffix(ends), value)
+        for name, value in values.items()
+        if name.startswith(begins)
+    ]
+    return sorted(ranked, key=lambda pair: -pair[1])[:MOST]
+
 
 FRACTIONS = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Fractions of backlash in R^2 at which the ratio A/R of a search is tabulated."""

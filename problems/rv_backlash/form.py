@@ -9,22 +9,39 @@ the eccentricity, whose mean bends down and whose variance grows with t^4. Its r
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import ndtri
 
 from ...models.costs import CostCurve, Reciprocal
+from ...models.inputs import Distribution
+from ...models.propagation.convolution import UNIFORM, Even, even_law
 from ...models.propagation.sums import Term
+from ...section import Array
 from ...units import ARCMIN, MM
 from ..forms import Feature, Form, Way
 from ..limits import Limit
-from ..promise import ASSURED, PROMISED
-from .machined_tolerances import CELLS as CELLS_OF_MEANS
-from .machined_tolerances import Piece, pieces_of
-from .refused import allows_any
-from .shift import extreme_pair, play_slopes, profile_at
-from .terms import BEARING, GRADE, bearing_term, ends, grades_of, unit_terms
+from ..settings import ASSURED, PROMISED
+from .shift import (
+    BEARING,
+    GRADE,
+    Piece,
+    Shift,
+    allows_any,
+    bearing_term,
+    ends,
+    extreme_pair,
+    grades_of,
+    pieces_of,
+    play_slopes,
+    profile_at,
+    unit_terms,
+)
+from .shift import CELLS as CELLS_OF_MEANS
 
 if TYPE_CHECKING:
     from .problem import RvBacklash
@@ -177,3 +194,325 @@ def _relaxed(problem: RvBacklash, settled: dict[str, float]) -> tuple[str, ...]:
         and (limit.name not in known or _from_below(limit))
         and not (limit.name in profile and np.all(limit.kept(profile[limit.name])))
     )
+
+
+# The eccentricity's term b t z + q t^2 z^2, bounded by terms that are linear in t.
+#
+# S is a sum of even, unimodal deviations. Where y - Y >= 0 for every unit, P(S + Y <= y) is at most
+# what it is with Y replaced by any Y' below it in convex order: F_S is concave above 0 (Jensen). Y'
+# is uniform about Y's mean, on the largest half-width a for which the integrals of the upper
+# quantiles of Y' stay below those of Y: a u (1 - u) <= int_u^1 (Q_Y - mean), all u.
+
+
+LEVELS = 4001
+"""Quantiles by which a law is compared with a uniform one."""
+SAFE = 2e-3
+"""Fraction of a half-width, or of a range, that is given up for values between the points."""
+WITHIN = 5
+"""Points of a cell that are evaluated."""
+
+
+def uniform_below(values: Array) -> float:
+    """Half-width of the largest uniform law about the mean below a sample in convex order.
+
+    `values` (n,) are quantiles at the levels (i + 1/2)/n.
+    """
+    ordered = np.sort(values)
+    n = len(ordered)
+    fraction = np.arange(1, n) / n  # fraction above the first i of n quantiles
+    upper = np.cumsum((ordered - ordered.mean())[::-1])[::-1][1:] / n
+    return max(0.0, float(np.min(upper / (fraction * (1.0 - fraction)))) * (1.0 - SAFE))
+
+
+def quantiles_of(law: Distribution) -> Array:
+    """Quantiles (n,) of a law at the levels (i + 1/2)/n."""
+    return np.asarray(law.quantile((np.arange(LEVELS) + 0.5) / LEVELS))
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Bounds of Y = b t z + q t^2 z^2 [arcmin] for half-widths t in [low, high] [um].
+
+    `mean_below` and `mean_above` (slope, constant) bound its mean by lines in t, from below and
+    from above; `spread` t is the half-width of a uniform law below it in convex order; `least` is
+    the least value of any unit, `range` the width of its values, both for the whole cell.
+    """
+
+    law: Distribution
+    b: float
+    q: float
+    low: float
+    high: float
+    z: Array = field(compare=False, repr=False)
+    """Quantiles of the law, as `quantiles_of` gives them: cells of one law share them."""
+
+    def values(self, t: float) -> Array:
+        """Y at the levels (i + 1/2)/n of z."""
+        return np.asarray(self.b * t * self.z + self.q * (t * self.z) ** 2)
+
+    @cached_property
+    def _inside(self) -> dict[float, Array]:
+        """Y by half-width, at points of the cell."""
+        points = np.linspace(self.low, self.high, WITHIN if self.low < self.high else 1)
+        return {t: self.values(t) for t in points.tolist()}
+
+    @cached_property
+    def spread(self) -> float:
+        """Half-width per um of a uniform law below Y in convex order."""
+        return float(min(uniform_below(y) / t for t, y in self._inside.items()))
+
+    @property
+    def mean_below(self) -> tuple[float, float]:
+        """Slope and constant of a line below the mean."""
+        return self._line(1.0)
+
+    @property
+    def mean_above(self) -> tuple[float, float]:
+        """Slope and constant of a line above the mean."""
+        slope, constant = self._line(-1.0)
+        return -slope, -constant
+
+    def _line(self, side: float) -> tuple[float, float]:
+        """A line below side * mean: t^2 lies below its chord and above its tangents."""
+        _, m1, m2 = self.law.raw_moments(2)
+        bend, slope = side * self.q * float(m2), self.low + self.high
+        constant = -self.low * self.high if bend < 0.0 else -0.25 * slope**2
+        return side * self.b * float(m1) + bend * slope, bend * constant
+
+    @property
+    def least(self) -> float:
+        """Least value of any unit."""
+        return self._ends[0]
+
+    @property
+    def range(self) -> float:
+        """Width of the values of all units."""
+        return self._ends[1] - self._ends[0]
+
+    @cached_property
+    def _ends(self) -> tuple[float, float]:
+        """Bounds of the values of all units of the cell: those of the loosest t reach farthest."""
+        ends = np.array(self.law.support) * self.high
+        if ends[0] > 0.0 or ends[1] < 0.0:
+            ends = np.array([min(ends[0], 0.0), max(ends[1], 0.0)])
+        vertex = np.clip(-0.5 * self.b / self.q, *ends) if self.q != 0.0 else ends[0]
+        deviations = [float(self.b * u + self.q * u * u) for u in (*ends, vertex, 0.0)]
+        return min(deviations), max(deviations)
+
+    def quantile_above(self, fraction: float) -> float:
+        """A value above the quantile of Y at `fraction`, for all t of the cell."""
+        if fraction >= 1.0:
+            return self._ends[1]
+        quantile = max(float(np.quantile(y, fraction)) for y in self._inside.values())
+        return min(self._ends[1], quantile + SAFE * self.range)
+
+
+# The parts of the backlash of an RV reducer as members of a convex form.
+
+
+CELLS_OF_PIECES, COARSE = 48, 4
+"""Pieces of the range of the eccentricity, in geometric steps; and pieces for designs at which
+y - Y >= 0 fails, which are too expensive to be of interest."""
+ROUNDING = 1e-6
+"""Error of a mean by quantiles, as a fraction of the range."""
+
+
+@dataclass(frozen=True)
+class Member:
+    """A way of a feature, whose deviation is `spread` t z, z ~ `law`, about mean + slope t.
+
+    Means [arcmin] are bounds from below of those in the backlash (`mean`, `slope`), and from above
+    in phi_2 (`top`, `top_slope`). `least` is the least value of its deviation, `range` the width,
+    `units` are values of evenly many units, where they are known.
+    """
+
+    curve: CostCurve
+    low: float
+    high: float
+    spread: float
+    law: Even
+    mean: float = 0.0
+    slope: float = 0.0
+    top: float = 0.0
+    top_slope: float = 0.0
+    least: float = 0.0
+    range: float = 0.0
+    cell: Cell | None = None
+    units: Array | None = None
+    choice: float = 0.0
+
+    def above(self, fraction: float) -> float:
+        """A value that at least a fraction `fraction` of the units exceeds."""
+        if self.units is None:
+            return self.least
+        quantile = float(np.quantile(self.units, 1.0 - fraction)) - SAFE * float(np.ptp(self.units))
+        return max(self.least, quantile)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A feature of the form: its variable or choice, its ways, whether phi_2 contains it.
+
+    A `bent` one is not even: it enters by a law that is below its own in convex order.
+    """
+
+    variable: str
+    members: tuple[Member, ...]
+    clipped: bool
+    bent: bool = False
+    choice: str = ""
+
+
+@dataclass(frozen=True)
+class Sum:
+    """The parts of the backlash, the constant of phi_2 (`cycloid`) and what is added to all."""
+
+    parts: tuple[Part, ...]
+    shift: Shift
+    cycloid: float
+    effective_change: float
+
+
+def sum_of(problem: RvBacklash, cut: float) -> Sum | str:
+    """All parts of the backlash, or why there is none of their forms; `cut` as in `_grades`."""
+    shift = problem.shift
+    if shift is None:
+        return "the ranges and limits of the modification leave no room"
+    if problem.change.growth != 0.0:
+        return "an effect inflates the spread"
+    parts: list[Part] = []
+    cycloid = 0.0
+    if "eccentricity_um" in problem.machined_tolerances:
+        return "the eccentricity is made by machines, whose law is not bounded"
+    for name, term in unit_terms(problem).items():
+        cycloid += float(term.constant[0]) / ARCMIN
+        part = (
+            _bent(problem, name, term) if term.quadratic is not None else _straight(problem, name, term, clipped=True)
+        )
+        if isinstance(part, str):
+            return part
+        parts.append(part)
+    bearing = _straight(problem, BEARING, bearing_term(problem), clipped=False)
+    if isinstance(bearing, str):
+        return bearing
+    parts += [bearing, _grades(problem, cut)]
+    return Sum(tuple(parts), shift, cycloid, problem.change.effective / ARCMIN)
+
+
+def _straight(problem: RvBacklash, name: str, term: Term, clipped: bool) -> Part | str:
+    """A term that grows with its tolerance as a whole; of phi_2 its constant is counted apart."""
+    known = even_law(term.distribution)
+    if known is None:
+        return f"the deviations of {name} are skewed or have poles"
+    linear = float(term.linear[0]) / ARCMIN
+    if name in problem.machined_tolerances:
+        return _machines_of_piece(problem, name, linear, known[1])
+    slope = linear * known[0] + (0.0 if clipped else float(term.constant[0]) / ARCMIN)
+    member = Member(
+        problem.settings.costs[name], *ends(problem, name), abs(linear), known[1], slope=slope, top_slope=slope
+    )
+    return Part(name, (member,), clipped)
+
+
+def _machines_of_piece(problem: RvBacklash, name: str, linear: float, law: Even) -> Part:
+    """A tolerance that machines make, by the spread of its good parts."""
+    tolerance, moves = problem.machined_tolerances[name], problem.model.moves(name.removesuffix("_um"))
+    members = []
+    for piece in pieces_of(tolerance, ends(problem, name), CELLS_OF_MEANS if moves else 1):
+        values = linear * moves * piece.means
+        (slope, mean), (top_slope, top) = piece.line(values, 1.0), piece.line(values, -1.0)
+        members.append(
+            Member(
+                piece.curve, piece.low, piece.high, abs(linear), law, mean, slope, top, top_slope, choice=piece.choice
+            )
+        )
+    return Part(name, tuple(members), clipped=True, choice=tolerance.choice)
+
+
+def _bent(problem: RvBacklash, name: str, term: Term, cells: int = CELLS_OF_PIECES) -> Part:
+    """The eccentricity, cut into cells."""
+    assert term.quadratic is not None
+    low, high = ends(problem, name)
+    b, q = float(term.linear[0]) / ARCMIN, float(term.quadratic[0]) / ARCMIN
+    edges = np.geomspace(low, high, cells + 1) if low < high else np.array([low, high])
+    members, z = [], quantiles_of(term.distribution)
+    for start, end in pairwise(edges.tolist()):
+        cell = Cell(term.distribution, b, q, start, end, z)
+        (slope, mean), (top_slope, top) = cell.mean_below, cell.mean_above
+        curve = problem.settings.costs[name]
+        members.append(
+            Member(curve, start, end, cell.spread, UNIFORM, mean, slope, top, top_slope, cell.least, cell.range, cell)
+        )
+    return Part(name, tuple(members), clipped=True, bent=True)
+
+
+def coarse(problem: RvBacklash, total: Sum, grades: bool = False) -> Sum:
+    """The sum with few cells, for designs of no interest; without `grades` one that is better than
+    all stands for them.
+    """
+    terms = unit_terms(problem)
+
+    def coarser(part: Part) -> Part:
+        if part.choice and not part.variable and not grades:
+            return replace(part, members=(_best_of(part.members),))
+        cut = part.bent and bool(part.variable)
+        return _bent(problem, part.variable, terms[part.variable], COARSE) if cut else part
+
+    return replace(total, parts=tuple(coarser(part) for part in total.parts))
+
+
+def _best_of(members: tuple[Member, ...]) -> Member:
+    """A way that costs no more than any, and deviates no more; its range is the widest."""
+    least = min(float(member.curve.cost(np.array([1.0]))[0]) for member in members)
+    return replace(
+        members[0],
+        curve=Reciprocal(least, 0.0),
+        spread=min(member.spread for member in members),
+        mean=min(member.mean for member in members),
+        least=min(member.least for member in members),
+        range=max(member.range for member in members),
+        units=None,
+    )
+
+
+def _grades(problem: RvBacklash, cut: float) -> Part:
+    """The involute grade: every grade of the range is a separate way.
+
+    A skewed clearance G enters as min(G, g), where a fraction `cut` of the units exceeds g: it is
+    less than G, and y - g cannot be below the rest of W for designs that keep a limit (`OUTSIDE`).
+    """
+    grades, term = grades_of(problem)
+    known = even_law(term.distribution)
+    mean, law, width = (known[0], known[1], 1.0) if known else _below(term, cut)
+    ends_of_z = term.distribution.support
+    units = term.distribution.quantile((np.arange(LEVELS) + 0.5) / LEVELS)
+    members = []
+    for g, m, a, cost in zip(
+        grades.tolist(),
+        term.constant / ARCMIN,
+        term.linear / ARCMIN,
+        problem.settings.costs[GRADE].cost(grades),
+        strict=True,
+    ):
+        z = sorted((float(a) * ends_of_z[0], float(a) * ends_of_z[1]))
+        members.append(
+            Member(
+                Reciprocal(float(cost), 0.0),
+                1.0,
+                1.0,
+                abs(float(a)) * width,
+                law,
+                mean=float(m + a * mean),
+                least=float(m) + z[0],
+                units=m + a * units,
+                choice=g,
+            )
+        )
+    return Part("", tuple(members), clipped=False, bent=known is None, choice=GRADE)
+
+
+def _below(term: Term, cut: float) -> tuple[float, Even, float]:
+    """Mean of a skewed law cut off at the top, and the largest uniform law that is below it."""
+    z = term.distribution.quantile((np.arange(LEVELS) + 0.5) / LEVELS)
+    z = np.minimum(z, np.quantile(z, 1.0 - cut))
+    return float(z.mean() - ROUNDING * np.ptp(z)), UNIFORM, uniform_below(z)

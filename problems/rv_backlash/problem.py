@@ -5,37 +5,249 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...arrays import Array
-from ...declarations import number
 from ...errors import Fault
+from ...models.costs import CostCurve, Reciprocal, ReciprocalPower, Table
 from ...models.propagation import Convolution, Estimate, Moments, MonteCarlo, Propagated, Propagation
-from ...models.propagation.sums import ClippedSum
-from ...models.rv_reducer import declared, modification
+from ...models.propagation.sums import ClippedSum, Term, total_cumulants
+from ...models.rv_reducer import declared
+from ...models.rv_reducer import geometry as modification
 from ...models.rv_reducer.backlash import Allocation, stage_means
+from ...section import Array, Output, number
 from ...units import ARCMIN, MM
 from ..declaration import Declaration, Interval
 from ..deviations import Deviations
-from ..forms import Form
+from ..forms import Form, ends_of_front
 from ..interfaces import Accuracy, Comparison, Documented, Page, Provable, WithEffects
-from ..least import ends_of_front
 from ..machined import Machined
-from ..promise import ASSURED, PROMISED
-from ..promising import Promising
-from ..settings import Bound, Settings
-from .by_contact import verdicts
-from .costs import DEFAULT_COSTS
-from .counterparts import changes_of, sentence
-from .deviating import deviations_of, promised_form
+from ..promise import Promising
+from ..settings import ASSURED, PROMISED, Bound, Settings
+from .counterparts import changes_of, deviations_of, promised_form, sentence
 from .form import deviations
-from .gradient import gradients
-from .machined_tolerances import TERMS, moved
-from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS
 from .quantile_form import quantile_form, shortfalls
-from .refused import refused
-from .shift import SHIFT, Shift, columns_of, shift_of
+from .shift import BEARING, GRADE, SHIFT, TERMS, Shift, columns_of, moved, refused, shift_of
+
+if TYPE_CHECKING:
+    from ..rv_reducer import RvReducer
+
+# The exact contact's verdict on allocations of the closed form.
+
+
+def contact_problem(problem: RvBacklash) -> RvReducer:
+    """The problem of the same reducer on its exact contact: parameters, mid-limits and effects carried over.
+
+    Errors between discs, which the closed form does not know, are at their defaults.
+    """
+    from ..rv_reducer import RvReducer  # it takes the costs of this problem
+
+    known = {parameter.name for parameter in RvReducer.declaration.parameters}
+    given = {n: v for n, v in problem.settings.parameters.items() if n in known}
+    inputs = {n: setting for n, setting in problem.given.variables.items() if setting.distribution or setting.mid}
+    return RvReducer(
+        Settings(
+            parameters=given,
+            variables=inputs,
+            propagation=problem.settings.propagation,
+            seed=problem.settings.seed,
+            effects=problem.settings.effects,
+        )
+    )
+
+
+def verdicts(problem: RvBacklash, designs: Array) -> tuple[str, ...]:
+    """The verdict on each full design (n, all variables) of the closed form."""
+    contact = contact_problem(problem)
+    values = [contact.fixed | dict(zip(problem.names, design.tolist(), strict=True)) for design in designs]
+    rows = [np.array([design.get(name) for name in contact.names], dtype=float) for design in values]
+    coverage = 100.0 * problem.settings.propagation.coverage
+    evaluations = [contact.evaluation(row, searching=False) for row in rows]
+    return tuple(
+        f"by contact this allocation keeps {problem.limit:g} arcmin in {evaluation.value('yield_percent'):.1f} % of "
+        f"the units at all {contact.count('positions')} positions of a turn; {coverage:.4g} % of them stay below "
+        f"{evaluation.value('backlash_max_arcmin'):.2f} arcmin, and "
+        f"{100.0 * evaluation.value('interference_probability'):.2g} % interfere"
+        for evaluation in evaluations
+    )
+
+
+# Relative costs of the features of an RV-40E, all of them assumptions.
+#
+# The documents print no cost data. The unit is the finishing cost of the 40 pin holes at their
+# document tolerance, divided by two. Each curve is a + b/t^k with t in um; b puts the variable part
+# at the document's half-width t_0 to the weight below, so C(t_0) = a + weight.
+#
+# | feature | weight at t_0 | reasoning |
+# |---|---|---|
+# | pin holes, radius | 2.0 | 40 half-open bores, honed or ground one by one: the most expensive feature |
+# | pin position | 1.6 | indexing of the same 40 bores on a jig grinder |
+# | pin circle radius | 0.8 | one setting of the same machine, drifts with temperature |
+# | pins, radius | 0.6 | 40 pins, centreless ground in quantity and sorted in classes |
+# | pitch of the discs | 1.4 | generating grinding of two discs, indexing accuracy |
+# | runout of the discs | 0.5 | bore and profile ground in one clamping |
+# | equidistance, shift | 0.6 each | wheel dressing, and grinding centre distance |
+# | eccentricity | 1.2 | two crankshafts with two eccentrics each, ground out of centre |
+# | crank bearings | 0.8 | four needle bearings, sorted into clearance classes |
+# | involute gears | 0.8 .. 3.2 | grade 8 to 4: ground and inspected, about 1.3 to 1.6 per grade |
+#
+# Exponents: k = 1 (reciprocal) where a size is reached by further passes on one machine, k = 0.6
+# where parts are sorted (narrower classes cost scrap and handling, not passes). Exponents between
+# about 0.5 and 1 are what reciprocal-power fits to process data use: Sutherland & Roth (1975);
+# Chase, Greenwood, Loosli & Hauglund (1990), Manufacturing Review 3(1), 49-59. Absolute values are
+# not transferable between shops: replace them under `[costs]` in the configuration.
+
+
+def _sorted(weight: float, t_0: float) -> ReciprocalPower:
+    return ReciprocalPower(a=0.1, b=round(weight * t_0**0.6, 6), k=0.6)
+
+
+def _ground(weight: float, t_0: float) -> Reciprocal:
+    return Reciprocal(a=0.1, b=round(weight * t_0, 6))
+
+
+DEFAULT_COSTS: dict[str, CostCurve] = {
+    "pin_circle_radius_um": _ground(0.8, 3.0),
+    "pin_position_um": _ground(1.6, 2.0),
+    "pin_hole_radius_um": _ground(2.0, 1.5),
+    "pin_radius_um": _sorted(0.6, 1.0),
+    "pitch_um": _ground(1.4, 4.0),
+    "runout_um": _ground(0.5, 1.0),
+    "eccentricity_um": _ground(1.2, 1.0),
+    "equidistance_um": _ground(0.6, 1.0),
+    "shift_um": _ground(0.6, 1.0),
+    "crank_bearing_um": _sorted(0.8, 2.0),
+    "involute_grade": Table(t=(4.0, 5.0, 6.0, 7.0, 8.0), cost_at=(3.2, 2.0, 1.4, 1.0, 0.8)),
+}
+
+
+# Derivatives of cost and of the geometric backlash with respect to every variable.
+
+
+def gradients(problem: RvBacklash, designs: Array) -> dict[str, Array]:
+    """d output / d variable, shape (n, all variables), in the units of output and variable.
+
+    A term constant + a t z + b t^2 z^2 has mean and variance that are polynomials in its tolerance
+    t, so both derivatives are exact. The grade counts as continuous (sqrt(2) per grade).
+    """
+    total = problem.total(designs)
+    terms = dict(zip(TERMS, total.clipped, strict=True))
+    mean, variance = np.zeros_like(designs), np.zeros_like(designs)
+    phi_1, phi_3 = total.free
+    spread = problem.effective(designs)
+    slopes = {name: _by_tolerance(t, problem.column(spread, name)) for name, t in terms.items()}
+    for tolerance in problem.machined_tolerances.values():
+        t, chosen = problem.column(designs, tolerance.name), problem.chosen(designs, tolerance)
+        rise, shift = tolerance.slopes(t, chosen)
+        (by_mean, by_variance), x = slopes[tolerance.name], problem.column(spread, tolerance.name)
+        shift = shift * problem.model.moves(tolerance.name.removesuffix("_um"))
+        of_mean, of_variance = _by_middle(terms[tolerance.name], x)
+        slopes[tolerance.name] = (by_mean * rise + of_mean * shift, by_variance * rise + of_variance * shift)
+    slopes[BEARING] = _scaled(phi_3, 1.0 / problem.column(designs, BEARING))
+    slopes[GRADE] = _scaled(phi_1, 0.5 * np.log(2.0))
+    for name, pair in slopes.items():
+        at = problem.names.index(name)
+        mean[:, at], variance[:, at] = pair
+    model = problem.model
+    unit = 2.0 * model.output_factor / model.geometry.lever
+    fixed = {
+        "stagger_arcmin": -model.output_factor * model.stagger_gain * ARCMIN,
+        "dr_rp_mm": unit * MM,
+        "dr_p_mm": -unit * model.geometry.flank * MM,
+    }
+    for name, slope in fixed.items():
+        mean[:, problem.names.index(name)] = slope
+    std = np.sqrt(total_cumulants(total.clipped + total.free)[1])
+    deviation = 0.5 * variance / std[:, None] * (1.0 + problem.change.growth)
+    return {
+        "cost": problem.cost_slopes(designs),
+        "backlash_geometric_arcmin": (mean + deviations(problem) * deviation) / ARCMIN,
+        "backlash_geometric_mean_arcmin": mean / ARCMIN,
+        "backlash_geometric_std_arcmin": deviation / ARCMIN,
+    }
+
+
+def _by_tolerance(term: Term, t: Array) -> tuple[Array, Array]:
+    """d mean/dt and d variance/dt of a term whose linear part grows with t, the bent with t^2."""
+    _, m1, m2, m3, m4 = term.distribution.raw_moments(4)
+    linear = term.linear / t
+    bent = 0.0 if term.quadratic is None else term.quadratic / t**2
+    mean = linear * m1 + 2.0 * bent * t * m2
+    variance = (
+        2.0 * linear**2 * t * (m2 - m1**2)
+        + 6.0 * linear * bent * t**2 * (m3 - m1 * m2)
+        + 4.0 * bent**2 * t**3 * (m4 - m2**2)
+    )
+    return mean, variance
+
+
+def _by_middle(term: Term, x: Array) -> tuple[Array, Array]:
+    """d mean/dm and d variance/dm of a normal term (b + 2 q m) x z + q (x z)^2 about its mean m."""
+    if term.quadratic is None:
+        return term.linear / x, np.zeros_like(x)
+    square = term.distribution.raw_moments(2)[2]
+    return term.linear / x, 4.0 * term.linear * term.quadratic / x * square
+
+
+def _scaled(term: Term, rate: Array | float) -> tuple[Array, Array]:
+    """The same of a term that grows as a whole at the relative `rate`."""
+    mean, variance = term.cumulants()[:2]
+    return mean * rate, 2.0 * variance * rate
+
+
+# Outputs of `rv_backlash`, its default limits and objectives.
+
+
+OUTPUTS = (
+    Output("cost", "", "relative manufacturing cost, sum of the cost curves", low=0.0),
+    Output("phi_1_arcmin", "arcmin", "mean backlash of the involute stage"),
+    Output("phi_2_arcmin", "arcmin", "mean of the cycloid stage, stagger included; below zero: interference"),
+    Output("phi_3_arcmin", "arcmin", "mean backlash of the output stage"),
+    Output("backlash_geometric_mean_arcmin", "arcmin", "mean of phi_1 + phi_2 + phi_3"),
+    Output("backlash_geometric_std_arcmin", "arcmin", "standard deviation of the same", low=0.0),
+    Output(
+        "backlash_geometric_arcmin",
+        "arcmin",
+        "mean + k standard deviations of the same, k the standard normal quantile at the coverage",
+    ),
+    Output("backlash_mean_arcmin", "arcmin", "mean of phi_1 + max(0, phi_2) + phi_3", low=0.0),
+    Output("backlash_std_arcmin", "arcmin", "standard deviation of the same", low=0.0),
+    Output("backlash_rms_arcmin", "arcmin", "root mean square of the same over units", low=0.0),
+    Output("backlash_arcmin", "arcmin", "one-sided quantile of phi_1 + max(0, phi_2) + phi_3 at the coverage", low=0.0),
+    Output(
+        "yield_percent",
+        "%",
+        "units whose effective backlash keeps backlash_limit_arcmin",
+        100.0,
+        larger_is_better=True,
+        low=0.0,
+        high=100.0,
+    ),
+    Output("interference_probability", "", "probability of phi_2 < 0 (preload)", low=0.0, high=1.0),
+    Output("radial_gap_mm", "mm", "clearance at tooth tip and root, dr_rp - dr_p (g3)", 0.03, larger_is_better=True),
+    Output("clearance_min_mm", "mm", "least raw flank clearance of the modification", 0.03, larger_is_better=True),
+    Output("conjugate_clearance_min_mm", "mm", "least clearance after first contact (g5)", 0.03, larger_is_better=True),
+    Output("modification_backlash_arcmin", "arcmin", "backlash that the modification itself leaves (g4)"),
+    Output("backlash_mean_arcmin_error", "arcmin", "stated numerical error", error_of="backlash_mean_arcmin"),
+    Output("backlash_std_arcmin_error", "arcmin", "stated numerical error", error_of="backlash_std_arcmin"),
+    Output("backlash_rms_arcmin_error", "arcmin", "stated numerical error", error_of="backlash_rms_arcmin"),
+    Output("backlash_arcmin_error", "arcmin", "stated numerical error", error_of="backlash_arcmin"),
+    Output("yield_percent_error", "%", "stated numerical error", error_of="yield_percent"),
+    Output("interference_probability_error", "", "stated numerical error", error_of="interference_probability"),
+)
+
+DEFAULT_LIMITS = {
+    "dr_rp_mm": Bound(high=0.0),
+    "dr_p_mm": Bound(high=0.0),
+    "radial_gap_mm": Bound(low=0.03),
+    "modification_backlash_arcmin": Bound(low=0.0),
+    "conjugate_clearance_min_mm": Bound(low=0.0),
+}
+"""Radial gap at least 0.03 mm, and g1 to g5 of document B (g3 is implied by the gap)."""
+
+DEFAULT_OBJECTIVES = ("cost", "backlash_arcmin")
+
 
 SEARCH_POINTS = 512
 """Lattice of the search; its quantiles are within about 0.001 arcmin of the reported ones."""

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 
-from ...counts import Need
-from ...declarations import Kind, Parameter, Variable
+import numpy as np
+
+from ...errors import Fault
 from ...models.rv_reducer import declared as document
 from ...models.rv_reducer.contact import declared as contact
+from ...models.rv_reducer.contact.contact import interference, shape_faults
+from ...models.rv_reducer.contact.geometry import ContactGeometry
+from ...models.rv_reducer.population.errors import nearest_prime, shares_a_factor, spreads_evenly
 from ...models.rv_reducer.population.measures import INTERFERENCE
+from ...section import Kind, Need, Output, Parameter, Value, Variable, number, too_many
+from ...units import MM
+from ..declaration import Interval
+from ..rv_backlash.problem import DEFAULT_COSTS
+from ..settings import Bound, Settings
 
 _SHARED = (
     "pin_circle_radius_mm",
@@ -159,3 +169,381 @@ VARIABLES: tuple[Variable, ...] = (
     _new("bore_um", "um", 0.5, 10.0, "position of the crank bores in a disc, either direction"),
     _new("crank_phase_mrad", "mrad", 0.3, 10.0, "phase of each journal of a crankshaft"),
 )
+
+
+# Outputs of `rv_reducer`, its default limits and objectives.
+
+
+MEASURED = {
+    "backlash_max_arcmin": "largest backlash of a unit over the positions of a turn",
+    "backlash_mean_arcmin": "mean backlash of a unit over the positions of a turn",
+}
+"""What rigid units show, by output: each has a quantile, a mean and a standard deviation."""
+ELASTIC = {
+    "lost_motion_arcmin": "rotation between -3 % and +3 % of the rated torque, mean over the turn",
+    "transmission_error_arcsec": "half the peak-to-peak transmission error over a turn, under te_torque_Nm",
+    "preload_torque_Nm": "torque of the preloaded flanks without load, mean over the turn",
+    "peak_pin_force_N": "largest force on a pin over the turn at the rated torque",
+}
+"""What units show under load, by output."""
+
+
+def _spread(name: str, meaning: str) -> tuple[Output, ...]:
+    unit = name.rpartition("_")[2]
+    return (
+        Output(name, unit, f"{meaning}: one-sided quantile over units at the coverage", low=0.0),
+        Output(f"{name}_mean", unit, f"mean over units of the {meaning}", low=0.0),
+        Output(f"{name}_std", unit, f"standard deviation over units of the {meaning}", low=0.0),
+    )
+
+
+RIGID: tuple[Output, ...] = (
+    Output("cost", "", "relative manufacturing cost, sum of the cost curves", low=0.0),
+    *(output for name, meaning in MEASURED.items() for output in _spread(name, meaning)),
+    Output("backlash_rms_arcmin", "arcmin", "root mean square of the backlash over units and positions", low=0.0),
+    Output(
+        "yield_percent",
+        "%",
+        "units whose largest backlash over the turn keeps backlash_limit_arcmin",
+        100.0,
+        larger_is_better=True,
+        low=0.0,
+        high=100.0,
+    ),
+    Output(
+        "interference_probability",
+        "",
+        "probability of interference, as the parameter interference defines it; play of the crank bearings included",
+        low=0.0,
+        high=1.0,
+    ),
+    Output(
+        "interference_share_of_turn",
+        "",
+        "fraction of all positions of all units at which flanks interfere",
+        low=0.0,
+        high=1.0,
+    ),
+    Output("overlap_p95_arcmin", "arcmin", "overlap that 95 % of the units stay below at every position", low=0.0),
+    Output("phi_1_arcmin", "arcmin", "mean backlash of the involute stage", low=0.0),
+    Output("radial_gap_mm", "mm", "clearance at tooth tip and root, dr_rp - dr_p", 0.03, larger_is_better=True),
+    Output("modification_backlash_arcmin", "arcmin", "backlash that the modification itself leaves (first order)"),
+)
+UNDER_LOAD: tuple[Output, ...] = (
+    *(output for name, meaning in ELASTIC.items() for output in _spread(name, meaning)),
+    Output(
+        "preload_torque_Nm_max",
+        "Nm",
+        "torque of the preloaded flanks without load, largest over the turn: one-sided quantile over units",
+        low=0.0,
+    ),
+)
+SAMPLED = (
+    *(f"{name}{part}" for name in MEASURED for part in ("", "_mean", "_std")),
+    "backlash_rms_arcmin",
+    "yield_percent",
+    "interference_probability",
+    "interference_share_of_turn",
+    "overlap_p95_arcmin",
+)
+"""Rigid outputs with a standard error."""
+
+
+SAMPLED_UNDER_LOAD = tuple(output.name for output in UNDER_LOAD)
+OUTPUTS = (
+    *RIGID,
+    *UNDER_LOAD,
+    *(
+        Output(f"{output.name}_error", output.unit, "standard error of the sample", error_of=output.name)
+        for output in (*RIGID, *UNDER_LOAD)
+        if output.name in (*SAMPLED, *SAMPLED_UNDER_LOAD)
+    ),
+)
+"""All outputs; those under load come after the rigid ones, the errors last."""
+
+DEFAULT_LIMITS = {
+    "dr_rp_mm": Bound(high=0.0),
+    "dr_p_mm": Bound(high=0.0),
+    "radial_gap_mm": Bound(low=0.03),
+    "modification_backlash_arcmin": Bound(low=0.0),
+}
+"""Radial gap at least 0.03 mm, and g1, g2, g4 of document B."""
+
+DEFAULT_OBJECTIVES = ("cost", "backlash_max_arcmin")
+
+
+# Faults of numbers of units and positions that are too large together.
+
+
+def size_faults(count: Callable[[str], int], stored: int) -> list[Fault]:
+    """A fault of every number of units whose measurements do not fit into memory.
+
+    `count` gives a parameter by name, `stored` the evaluations that a search stores.
+    """
+    positions = count("positions")
+    searched = count("search_positions") or positions
+    per = {"search_units": (stored + 1) * searched, "report_units": positions, "elastic_units": count("te_positions")}
+    messages = {name: too_many(count(name), MEASUREMENTS, number, "units x positions") for name, number in per.items()}
+    return [Fault(f"parameters.{name}", text) for name, text in messages.items() if text]
+
+
+# Refused before a search: settings under which the cheapest design is not meant.
+
+
+HOLD_INTERFERENCE = {
+    "interference_probability": 1.0,
+    "interference_share_of_turn": 1.0,
+    "overlap_p95_arcmin": np.inf,
+    "preload_torque_Nm": np.inf,
+    "preload_torque_Nm_max": np.inf,
+    "preload_torque_Nm_mean": np.inf,
+}
+"""Outputs, a limit on any of which below these values holds interference."""
+
+
+def priceless(searched: Collection[str], costs: Collection[str]) -> list[Fault]:
+    """Errors between discs that are searched without a cost: the tightest would be free."""
+    return [
+        Fault(
+            f"costs.{name}",
+            f"is missing: {name} is searched, but a tight tolerance of it has no cost; give a curve, or fix it "
+            f"(variables.{name}.value = {value:.4g})",
+        )
+        for name, value in DISC_TO_DISC.items()
+        if name in searched and name not in costs
+    ]
+
+
+def unlimited(limits: Mapping[str, Bound], parameters: Mapping[str, Value]) -> list[Fault]:
+    """No limit that holds the interference down, unless that is allowed."""
+    held = [n for n in HOLD_INTERFERENCE if n in limits and limits[n].high < HOLD_INTERFERENCE[n]]
+    if held or parameters["allow_interference"]:
+        return []
+    text = (
+        "is missing: without a limit on interference or preload all of the cheapest units interfere (cost 7 with "
+        "99.9 % of the units preloaded); set, for example, 0.05, or parameters.allow_interference = true"
+    )
+    return [Fault("limits.interference_probability", text)]
+
+
+# Values that are still those of the RV-40E-121 where the geometry is not.
+
+
+GEOMETRY = (
+    "pin_circle_radius_mm",
+    "pin_radius_mm",
+    "eccentricity_mm",
+    "cycloid_teeth",
+    "pins",
+    "reduction_ratio",
+    "sun_pitch_radius_mm",
+    "centre_distance_mm",
+    "discs",
+    "cranks",
+    "involute_stage",
+)
+GEARS = (
+    "gear_runout_um",
+    "base_pitch_deviation_um",
+    "helix_deviation_um",
+    "axis_parallelism_x_um",
+    "axis_parallelism_y_um",
+    "centre_distance_deviation_um",
+    "thickness_deviation_upper_um",
+    "thickness_deviation_lower_um",
+)
+STIFFNESS = ("normal_stiffness_N_per_mm", "series_stiffness_Nm_per_arcmin")
+TORQUES = ("rated_torque_Nm", "momentary_torque_Nm")
+OF_THE_STAGE = ("reduction_ratio", "sun_pitch_radius_mm", "pressure_angle_deg", *GEARS, "involute_grade")
+"""What means nothing without an involute stage."""
+DEFAULTS = {p.name: p.default for p in PARAMETERS}
+
+
+def changed(parameters: Mapping[str, Value]) -> tuple[str, ...]:
+    """Parameters of the geometry that are not the RV-40E-121's."""
+    without = () if parameters["involute_stage"] else OF_THE_STAGE
+    return tuple(name for name in GEOMETRY if name not in without and parameters[name] != DEFAULTS[name])
+
+
+def still_default(given: Settings, parameters: Mapping[str, Value]) -> tuple[str, ...]:
+    """One sentence that names every such value, none where the geometry is the RV-40E-121's.
+
+    `given` are the settings as the user gives them, `parameters` the complete ones. A value that
+    the user gives counts as the user's own, also where it is the same.
+    """
+    new = changed(parameters)
+    inherited = "; ".join(_groups(given, bool(parameters["involute_stage"]))) if new else ""
+    return (f"{', '.join(new)} changed; still the RV-40E-121's: {inherited}",) if inherited else ()
+
+
+def _groups(given: Settings, stage: bool) -> Iterator[str]:
+    values = given.parameters
+    mids = [name for name in DEFAULTS if name.endswith("_mid_um")]
+    yield from _inherited_names("", (n for n in (*GEOMETRY[:-1], "pressure_angle_deg")), values, stage)
+    yield from _inherited_names("gear deviations", GEARS, values, stage)
+    yield from _inherited_names("mid-limits", mids, values, stage)
+    yield from _inherited_names("", (*STIFFNESS, *TORQUES), values, stage)
+    ranges = [v.name for v in VARIABLES if v.name not in DISC_TO_DISC]
+    yield from _inherited_names("search ranges", ranges, _set(given), stage)
+    yield from _inherited_names("errors between discs", DISC_TO_DISC, _set(given), stage)
+    yield from _inherited_names("costs", DEFAULT_COSTS, given.costs, stage)
+
+
+def _inherited_names(group: str, names: Iterable[str], given: Mapping[str, object], stage: bool) -> Iterator[str]:
+    """The names that are not given, all of a group by its name alone."""
+    every = [name for name in names if stage or name not in OF_THE_STAGE]
+    unstated = [name for name in every if name not in given]
+    if group and unstated == every and unstated:
+        yield f"all {len(unstated)} {group}"
+    elif unstated:
+        yield f"{group}: {', '.join(unstated)}" if group else ", ".join(unstated)
+
+
+def _set(given: Settings) -> dict[str, object]:
+    """Variables whose range or value is given."""
+    return {
+        name: setting
+        for name, setting in given.variables.items()
+        if (setting.value, setting.low, setting.high) != (None, None, None)
+    }
+
+
+# Reference allocations for a front of `rv_reducer`, all of them tested by contact.
+
+
+_ZONES = (
+    "pin_circle_radius_um",
+    "pin_position_um",
+    "pin_hole_radius_um",
+    "pin_radius_um",
+    "pitch_um",
+    "runout_um",
+    "eccentricity_um",
+    "equidistance_um",
+    "shift_um",
+    "crank_bearing_um",
+    "involute_grade",
+    "stagger_arcmin",
+    "dr_rp_mm",
+    "dr_p_mm",
+)
+
+
+def _design(*values: float) -> dict[str, float]:
+    return dict(zip(_ZONES, values, strict=True))
+
+
+REFERENCES: dict[str, dict[str, float]] = {
+    "document B": {},
+    "document B, discs staggered by 0.2 arcmin each": {"stagger_arcmin": 0.2},
+    "least cost at 1 arcmin by document B's closed form": _design(
+        1.423, 1.275, 1.092, 0.469, 2.430, 1.454, 4.683, 0.618, 0.882, 0.839, 4, 0.0, -0.0474, -0.0863
+    ),
+    "the same by its genetic algorithm, staggered": _design(
+        1.427, 1.123, 1.080, 0.496, 2.566, 1.505, 4.849, 0.665, 0.939, 0.834, 4, 0.3922, -0.03874, -0.0814
+    ),
+}
+"""Designs by label; a variable that is left out has the document's value. The optimum of the closed
+form is proven within 1 %; the staggered design is where a genetic algorithm of version 0.1 ended."""
+
+
+# Faults and warnings of the geometry that a configuration states.
+
+
+GEAR_PARAMETERS = range(8, 41)
+"""Numbers of teeth of the sun gear with which a ratio of gears is sought."""
+ROUNDING = 0.005
+"""Part of a tooth by which a rounded reduction ratio may miss whole teeth of the planet."""
+OUT_OF_LINE = 0.02
+"""Fraction by which the crank circle may differ from the centre distance of the gears."""
+LEAST_GAP_MM = 0.007
+"""Radial gap [mm] below which pins that the population leaves out may close the backlash."""
+LATTICES = ("positions", "search_positions", "te_positions")
+
+
+def faults(geometry: ContactGeometry, given: Settings, ends: Mapping[str, Interval]) -> list[Fault]:
+    """Every fault of the geometry; `ends` [mm] of `dr_rp_mm` and `dr_p_mm` are their ranges."""
+    (_, most), (least, _) = ends["dr_rp_mm"], ends["dr_p_mm"]
+    opened = replace(geometry, dr_rp=most * MM, dr_p=least * MM)
+    shape = [*shape_faults(opened), *_ratio(geometry, given.parameters), *_cranks(geometry), *_unused(geometry, given)]
+    return shape or [*interference(opened, "variables.dr_p_mm")]
+
+
+def _ratio(geometry: ContactGeometry, given: Mapping[str, Value]) -> Iterator[Fault]:
+    place, ratio = "parameters.reduction_ratio", geometry.nominal.reduction_ratio
+    teeth = geometry.nominal.cycloid_teeth
+    if not geometry.involute_stage and number(given.get("reduction_ratio", teeth)) != teeth:
+        text = f"without an involute stage it is the number of teeth of a disc, {teeth}"
+        yield Fault(place, f"{text}, got {ratio:g}; leave it out")
+    if geometry.involute_stage and ratio <= 1.0:
+        text = "must be above 1: it is 1 + pins z2/z1, with the teeth of planet and sun"
+        yield Fault(place, f"{text}, got {ratio:g}")
+
+
+def _cranks(geometry: ContactGeometry) -> Iterator[Fault]:
+    nominal = geometry.nominal
+    root = nominal.pin_circle_radius - nominal.pin_radius - nominal.eccentricity
+    if nominal.centre_distance >= root:
+        yield Fault(
+            "parameters.centre_distance_mm",
+            f"the cranks stand on a radius of {nominal.centre_distance / MM:g} mm, outside of the discs, whose tooth "
+            f"roots are at {root / MM:.4g} mm",
+        )
+
+
+def _unused(geometry: ContactGeometry, given: Settings) -> Iterator[Fault]:
+    """Faults of settings for an involute stage that does not exist."""
+    grade = given.variables.get("involute_grade")
+    text = "there is no involute stage (parameters.involute_stage = false): leave it out"
+    if not geometry.involute_stage and grade is not None and grade.value is None:
+        yield Fault("variables.involute_grade", text)
+    if not geometry.involute_stage and "involute_grade" in given.costs:
+        yield Fault("costs.involute_grade", text)
+
+
+# ---------------------------------------------------------------- warnings
+
+
+def warnings(geometry: ContactGeometry, parameters: Mapping[str, Value], radial_gap: Bound) -> Iterator[str]:
+    """Warnings about geometries that are computed but questionable."""
+    yield from _gears(geometry)
+    for name in LATTICES:
+        yield from _lattice(geometry, name, int(number(parameters[name])))
+    if radial_gap.low < LEAST_GAP_MM:
+        yield (
+            f"no limit keeps radial_gap_mm at {LEAST_GAP_MM:g} mm or above: pins near tip and root may close the "
+            "backlash of a nearly unmodified profile, and units are computed without these pins"
+        )
+
+
+def _gears(geometry: ContactGeometry) -> Iterator[str]:
+    nominal = geometry.nominal
+    if not geometry.involute_stage:
+        return
+    ratio = (nominal.reduction_ratio - 1.0) / nominal.pins
+    formula = f"(reduction_ratio - 1)/pins = {ratio:.6g}"
+    if all(abs(sun * ratio - round(sun * ratio)) > ROUNDING for sun in GEAR_PARAMETERS):
+        yield (
+            f"no pair of gears has the ratio z2/z1 = {formula} with {GEAR_PARAMETERS[0]} to {GEAR_PARAMETERS[-1]} teeth of the sun: "
+            "reduction_ratio and pins may contradict each other"
+        )
+    apart = nominal.sun_pitch_radius * (1.0 + ratio)
+    if abs(apart / nominal.centre_distance - 1.0) > OUT_OF_LINE:
+        yield (
+            f"centre_distance_mm is {nominal.centre_distance / MM:g} mm, but planets of a sun of pitch radius "
+            f"{nominal.sun_pitch_radius / MM:g} mm with z2/z1 = {formula} stand at {apart / MM:.4g} mm"
+        )
+
+
+def _lattice(geometry: ContactGeometry, name: str, positions: int) -> Iterator[str]:
+    if positions <= 1 or spreads_evenly(positions, geometry):
+        return
+    nominal = geometry.nominal
+    why = f"do not cover the turns of disc and cranks evenly ({nominal.cycloid_teeth} teeth)"
+    if shares_a_factor(positions, geometry):
+        why = (
+            f"have a common factor with {nominal.cycloid_teeth} teeth or {nominal.pins} pins, so that the same phases "
+            "of the mesh are repeated"
+        )
+    better = nearest_prime(positions, geometry)
+    yield f"{name}: {positions} positions {why}, and the greatest backlash is underestimated; use {better}"

@@ -3,43 +3,189 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property, partial
 
 import numpy as np
 
-from ...arrays import Array
-from ...declarations import Value, Variable, number
 from ...errors import Fault, ModelError
 from ...models.inputs import Uniform
-from ...models.rv_reducer import modification
-from ...models.rv_reducer.population.lattice import nearest_prime
-from ...models.rv_reducer.population.unit_basis import stem
+from ...models.rv_reducer import geometry as modification
+from ...models.rv_reducer.geometry import RvGeometry
+from ...models.rv_reducer.population.errors import nearest_prime
+from ...models.rv_reducer.population.units import stem
 from ...records import UnitsShown
+from ...section import Array, Value, Variable, number
 from ...units import ARCMIN, MM
 from ..declaration import Declaration, Interval
 from ..interfaces import Accuracy, Comparison, Documented, Page, Variant, WithEffects
 from ..machined import Machined
-from ..rv_backlash.costs import DEFAULT_COSTS
-from ..rv_backlash.machined_tolerances import TERMS
+from ..rv_backlash.problem import DEFAULT_COSTS
+from ..rv_backlash.shift import TERMS
 from ..settings import Bound, Settings, VariableSetting
-from . import geometry
-from .changed_measures import unruled
-from .counterparts import changes_of, sentence
-from .declared import DISC_TO_DISC, PARAMETERS, VARIABLES
-from .evaluation import MEASURES, Evaluation, Populations, is_unit_statistic
-from .inherited import changed, still_default
-from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS, SAMPLED, SAMPLED_UNDER_LOAD
+from . import declared as geometry
+from .counterparts import changes_of, sentence, unruled
+from .declared import (
+    DEFAULT_LIMITS,
+    DEFAULT_OBJECTIVES,
+    DISC_TO_DISC,
+    HOLD_INTERFERENCE,
+    OUTPUTS,
+    PARAMETERS,
+    REFERENCES,
+    SAMPLED,
+    SAMPLED_UNDER_LOAD,
+    VARIABLES,
+    changed,
+    priceless,
+    size_faults,
+    still_default,
+    unlimited,
+)
+from .evaluation import MEASURES, Evaluation, Populations, UnitModel, is_unit_statistic, units_shown
 from .promising import PromisingUnits
-from .references import REFERENCES
-from .refused import HOLD_INTERFERENCE, priceless, unlimited
-from .shown import units_shown
-from .sizes import size_faults
-from .starts import nominal_of, starts_of
-from .units import UnitModel
-from .validity import validity
-from .variants import variants
+
+# Designs of `rv_reducer` that a search by gradients begins from.
+
+
+FACTORS = (0.0, 0.7, 1.0, 1.4)
+"""Zones over those of the document; 0: the tightest of the search ranges."""
+HALVINGS = 12
+"""Steps of the bisection for the equidistance modification."""
+USUAL = 0.02
+"""Probability of interference that is the target where no limit is set."""
+
+
+def nominal_of(problem: RvReducer) -> dict[str, float]:
+    """The document's value of every variable; errors between discs as the problem fixes them."""
+    values = {v.name: float(v.document or 0.0) for v in problem.variables}
+    return values | {name: problem.fixed[name] for name in DISC_TO_DISC if name in problem.fixed}
+
+
+def starts_of(problem: RvReducer) -> Array:
+    """The tightest zones, and the document's, tighter and wider: full designs (k, all variables).
+
+    Each is opened until the limit on interference is kept.
+    """
+    names, nominal, rows = problem.names, nominal_of(problem), []
+    zones = [names.index(v.name) for v in problem.variables if v.name.endswith("_um")]
+    for factor in FACTORS:
+        row = np.array([nominal[name] for name in names])
+        row[names.index("dr_p_mm")] *= _deeper(problem)
+        row[zones] *= factor
+        rows.append(_opened(problem, _inside(problem, row)))
+    return np.array(rows)
+
+
+def _deeper(problem: RvReducer) -> float:
+    """Ratio of shift modifications that leave the same radial gap, to the RV-40E's."""
+    return (1.0 - RvGeometry().flank) / (1.0 - problem.model.geometry.nominal.flank)
+
+
+def _inside(problem: RvReducer, row: Array) -> Array:
+    """A full design within the search ranges, at the fixed values."""
+    free = [problem.names.index(v.name) for v in problem.free]
+    return np.asarray(problem.complete(np.clip(row[free], problem.xl, problem.xu)[None, :])[0])
+
+
+def _opened(problem: RvReducer, row: Array) -> Array:
+    """The design with the equidistance modification at which interference is in its middle.
+
+    The middle is half of the limit on its probability, `USUAL` where there is none.
+    """
+    at = problem.names.index("dr_rp_mm")
+    bound = problem.settings.limits.get("interference_probability", Bound())
+    wanted = 0.5 * bound.high if bound.high < 1.0 else USUAL
+    low, high = problem.interval("dr_rp_mm")
+    for _ in range(HALVINGS if low < high else 0):
+        row[at] = 0.5 * (low + high)
+        interferes = problem.evaluation(row, searching=True).value("interference_probability")
+        low, high = (row[at], high) if interferes > wanted else (low, row[at])
+    return row
+
+
+# Limits of validity of the units of `rv_reducer`.
+
+
+def validity(parameters: Mapping[str, Value], uniform: bool) -> tuple[str, ...]:
+    """A sentence for each; `uniform`: every error is uniform over its zone."""
+    zones = "Every error is uniform over its zone: skewed or centred processes give other fractions."
+    given = "Distributions are those of the configuration, the same for all parts of a kind."
+    stage = (
+        "The clearances of the planets are centred on each other, and the runout of the involute stage is not "
+        "followed along the turn: phi_1 is a single number per unit.",
+        "phi_1 does not depend on the torque.",
+    )
+    return (
+        zones if uniform else given,
+        "Pitch error and runout of a disc are waves with one period per turn of the disc.",
+        *(stage if parameters["involute_stage"] else ()),
+        "No friction, no temperature, no wear.",
+        "Play of the crank bearings acts about the centre of the disc only; along the load of the bearing it would "
+        "count about 1.15 times (an estimate, not tested).",
+        "A pin circle that is offset does not centre itself under load: likely pessimistic.",
+        "Stiffnesses (contact and series) are assumed; lost motion, transmission error, preload and pin force follow "
+        "from them, backlash does not.",
+    )
+
+
+# The assumptions of `rv_reducer` that no document settles, changed one at a time.
+
+
+FEW = {"report_units": 64}
+"""Fresh units of a problem that is searched and not reported."""
+SHARES = {
+    "share_pins": ("share of the variance of pins and holes common to a unit", (0.0, 0.5, 1.0)),
+    "share_discs": ("share of the variance of the discs common to a unit", (0.0, 0.5, 1.0)),
+    "planet_share": ("share of the variance of the planets' clearances common to a unit", (0.0, 1.0)),
+}
+COUNTED = ("turn_mean", "share_of_turn", "overlap")
+"""Definitions of interference that rigid units show."""
+
+
+def variants(problem: RvReducer) -> tuple[Variant, ...]:
+    """The problem as it is, then with one assumption changed at a time."""
+    same = Variant("as it is", "", _with(problem))
+    return (same, *_fractions(problem), *_interference(problem), *_disc_to_disc(problem))
+
+
+def _with(problem: RvReducer, **parameters: Value) -> RvReducer:
+    given = problem.given
+    return type(problem)(replace(given, parameters={**given.parameters, **FEW, **parameters}))
+
+
+def _fractions(problem: RvReducer) -> Iterator[Variant]:
+    parameters = problem.settings.parameters
+    for name, (words, values) in SHARES.items():
+        for value in values:
+            if name in parameters and parameters[name] != value:
+                yield Variant(words, f"{value:g}", _with(problem, **{name: value}))
+
+
+def _interference(problem: RvReducer) -> Iterator[Variant]:
+    """Other definitions, with the same limit on their probability."""
+    parameters = problem.settings.parameters
+    bound = problem.settings.limits.get("interference_probability", Bound())
+    if not bound.high < 1.0:
+        return
+    for kind in COUNTED:
+        if kind != parameters["interference"]:
+            more = f", beyond {parameters['overlap_arcmin']:g} arcmin" if kind == "overlap" else ""
+            words = f"{kind.replace('_', ' ')}{more}, in at most {100.0 * bound.high:g} %"
+            yield Variant("what counts as interference", words, _with(problem, interference=kind))
+
+
+def _disc_to_disc(problem: RvReducer) -> Iterator[Variant]:
+    """Without the errors between discs, where they are fixed at other values."""
+    fixed = [name for name in DISC_TO_DISC if problem.fixed.get(name, 0.0) > 0.0]
+    if len(fixed) < len(DISC_TO_DISC):
+        return
+    few = _with(problem).given
+    nil = {name: VariableSetting(value=0.0) for name in fixed}
+    changed = type(problem)(replace(few, variables={**few.variables, **nil}))
+    yield Variant("errors between discs (pin circle, bores, journals)", "0", changed)
+
 
 SEARCH, REPORT = 1, 2
 """Streams of random numbers of the two populations."""

@@ -15,15 +15,12 @@ from functools import cached_property
 
 import numpy as np
 
-from ...arrays import Array, Flags
-from ...models.rv_reducer.population.gradient import Slopes
-from ...models.rv_reducer.population.turn import Population
-from ...models.rv_reducer.population.unit_basis import stem
-from ..machined_tolerance import MachinedTolerance
-from ..process_problem import ProcessProblem, Shortfall
-from ..promise import ASSURED, PROMISED, YIELD
-from .evaluation import Evaluation, Populations
-from .units import UnitModel
+from ...models.rv_reducer.population.contact import Population, Slopes
+from ...models.rv_reducer.population.units import stem
+from ...section import Array, Flags
+from ..machined import MachinedTolerance, ProcessProblem, Shortfall
+from ..settings import ASSURED, PROMISED, YIELD
+from .evaluation import Evaluation, Populations, UnitModel
 
 WORST = "backlash_max_arcmin"
 POSITION = "pin_position"

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from math import pi
 from typing import Any
 
-from ...declarations import Kind, Output, Parameter, Value, Variable
-from ...models.assembly import declared as assembly
+from ...models.assembly import model as assembly
 from ...models.assembly.assemble import Departures
 from ...models.assembly.transmission import ECCENTRICS, AngleMapping, Transmission
 from ...models.costs import CostCurve, Reciprocal
 from ...models.rv_reducer.contact.contact import LoadedContact
-from ...models.rv_reducer.dynamics.train import Train
+from ...models.rv_reducer.dynamics import Train
+from ...section import Kind, Output, Parameter, Value, Variable
 from ...units import ARCMIN, ARCSEC, MM, UM
 
 PARTS = ("crankshaft_1", "gear_1", "crankshaft_2", "gear_2")

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.special import ndtr
 
-from ...arrays import Array
-from ...declarations import Kind, Variable, number
 from ...errors import Fault, InputError
-from ...models.assembly import declared as assembly
-from ...models.assembly.coverage import normals, quantile_over, radius_quantile, sample_quantile
-from ...models.assembly.influence import Influence, influence
-from ...models.assembly.process import Process, space_process
-from ...models.assembly.regulator import gains, terminal_weight
-from ...models.assembly.response import response
-from ...models.assembly.transmission import Transmission
+from ...models.assembly import model as assembly
+from ...models.assembly.assemble import Departures, normals, quantile_over, radius_quantile, response, sample_quantile
+from ...models.assembly.process import Process, gains, space_process, terminal_weight
+from ...models.assembly.transmission import Influence, Transmission, Turned, influence
+from ...models.effects.effect import Target
+from ...models.effects.measurements import Active, measurements_of, target_from
 from ...models.inputs import Distribution, Normal
+from ...models.measurable import Column, Role
+from ...models.rv_reducer.transmission import RvTransmission
+from ...section import Array, Kind, Variable, number
 from ...units import ARCSEC, MRAD
 from ..declaration import Declaration, Interval
 from ..forms import Form
@@ -27,9 +27,176 @@ from ..interfaces import Documented, Page, Provable, WithEffects
 from ..settings import Bound, VariableSetting
 from ..tolerance_problem import ToleranceProblem
 from . import declared
-from .counterparts import departures_with, sentence, waves_of
 from .form import STD, TE, form_of
-from .verify import errors_percent
+
+# Changes that effects make in the transmission error of adjusted units.
+#
+# Effects of the assembly act in it, but for the dead band of `adjustment_backlash`, which is not
+# linear. Others are evaluated over one turn of the output at the problem's torque and speed, as they
+# act on the model `rv_transmission`: what varies over the turn is present in every unit.
+#
+# - Order 40 meets that of the angles, c . x, and adds as a vector: |c . x + m|.
+# - Other orders together add half of their peak to peak. That is an upper bound. It is close
+#   for a single wave: a crest of order 39 falls so close to one of order 40 that at most 0.3 % of the
+#   wave is missed, 1.2 % for order 78. Multiples of 40 are locked to it and may even
+#   make it smaller, by as much as they have; and where several orders are added, their crests need
+#   not meet in one place.
+#
+# Contributions that are constant over the turn change nothing, nor does the instrument.
+
+
+ORDER = 40
+"""Waves per turn of the output that the angles of cranks cause."""
+SAMPLES = 2**14
+"""Angles of the turn: over 100 per wave of the highest order (121) and per pitch of a pin."""
+SMALLEST = 1e-9
+"""[arcsec] A wave below this is numerical noise."""
+TE_COUNTERPART = RvTransmission.outputs[0].name
+ACTING = {
+    "adjustment_gain_error": "adjustments achieve {:.4g} of what is commanded",
+    "chain_coupling": "chain 1 moves by {:.4g} times the movement of chain 2 at its installation",
+    "springback": "{:.4g} of the total adjustment returns at the end",
+}
+"""Linear departures of the assembly, and their descriptions."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Waves:
+    """Waves that are added to every unit's transmission error over the turn of the output.
+
+    Its order 40 is Re[`wave` exp(40 j theta)], `half_range_of_others` half the peak to
+    peak of all else [rad].
+    """
+
+    wave: complex
+    half_range_of_others: float
+
+
+def departures_with(departures: Departures, effects: Iterable[Active]) -> Departures:
+    """The departures of the assembly with those of the effects."""
+    values = [effect.values for effect in effects]
+    gain, coupling, springback = (sum(by_name.get(name, 0.0) for by_name in values) for name in ACTING)
+    return Departures(
+        gain_error=departures.gain_error + gain,
+        coupling=departures.coupling + coupling,
+        springback=departures.springback + springback,
+    )
+
+
+def waves_of(effects: Iterable[Active], torque: float, speed: float) -> Waves:
+    """What effects add, at a torque [N m] that resists the motion and an output speed [rpm]."""
+    over = sum((_over_turn(effect, torque, speed) for effect in effects), np.zeros(SAMPLES))
+    lines = np.fft.rfft(over)
+    wave = complex(2.0 * lines[ORDER] / SAMPLES)
+    lines[ORDER] = 0.0
+    rest = float(0.5 * np.ptp(np.fft.irfft(lines, SAMPLES)))
+    return Waves(wave * ARCSEC if abs(wave) > SMALLEST else 0j, rest * ARCSEC if rest > SMALLEST else 0.0)
+
+
+def _over_turn(active: Active, torque: float, speed: float) -> Array:
+    """What one effect adds over a turn (SAMPLES,) [arcsec]; zero where it adds no wave."""
+    table = {
+        "output_angle_deg": 360.0 * np.arange(SAMPLES) / SAMPLES,
+        "torque_Nm": np.full(SAMPLES, torque),
+        "output_speed_rpm": np.full(SAMPLES, speed),
+        "direction": np.ones(SAMPLES),
+    }
+    columns = tuple(column for column in RvTransmission.columns if column.name in table)
+    target = target_from("rv_transmission", RvTransmission.outputs, columns)
+    target = replace(target, gear=RvTransmission.gear)
+    if not _adds_waves(active, target, columns):
+        return np.zeros(SAMPLES)
+    action = active.effect.act(measurements_of(columns, table), active.values, target)
+    return np.asarray(action.output.get(TE_COUNTERPART, np.zeros(SAMPLES)))
+
+
+def _adds_waves(active: Active, target: Target, columns: tuple[Column, ...]) -> bool:
+    """Whether the effect adds to the output of a unit here, and its parameters are those of it."""
+    effect, angled = active.effect, Role.ANGLE in active.effect.needs
+    if effect.family == "instrument" or not angled or not effect.applies(target):
+        return False
+    names = {parameter.name for parameter in effect.parameters(target)}
+    return set(active.values) <= names
+
+
+def sentence(active: Active, torque: float, speed: float) -> str:
+    """What one effect does here, empty where it does nothing."""
+    departures = [(name, active.values.get(name, 0.0)) for name in ACTING]
+    sentences = [
+        ACTING[name].format(1.0 + size if name == "adjustment_gain_error" else size)
+        for name, size in departures
+        if size != 0.0
+    ]
+    waves = waves_of([active], torque, speed)
+    size, rest = abs(waves.wave) / ARCSEC, waves.half_range_of_others / ARCSEC
+    if size > 0.0:
+        sentences.append(f"every unit has {size:.4g} arcsec of order 40, which adds to that of the angles as a vector")
+    if rest > 0.0:
+        sentences.append(
+            f"every unit has {rest:.4g} arcsec (half peak to peak) of other orders, which adds in full: an upper bound"
+        )
+    if not sentences:
+        return ""
+    at = f", at {torque:g} Nm and {speed:g} rpm" if max(size, rest) > 0.0 else ""
+    return "; ".join(sentences) + at
+
+
+# The influence coefficients against the full model, at the units that set the quantile.
+
+
+SAMPLE = 2048
+"""Units among which those nearest to the quantile are sought."""
+UNITS = 4
+"""Units at which the full model is asked, per design and output."""
+ANGLES = 80
+"""Crank angles of the period there: more than two for each of its 39 pin pitches."""
+TOGETHER = 64
+"""Designs whose units are drawn at once."""
+
+
+def errors_percent(
+    full: Transmission,
+    coefficients: Influence,
+    spread: Array,
+    te: Array,
+    force: Array,
+    sources: Callable[[int, int], Array],
+) -> tuple[Array, Array]:
+    """By how much (n,) the quantiles `te` [rad] and `force` [N] of designs are overstated, in %.
+
+    `spread` (n, 12, s) takes standardised sources, a sample of which `sources` draws by its size, to
+    final angles [rad]. The full model less the
+    coefficients is averaged over the `UNITS` units whose own value lies nearest to the quantile: to
+    first order this is what the quantile of the full model differs by.
+    """
+    exact, sample = replace(full, angles=ANGLES), sources(SAMPLE, spread.shape[-1])
+    return (
+        _error(exact, exact.amplitude, coefficients.amplitude, spread, te, sample),
+        _error(exact, exact.peak, coefficients.peak_force, spread, force, sample),
+    )
+
+
+def _error(
+    full: Transmission,
+    value: Callable[[Turned], Array],
+    estimate: Callable[[Array], Array],
+    spread: Array,
+    quantile: Array,
+    sample: Array,
+) -> Array:
+    parts = [slice(at, at + TOGETHER) for at in range(0, len(spread), TOGETHER)]
+    units = np.concatenate([_nearest(estimate, sample @ np.swapaxes(spread[p], 1, 2), quantile[p]) for p in parts])
+    exact = value(full.turn(units.reshape(-1, 4, 3))).reshape(len(spread), UNITS)
+    more = np.mean(exact - estimate(units), axis=1)
+    return np.asarray(-100.0 * more / (quantile + more))
+
+
+def _nearest(estimate: Callable[[Array], Array], states: Array, quantile: Array) -> Array:
+    """The `UNITS` of the states (n, units, 12) whose estimate lies nearest to the quantile."""
+    distance = np.abs(estimate(states) - quantile[:, None])
+    chosen = np.argpartition(distance, UNITS, axis=1)[:, :UNITS]
+    return np.take_along_axis(states, chosen[..., None], axis=1)
+
 
 SEARCH_SAMPLE = 2048
 """Units of the search; its force quantile is within about 1 % of the reported one."""

@@ -7,17 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...counts import Need, too_many
 from ...errors import Fault
 from ...models.stack import between, half_width, joint_yield_percent
-from ...section import Section
-from ..promise import PROMISED, YIELD
+from ...section import Need, Section, too_many
+from ..settings import PROMISED, YIELD
 from .convex import possible, range_of
 from .definition import Requirement
-from .joint import VARIATIONS, common_unit
-from .measured import Measured
-from .outputs import OBJECTIVES
-from .promises import promise_faults
+from .outputs import OBJECTIVES, VARIATIONS, common_unit
+from .promises import Measured, promise_faults
 
 if TYPE_CHECKING:
     from .problem import Stack

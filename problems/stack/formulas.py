@@ -1,19 +1,115 @@
-"""The mechanism of a formula, and its faults."""
+"""Reads the sensitivity of a part: a number, or a number for each of several requirements."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from ...arrays import Array
 from ...errors import Fault, nearest
 from ...models.expressions import FUNCTIONS, Formula, FormulaError
 from ...models.stack import Mechanism, box, least_margin
+from ...section import Array, Section
 from ...units import family, to_unit
-from .definition import FIRST_ORDER, Part, Requirement
+from .definition import FIRST_ORDER, Correlation, Part, Requirement
+
+
+def read_sensitivities(section: Section, unit: str | None, requirements: Sequence[Requirement]) -> dict[str, float]:
+    """d requirement / d part by the key of the requirement; `unit` is that of the part."""
+    if "sensitivity" not in section:
+        section.accept(("sensitivity",))
+        return {}
+    several = any(requirement.key for requirement in requirements)
+    if not several:
+        return _single_sensitivity(section, requirements[0].key)
+    if not isinstance(section.take("sensitivity"), Mapping):
+        keys = ", ".join(f"{requirement.key} = ..." for requirement in requirements[:3])
+        section.fault("sensitivity", f"must state the requirement: write sensitivity = {{ {keys} }}")
+        return {}
+    table, sensitivities = section.section("sensitivity"), dict[str, float]()
+    known = {requirement.key: requirement for requirement in requirements}
+    for key in table.all_keys():
+        if key not in known:
+            close = nearest(key, known)
+            table.take(key)
+            table.fault(key, f'"{key}" is not the name of a [[requirement]]{close}')
+        elif (value := table.number(key, _quotient(known[key].unit, unit))) is not None:
+            sensitivities[key] = value
+    return sensitivities
+
+
+def _single_sensitivity(section: Section, key: str) -> dict[str, float]:
+    """The one number of a stack with one requirement."""
+    value = section.number("sensitivity")
+    if value == 0.0:
+        section.fault("sensitivity", "must not be 0: the part does not matter; remove it")
+    return {} if value is None else {key: value}
+
+
+def _quotient(unit: str, per: str | None) -> str:
+    """The unit of a sensitivity; empty for a plain number."""
+    try:
+        same = per is None or family(unit) == family(per)
+    except ValueError:
+        same = True
+    return "" if same and unit == (per or "") else f"{unit or '1'}/{per}" if per else unit
+
+
+def sensitivity_faults(requirements: Sequence[Requirement], tables: Sequence[Mapping[str, Any]]) -> list[Fault]:
+    """A formula or sensitivities for each requirement, never both, and no part without effect.
+
+    `tables` are those of the parts, faulty ones included.
+    """
+    keys = [key for table in tables for key in _keys(table)]
+    faults = []
+    for requirement in requirements:
+        if requirement.formula and requirement.key in keys:
+            text = f"is given in addition to {requirement.place}.formula: keep only one of the two"
+            faults += [
+                Fault(f"part[{at}].sensitivity.{requirement.key}", text + _name(table))
+                for at, table in enumerate(tables)
+                if requirement.key in _keys(table)
+            ]
+        elif not requirement.formula and requirement.key and requirement.key not in keys:
+            text = (
+                f'"{requirement.key}" has no parts: give it a formula, or name it in the '
+                f"sensitivity of a part, like sensitivity = {{ {requirement.key} = 1.0 }}"
+            )
+            faults.append(Fault(requirement.place, text))
+    if not any(requirement.formula for requirement in requirements):
+        text = "is missing: no requirement depends on the part"
+        faults += [
+            Fault(f"part[{at}].sensitivity", text + _name(table))
+            for at, table in enumerate(tables)
+            if "sensitivity" not in table
+        ]
+    return faults
+
+
+def needless(parts: Sequence[Part], used: Sequence[bool]) -> list[Fault]:
+    """A fault for every part on which no requirement depends."""
+    return [
+        Fault(f"part[{at}].name", f"no requirement depends on it: remove it (part {part.name})")
+        for at, (part, is_used) in enumerate(zip(parts, used, strict=True))
+        if not is_used
+    ]
+
+
+def _keys(table: Mapping[str, Any]) -> tuple[str, ...]:
+    value = table.get("sensitivity")
+    return tuple(value) if isinstance(value, Mapping) else ()
+
+
+def _name(table: Mapping[str, Any]) -> str:
+    name = table.get("name")
+    return f" (part {name})" if isinstance(name, str) else ""
+
+
+# The mechanism of a formula, and its faults.
+
 
 NEGLIGIBLE = 1e-12
 """A part that adds less than this fraction of the worst case does not matter."""
@@ -227,3 +323,80 @@ def _rounding(stated: object, unit: str) -> float:
     assert match is not None
     step = 0.5 * 10.0 ** (int(match[2] or 0) - len(match[1]))
     return step * abs(to_unit(f"1 {match[3]}", unit)) if match[3].strip() else step
+
+
+# From requirements and parts to mechanisms, with everything checked that can be.
+
+
+def mechanisms_of(
+    requirements: Sequence[Requirement], parts: Sequence[Part], correlations: Sequence[Correlation], faults: list[Fault]
+) -> tuple[Mechanism, ...]:
+    """The mechanism of each requirement; fewer, and every fault, where the parts make none."""
+    correlation = _matrix(parts, correlations, faults)
+    candidates = [_mechanism(requirement, parts, correlation, faults) for requirement in requirements]
+    mechanisms = tuple(mechanism for mechanism in candidates if mechanism is not None)
+    if requirements[0].key and len(mechanisms) == len(requirements):
+        used = np.any([mechanism.acting for mechanism in mechanisms], axis=0)
+        owners = mechanisms[0].owners
+        faults += needless(parts, [bool(np.any(used[owners == at])) for at in range(len(parts))])
+    return mechanisms
+
+
+def _mechanism(
+    requirement: Requirement, parts: Sequence[Part], correlation: Array | None, faults: list[Fault]
+) -> Mechanism | None:
+    """The mechanism of one requirement; None and every fault where the parts do not make one."""
+    owner = tuple(at for at, part in enumerate(parts) for _ in part.pieces)
+    bare = Mechanism(
+        names=tuple(piece for part in parts for piece in part.pieces),
+        owner=owner,
+        inputs=tuple(part.distribution for part in parts),
+        sensitivities=np.zeros(len(owner)),
+        centre=0.0,
+        lower=-np.inf if requirement.lower is None else requirement.lower,
+        upper=np.inf if requirement.upper is None else requirement.upper,
+        correlation=correlation,
+    )
+    kind = with_formula if requirement.formula else _with_sensitivities
+    return kind(bare, requirement, parts, faults)
+
+
+def _matrix(parts: Sequence[Part], correlations: Sequence[Correlation], faults: list[Fault]) -> Array | None:
+    """The correlation matrix of the pieces, None where all are independent."""
+    if not correlations:
+        return None
+    at = {piece: i for i, piece in enumerate(p for part in parts for p in part.pieces)}
+    matrix = np.eye(len(at))
+    for correlation in correlations:
+        i, j = (at[piece] for piece in correlation.pieces)
+        matrix[i, j] = matrix[j, i] = correlation.coefficient
+    least = float(np.linalg.eigvalsh(matrix)[0])
+    if least < -1e-10:
+        text = f"the matrix is not positive semidefinite (its smallest eigenvalue is {least:.4g}): "
+        faults.append(Fault("correlation", f"{text}no parts can vary like this; make the coefficients smaller"))
+        return None
+    return matrix
+
+
+def _with_sensitivities(
+    bare: Mechanism, requirement: Requirement, parts: Sequence[Part], faults: list[Fault]
+) -> Mechanism | None:
+    """The mechanism whose parts state their sensitivities."""
+    slopes = np.array([part.sensitivities.get(requirement.key, 0.0) for part in parts])
+    nominal = requirement.nominal
+    if nominal is None:
+        missing = [
+            part.name for part, slope in zip(parts, slopes, strict=True) if part.nominal is None and slope != 0.0
+        ]
+        if missing and bare.bounded:
+            text = "is missing: lower and upper need it, or the nominal of every part (not given: "
+            faults.append(Fault(f"{requirement.place}.nominal", f"{text}{', '.join(missing)})"))
+            return None
+        nominal = nominal_sum(requirement, parts)
+    moved = float(sum(s * part.mean * part.count for s, part in zip(slopes, parts, strict=True)))
+    return replace(bare, sensitivities=slopes[bare.owners], centre=nominal + moved)
+
+
+def nominal_sum(requirement: Requirement, parts: Sequence[Part]) -> float:
+    """The requirement of a loop of dimensions: sum of sensitivity times nominal."""
+    return float(sum(p.sensitivities.get(requirement.key, 0.0) * (p.nominal or 0.0) * p.count for p in parts))

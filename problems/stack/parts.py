@@ -1,24 +1,415 @@
-"""Reads `[[part]]`: every fault names the part."""
+"""Reads `[[fit]]`: the tolerance classes of two parts at once, "25 H7/g6"."""
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
-from ...counts import is_forced
-from ...errors import Fault
+import numpy as np
+from scipy.special import ndtr
+
+from ...errors import Fault, nearest
 from ...models.capability import PartSample, read_sample
+from ...models.cost_reading import dearer, name_of, read_curve, read_extras, read_extras_by
+from ...models.costs import CostCurve, Reciprocal, Table
 from ...models.expressions import CONSTANTS, FUNCTIONS
-from ...models.inputs import Normal
-from ...models.inputs.reading import read_distribution
-from ...models.iso286 import SYMBOLS
-from ...section import Range, Section
+from ...models.input_reading import read_distribution
+from ...models.inputs import Normal, Zone
+from ...models.iso286 import (
+    GRADES,
+    SYMBOLS,
+    UNVERIFIED,
+    Fit,
+    angle_rad,
+    geometrical_mm,
+    grade_um,
+    linear_mm,
+    pair_of_text,
+    zone,
+)
+from ...models.machine_offers import Offer, Owner, read_offers
+from ...section import POSITIVE, Range, Section, is_forced
 from ...units import family
-from .definition import Part, Process, Requirement, natural_limit
-from .fits import read_fits
-from .sensitivities import read_sensitivities
-from .zones import KEYS, Tolerance, read_tolerance
+from .definition import Part, Process, Requirement, natural_limit, processes_of
+from .formulas import read_sensitivities
+
+
+def read_fits(top: Section, faults: list[Fault]) -> dict[str, str]:
+    """The tolerance class, like "25 H7", of each part that is in a `[[fit]]`.
+
+    `parts` names the part with the hole first, `size` states the fit.
+    """
+    known = [name for table in top.tables("part") if isinstance(name := table.get("name"), str)]
+    by_part: dict[str, str] = {}
+    for at in range(len(top.tables("fit"))):
+        section = top.item("fit", at, faults)
+        names, text = section.names("parts"), section.text("size")
+        for key, like in (("parts", '["bore", "pin"]'), ("size", '"25 H7/g6"')):
+            if key not in section:
+                section.fault(key, f"is missing: write {key} = {like}")
+        section.finish()
+        if names is not None:
+            _check(section, names, known, by_part)
+        if text is None:
+            continue
+        try:
+            classes = pair_of_text(text)
+        except ValueError as error:
+            section.fault("size", str(error))
+            continue
+        for name, fit in zip(names or (), classes, strict=False):
+            by_part[name] = f"{fit.size:g} {fit}" if fit.size is not None else str(fit)
+    return by_part
+
+
+def _check(section: Section, names: list[str], known: list[str], by_part: dict[str, str]) -> None:
+    if len(names) != 2 or names[0] == names[1]:
+        section.fault("parts", f"must name two different parts, the hole first, got {', '.join(names)}")
+    for name in names:
+        if name not in known:
+            section.fault("parts", f'"{name}" is not a part{nearest(name, known)}')
+        elif name in by_part:
+            section.fault("parts", f"{name} is in another [[fit]] already")
+
+
+# Zones of parts by standards: grades and fits (ISO 286), general tolerances (ISO 2768).
+
+
+MORE = ("geometry", "price", "feature", "leg")
+"""Keys other than that of the zone: prices of grades, the geometrical characteristic of ISO 1101,
+and what a general tolerance is of.
+"""
+COSTS = ("cost", "setup", "inspection")
+"""Keys for costs of grades other than their prices."""
+FEATURES = ("length", "radius")
+
+
+def standard(section: Section, key: str, text: str, unit: str, nominal: float | None) -> tuple[Zone, dict[str, Any]]:
+    """The zone of an ISO 286 grade (symmetric) or fit, or of a general tolerance of ISO 2768, in
+    the unit of the part, with its nominal and what is assumed.
+
+    Raises ValueError where the table has none.
+    """
+    if key == "general":
+        return Zone(0.0, _general(section, text, unit, nominal)), {}
+    to_mm = _to_mm(unit)
+    fit = Fit.of_text(text) if key == "fit" else Fit("JS", text.strip())
+    size = fit.size if nominal is None else nominal * to_mm
+    if size is None:
+        raise ValueError("needs the nominal size of the part: give nominal")
+    if fit.size is not None and not math.isclose(fit.size, size, rel_tol=1e-9):
+        raise ValueError(f"is for a size of {fit.size:g} mm, but the nominal is {size:g} mm")
+    iso_zone = zone(fit, size)
+    nominal = size / to_mm if nominal is None else nominal
+    scaled = Zone(iso_zone.mid / to_mm, iso_zone.half_width / to_mm)
+    return scaled, {"nominal": nominal, "assumed": _unverified(key, [fit.grade])}
+
+
+def searched_grades(section: Section, unit: str, nominal: float | None) -> tuple[Process, ...] | None:
+    """`grade = ["IT5", "IT8"]`: each grade from the first to the second as a separate process.
+
+    Each costs its `price`, or the `cost` at its half-width, plus its part of a set-up and its
+    inspection. None and faults where the table does not say it all.
+    """
+    grades = _range(section)
+    curve = read_curve(section.section("cost")) if "cost" in section else None
+    prices = _prices(section, grades or ())
+    if ("cost" in section) == ("price" in section):
+        section.fault("cost", "give either a cost curve of t, or price = { IT6 = 12.0, IT7 = 8.5 } by grade")
+    t = _half_widths(section, grades or (), unit, nominal)
+    more = read_extras_by(section, grades or ())
+    if grades is None or t is None or (curve is None) == (prices is None):
+        return None
+    processes = []
+    for grade, half_width in zip(grades, t, strict=True):
+        grade_cost = curve if prices is None else Reciprocal(prices[grade], 0.0)
+        grade_cost = None if grade_cost is None else dearer(grade_cost, more[grade])
+        processes.append(Process(half_width, half_width, grade_cost, grade))
+    return tuple(processes)
+
+
+def price_remark(name: str, processes: tuple[Process, ...], prices: dict[str, Any]) -> str:
+    """A remark that a coarser grade is more expensive than a finer one, empty where none is."""
+    listed = [(process.name, float(prices[process.name])) for process in processes if process.name in prices]
+    inverted = [
+        f"{coarse} costs {more:g}, {fine} {less:g}" for (fine, less), (coarse, more) in pairwise(listed) if more > less
+    ]
+    if not inverted:
+        return ""
+    return (
+        f"the prices of {name} do not fall with coarser grades ({'; '.join(inverted)}): "
+        "the more expensive grades are never chosen"
+    )
+
+
+def assumed_of(processes: tuple[Process, ...]) -> dict[str, str]:
+    """Which of the grades are from an unverified part of the table."""
+    return _unverified("grade", [process.name for process in processes])
+
+
+def _range(section: Section) -> tuple[str, ...] | None:
+    names = section.names("grade")
+    if names is None:
+        return None
+    unknown = [name for name in names if name not in GRADES]
+    for name in unknown:
+        section.fault("grade", f'"{name}" is not a grade{nearest(name, GRADES)}; grades are {", ".join(GRADES)}')
+    if unknown:
+        return None
+    if len(names) != 2 or GRADES.index(names[0]) >= GRADES.index(names[1]):
+        section.fault("grade", f'must be two grades, the finer one first, like ["IT5", "IT8"]; got {", ".join(names)}')
+        return None
+    return GRADES[GRADES.index(names[0]) : GRADES.index(names[1]) + 1]
+
+
+def _half_widths(section: Section, grades: tuple[str, ...], unit: str, nominal: float | None) -> list[float] | None:
+    try:
+        to_mm = _to_mm(unit)
+        if nominal is None:
+            raise ValueError("needs the nominal size of the part: give nominal")
+        return [grade_um(grade, nominal * to_mm) / 2000.0 / to_mm for grade in grades]
+    except ValueError as error:
+        section.fault("grade", str(error))
+        return None
+
+
+def _prices(section: Section, grades: tuple[str, ...]) -> dict[str, float] | None:
+    """`price = { IT6 = 12.0, IT7 = 8.5 }`, for each of the grades and no other."""
+    if "price" not in section:
+        return None
+    table = section.section("price")
+    by_grade = {grade: table.number(grade, within=Range(low=0.0)) for grade in grades}
+    if not grades:  # their own fault is reported already
+        table.accept(table.all_keys())
+    for grade, price in by_grade.items():
+        if price is None and grade not in table:
+            table.fault(grade, "is missing: each grade of the range needs its price")
+    table.finish()
+    whole = {grade: price for grade, price in by_grade.items() if price is not None}
+    return whole if grades and len(whole) == len(by_grade) else None
+
+
+def _general(section: Section, text: str, unit: str, nominal: float | None) -> float:
+    """Half-width of a general tolerance, in the unit of the part."""
+    kind = text.strip().removeprefix("ISO 2768-").removeprefix("ISO 2768").strip()
+    feature = section.text("feature", FEATURES) or "length"
+    leg = section.number("leg", "mm")
+    base, factor = family(unit)
+    if base == "radian":
+        if leg is None:
+            raise ValueError('of an angle needs the length of its shorter leg: leg = "50 mm"')
+        return angle_rad(kind, leg) / factor
+    to_mm = _to_mm(unit)
+    if nominal is None:
+        raise ValueError("needs the nominal size of the part: give nominal")
+    geometry = section.text("geometry", SYMBOLS)
+    if geometry:
+        return 0.5 * geometrical_mm(geometry, kind, nominal * to_mm) / to_mm
+    return linear_mm(kind, nominal * to_mm, feature == "radius") / to_mm
+
+
+def _to_mm(unit: str) -> float:
+    base, factor = family(unit)
+    if base != "meter":
+        raise ValueError(f"applies to lengths, not to a part in {unit or 'plain numbers'}")
+    return factor / family("mm")[1]
+
+
+def _unverified(key: str, grades: list[str]) -> dict[str, str]:
+    unverified = [grade for grade in grades if grade in UNVERIFIED]
+    if not unverified:
+        return {}
+    verb = "has" if len(unverified) == 1 else "have"
+    return {key: f"{', '.join(unverified)} of the shipped table {verb} not been verified"}
+
+
+# How a part states its tolerance: a range, a fixed value, limits, a grade, a fit, processes.
+
+
+KEYS = ("t_min", "tolerance", "limits", "grade", "fit", "general", "process", "machine")
+"""The statements of a zone, by their first key; exactly one is given, except that machines may be
+given with processes, and with t_min and t_max, the limits of their inspection."""
+MADE = ({"process"}, {"machine"}, {"process", "machine"}, {"t_min", "machine"})
+REMEDY = (
+    "t_min and t_max with a cost, [[part.process]] or [[part.machine]] tables, or a fixed "
+    "tolerance, limits, grade, fit or general tolerance"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """A part's zone: its processes, and the mid-limit minus the nominal."""
+
+    processes: tuple[Process, ...]
+    fixed: bool = False
+    alternatives: bool = False
+    mid: float = 0.0
+    nominal: float | None = None
+    stated: dict[str, Any] = field(default_factory=dict)
+    assumed: dict[str, str] = field(default_factory=dict)
+    machines: tuple[Offer, ...] = ()
+
+
+def read_tolerance(section: Section, unit: str, nominal: float | None, fit: str = "") -> Tolerance | None:
+    """The zone that the table of a part states, None and faults where it states none.
+
+    `fit` is its tolerance class by a `[[fit]]` of two parts, empty where it is in none.
+    """
+    given = [key for key in KEYS if key in section or (key == "t_min" and "t_max" in section)]
+    section.accept((*KEYS, *MORE, "t_max", "cost"))
+    if fit and not given:
+        section, given = section.having("fit", fit), ["fit"]
+    elif fit:
+        section.fault(given[0], f"is a second statement in addition to {fit} of its [[fit]]: keep only one")
+        return None
+    if set(given) in MADE:
+        return _alternatives(section, unit, nominal)
+    if len(given) != 1:
+        what = f"has too many: {', '.join(given)}; keep only one" if given else "has none"
+        section.fault("", f"needs one statement of its tolerance and {what}: {REMEDY}")
+        if "cost" in section:
+            read_curve(section.section("cost"))
+        return None
+    if given == ["grade"] and isinstance(section.take("grade"), list):
+        grades = searched_grades(section, unit, nominal)
+        if grades is None:
+            return None
+        costs = {key: section.take(key) for key in COSTS if key in section}
+        return Tolerance(grades, alternatives=True, stated=stated_of(section) | costs, assumed=assumed_of(grades))
+    if given == ["t_min"]:
+        process = _process(section, unit)
+        return None if process is None else Tolerance((process,))
+    fixed = _fixed(section, given[0], unit, nominal)
+    curve = _read_cost(section) if "cost" in section else None
+    if fixed is None:
+        return None
+    shape, tolerance = fixed
+    _check_cost(section, given[0], curve, shape.half_width, unit)
+    process = Process(shape.half_width, shape.half_width, curve)
+    return Tolerance((process,), True, False, shape.mid, **tolerance)
+
+
+def _process(section: Section, unit: str, name: str = "") -> Process | None:
+    """A range with its cost."""
+    low, high = (section.number(key, unit, POSITIVE) for key in ("t_min", "t_max"))
+    for key in ("t_min", "t_max"):
+        if key not in section:
+            section.fault(key, "is missing: a tolerance is searched from t_min to t_max")
+    if "cost" not in section:
+        section.fault(
+            "cost", 'is missing: give one, like { model = "reciprocal", a = 1.0, b = 0.1 }, or fix the tolerance'
+        )
+        curve = None
+    else:
+        curve = _read_cost(section)
+    if low is None or high is None:
+        return None
+    if low >= high:
+        section.fault("t_min", f"must be below t_max ({high:g}), got {low:g}")
+        return None
+    low, high, note = _narrowed(low, high, curve, unit)
+    for key, end in (("t_min", low), ("t_max", high)):
+        _check_cost(section, key, curve, end, unit)
+    return Process(low, high, curve, name, note=note)
+
+
+def _narrowed(low: float, high: float, curve: CostCurve | None, unit: str) -> tuple[float, float, str]:
+    """A range within the tolerances that a table of costs spans, and a note on it."""
+    if not isinstance(curve, Table):
+        return low, high, ""
+    ends = max(low, curve.t[0]), min(high, curve.t[-1])
+    if ends == (low, high) or ends[0] >= ends[1]:
+        return low, high, ""
+    note = (
+        f"costs are given from {curve.t[0]:g} to {curve.t[-1]:g} {unit}: the search from "
+        f"{low:g} to {high:g} is narrowed to {ends[0]:g} to {ends[1]:g}"
+    )
+    return *ends, note
+
+
+def _read_cost(section: Section) -> CostCurve | None:
+    """The cost of a part, including its part of a set-up and its inspection."""
+    curve, more = read_curve(section.section("cost")), read_extras(section)
+    return None if curve is None else dearer(curve, more)
+
+
+def _check_cost(section: Section, key: str, curve: CostCurve | None, t: float, unit: str) -> None:
+    """Report an end of the range at which the cost is not finite."""
+    if curve is None:
+        return
+    with np.errstate(all="ignore"):
+        cost = float(curve.cost(np.array([t]))[0])
+    if not math.isfinite(cost):
+        section.fault(
+            key, f"must have a finite cost, but {t:g} {unit} costs {cost:g} by its cost curve ({name_of(curve)})"
+        )
+
+
+def _alternatives(section: Section, unit: str, nominal: float | None) -> Tolerance | None:
+    """The `[[part.process]]` and `[[part.machine]]` tables."""
+    if "cost" in section:
+        section.fault("cost", "belongs in each [[part.process]]; a machine has a price")
+    processes: tuple[Process, ...] | None = ()
+    if "process" in section:
+        processes = section.named_items("process", lambda table, name: _process(table, unit, name))
+    if "machine" not in section:
+        return None if processes is None else Tolerance(processes, alternatives=True)
+    ends = [section.number(key, unit, POSITIVE) for key in ("t_min", "t_max")]
+    offers = read_offers(section, Owner(unit, (ends[0], ends[1]), nominal))
+    if processes is None or offers is None:
+        return None
+    labels = {way.label for offer in offers for way in offer.ways()}
+    both = labels & {process.name for process in processes}
+    for name in sorted(both):
+        section.fault("machine", f'"{name}" is the name of a process and of a machine')
+    if both:
+        return None
+    assumed = "; ".join(offer.assumed for offer in offers if offer.assumed)
+    return Tolerance(
+        (*processes, *processes_of(offers)),
+        alternatives=True,
+        machines=offers,
+        assumed={"machine": assumed} if assumed else {},
+    )
+
+
+def _fixed(section: Section, key: str, unit: str, nominal: float | None) -> tuple[Zone, dict[str, Any]] | None:
+    """The zone about the nominal that a bought-in part has."""
+    if key == "tolerance":
+        value = section.number("tolerance", unit, Range(low=0.0))
+        return None if value is None else (Zone(0.0, value), {"stated": {"tolerance": value}})
+    text = section.text(key)
+    if text is None:
+        return None
+    try:
+        if key == "limits":
+            return _limits(text), {"stated": {key: text}}
+        zone, more = standard(section, key, text, unit, nominal)
+    except ValueError as error:
+        section.fault(key, str(error))
+        return None
+    return zone, {"stated": stated_of(section) | {key: text}} | more
+
+
+def stated_of(section: Section) -> dict[str, Any]:
+    """The keys of a part's table that state the standard of its zone, as written."""
+    keys = ("grade", *(key for key in MORE if key != "geometry"))
+    return {key: section.take(key) for key in keys if key in section}
+
+
+def _limits(text: str) -> Zone:
+    zone = Zone.of_text(text)
+    if not (math.isfinite(zone.mid) and math.isfinite(zone.half_width)):
+        raise ValueError(f'must be finite, got "{text}"')
+    return zone
+
+
+# Reads `[[part]]`: every fault names the part.
+
 
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 MOST = 1000
@@ -197,3 +588,53 @@ def _duplicates(parts: Sequence[Part]) -> list[Fault]:
                 faults.append(Fault("part", text))
             owners[piece] = part.name
     return faults
+
+
+# What a drawing states of a part in addition to its limits: class, symbol, numbers.
+
+
+def drawn(part: Part) -> dict[str, str]:
+    """Tolerance class or grade as stated, symbol of the geometrical characteristic (ISO 1101) with
+    its name, numbers of drawing and characteristic, capability and mean of its process; what is not
+    stated is left out.
+    """
+    labels = {"class": _class(part), "drawing": part.drawing, "characteristic": part.characteristic}
+    if part.geometry:
+        labels["symbol"] = f"{SYMBOLS[part.geometry]} {part.geometry.replace('_', ' ')}"
+    capability = part.stated.get("cpk") or getattr(part.distribution, "cp", None)
+    if part.one_sided:
+        capability, labels["inspection"] = _at_one_limit(part)
+    elif part.distribution.one_sided and isinstance(capability, int | float):
+        labels["inspection"] = f"at most {100.0 * ndtr(-3.0 * capability):.3g} % of the parts beyond the limit"
+    elif part.sample is not None and part.sample.offset:
+        labels["mean"] = f"mean {part.sample.offset:+.3g} {part.unit} from the mid-limit, as measured"
+    if isinstance(capability, int | float):
+        labels["cpk"] = f"{capability:g}"
+    return {key: value for key, value in labels.items() if value}
+
+
+def _at_one_limit(part: Part) -> tuple[float, str]:
+    """Cpk of a part with one limit, and what the model assumes of its process: it has no Cp."""
+    m1, m2 = part.distribution.raw_moments(2)[1:]
+    std, mean = part.high * math.sqrt(m2 - m1**2), part.mean + part.high * m1
+    if part.sample is not None and "Cpk" in part.sample.indices:
+        cpk = part.sample.indices["Cpk"].value
+    else:
+        cpk = (part.high + part.natural * (mean - part.mid)) / (3.0 * std)
+    return cpk, f"standard deviation {std:.3g} {part.unit}, mean {mean:+.3g} {part.unit} from the nominal, one limit"
+
+
+def labels_of(requirement: Requirement) -> dict[str, object]:
+    """Labels of a requirement for readers: name, limits and their unit, description, drawing."""
+    labels = {key: getattr(requirement, key) for key in ("name", "lower", "upper", "unit", "description", "drawing")}
+    return {key: value for key, value in labels.items() if value not in (None, "")}
+
+
+def _class(part: Part) -> str:
+    """Like g6 of a fit, IT6 of a fixed grade, ISO 2768-m of a general tolerance."""
+    fit, grade, general = (part.stated.get(key) for key in ("fit", "grade", "general"))
+    if isinstance(fit, str):
+        return str(Fit.of_text(fit))
+    if isinstance(general, str):
+        return f"ISO 2768-{general.removeprefix('ISO 2768-').removeprefix('ISO 2768').strip()}"
+    return grade.strip() if isinstance(grade, str) else ""

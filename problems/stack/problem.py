@@ -2,48 +2,225 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.special import ndtr
 
-from ...arrays import Array, Integers
-from ...declarations import Assumption, Output, Variable
 from ...errors import Fault, ModelError
 from ...models.capability import PartSample
 from ...models.costs import CostCurve
-from ...models.stack import Linear, Tolerances
-from ...section import Section
+from ...models.machine_offers import departures
+from ...models.stack import Linear, Mechanism, Sample, Tolerances, between, yield_percent
+from ...models.stack.mechanism import SIGMAS
+from ...section import Array, Assumption, Integers, Output, Section, Variable
+from ...units import family, unit_hint
 from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..forms import Form
 from ..interfaces import Accuracy, Checks, Differentiable, Documented, Drawing, Page, Provable, Written
-from ..promise import Promise, read_promise
-from ..settings import Settings
+from ..limits import keeps
+from ..settings import Promise, Settings, read_promise, rising
 from ..tolerance_problem import ToleranceProblem
-from .assumptions import assumptions_of
-from .by_limit import by_count, by_limit
-from .convex import form_of, limits_by_spread
-from .costs import PartCosts
-from .defaults import with_defaults
-from .definition import Definition, Part
-from .drawn import drawn, labels_of
+from .convex import corner_of, form_of, limits_by_spread, out_of_process, samples_of
+from .definition import Definition, Part, as_made, ends_as_made
 from .faults import faults_of, named_outputs, unit_faults, with_nominal
-from .intervals import intervals_of
-from .joint import joint_slopes, joint_variations
-from .measured import Measured, measured
-from .outputs import OBJECTIVES, outputs_of, variables_of
-from .parts import stand_in
-from .parts_as_made import as_made, ends_as_made
-from .processes import corner_of, out_of_process, samples_of
-from .promises import Promises
-from .reading import read_definition
-from .remarks import domain_remarks, warnings_of
+from .outputs import (
+    OBJECTIVES,
+    PartCosts,
+    Yields,
+    by_count,
+    by_limit,
+    intervals_of,
+    joint_slopes,
+    joint_variations,
+    outputs_of,
+    variables_of,
+    with_defaults,
+)
+from .parts import drawn, labels_of, price_remark, stand_in
+from .promises import Measured, Promises, measured
+from .reading import assumptions_of, read_definition, tables_of
 from .rows import shortfall
-from .writing import tables_of
-from .yields import Yields
+
+# Linear against nonlinear spread: whether the root sum square is exceeded as rarely as stated.
+
+
+LEAST = 0.01
+"""Percentage points below which a difference does not matter."""
+RELATIVE = 0.2
+"""Fraction of the promise below which a difference does not matter."""
+ERRORS = 3.0
+"""Standard errors of the sample below which a difference is not detected."""
+
+
+def linearity_warnings(
+    mechanism: Mechanism, linear: Linear, design: Tolerances, where: str, unit: str, sample: Sample
+) -> tuple[str, ...]:
+    """The errors of the linear model, in a sentence, at one design (1, p).
+
+    The limits are those of the requirement, where there are some, and the linear mean +- the root
+    sum square, beyond which 0.27 % are promised.
+    """
+    mean = mechanism.centre + float(linear.mean_shift(design)[0])
+    rss = float(linear.rss(design)[0])
+    if rss == 0.0:
+        return ()
+    limits = {f"{mean:.4g} +- {rss:.4g}{unit} (root sum square)": (mean - rss, mean + rss)}
+    if mechanism.bounded:
+        limits["the limits of the requirement"] = (mechanism.lower, mechanism.upper)
+    sentences = []
+    for name, (lower, upper) in limits.items():
+        low, high = ((bound - mean) / (rss / SIGMAS) for bound in (lower, upper))
+        promised = 100.0 * float(ndtr(low) + ndtr(-high))
+        within, error = yield_percent(replace(mechanism, lower=lower, upper=upper), design, sample)
+        actual, doubt = 100.0 - float(within[0]), float(error[0])
+        if abs(actual - promised) > max(LEAST, ERRORS * doubt, RELATIVE * promised):
+            sentences.append(
+                f"outside {name} it promises {promised:.2g} %, but the formula itself gives {actual:.3g} % (standard "
+                f"error {doubt:.1g} %)"
+            )
+    return (f"the linear model misleads {where}: {'; '.join(sentences)}",) if sentences else ()
+
+
+# Warnings to the user of a stack before a run.
+
+
+FINEST, COARSEST = 1e-6, 0.25
+"""Half-widths between which tolerances of lengths lie, as fractions of the nominal size: from
+half of IT01 at 500 mm to a quarter of the size.
+"""
+WARNING_SAMPLES = 131_072
+"""Most units with which warnings are tested before a run."""
+
+
+def warnings_of(stack: Stack) -> tuple[str, ...]:
+    """Unverified grades, formulas that leave their domain, linear models that mislead."""
+    sentences = [
+        f"part {part.name}: {why}"
+        for part in stack.definition.parts
+        for key, why in part.assumed.items()
+        if key in ("grade", "fit")
+    ]
+    sentences += [text for part in stack.definition.parts if (text := _impossible(part))]
+    remarks = [price_remark(part.name, part.processes, part.stated.get("price", {})) for part in stack.definition.parts]
+    sentences += filter(None, remarks)
+    for part in stack.definition.parts:
+        for process in part.processes:
+            name = f"{part.name} ({process.name})" if process.name else part.name
+            sentences += [f"part {name}: {process.note}"] if process.note else []
+            sentences += [note] if (note := rising(f"part {name}", process.curve)) else []
+    for part in stack.definition.parts:
+        sentences += () if part.sample is None else part.sample.departures(f"part {part.name}")
+    for part in stack.definition.parts:
+        sentences += departures(part.machines, f"part {part.name}")
+    for measured in stack.measured:
+        if text := measured.off_nominal:
+            most = "fewer than half of the units conform whatever the tolerances" if measured.off_limits else ""
+            sentences.append(
+                f"{measured.requirement.place} {text}: {most or 'the tolerances are not what breaks its limits'}; move "
+                "the nominal values or the limits"
+            )
+        sentences += [_domain(measured)] if measured.partial else []
+        sentences += [_rough(stack, measured)] if measured.rough else []
+        if measured.mechanism.formula is not None and not measured.rough:
+            unit = f" {measured.requirement.unit}".rstrip()
+            sample = stack.yields.drawn(WARNING_SAMPLES)
+            warnings = linearity_warnings(
+                measured.mechanism, measured.linear, *_loosest_feasible(stack, measured), unit, sample
+            )
+            sentences += [
+                f"{measured.requirement.key}: {text}" if measured.requirement.key else text for text in warnings
+            ]
+    return tuple(sentences)
+
+
+def _impossible(part: Part) -> str:
+    """A note on a tolerance that is implausible for the nominal size, with the unit it may be in."""
+    size = abs(part.nominal or 0.0)
+    if family(part.unit)[0] != "meter" or size == 0.0:
+        return ""
+    low, high = FINEST * size, COARSEST * size
+    for t in (part.low, part.high):
+        if 0.0 < t < low or t > high:
+            hint = unit_hint(t, part.unit, low, high)
+            extreme = "small" if t < low else "large"
+            tolerance = f"part {part.name}: a tolerance of {t:g} {part.unit}"
+            return f"{tolerance} is {extreme} for a size of {size:g} {part.unit}{hint}"
+    return ""
+
+
+def _domain(measured: Measured) -> str:
+    """Where the formula leaves its domain."""
+    name = measured.name("domain_margin")
+    designs = f"designs that do are infeasible ({name} below 0)"
+    if not measured.bound_to_domain:
+        designs = (
+            f"{name} is below 0 for designs that do, and limits.{name} = 0 refuses them "
+            f"({measured.requirement.method} knows the formula by its slopes alone)"
+        )
+    return (
+        f"{measured.requirement.place}.formula leaves its domain within the widest tolerances: "
+        f"{measured.mechanism.undefined}; {designs}; units that do are non-conforming"
+    )
+
+
+def _rough(stack: Stack, measured: Measured) -> str:
+    """What is not given of a formula that its slopes at the mid-limits do not describe, and what is."""
+    mechanism, unit = measured.mechanism, f" {measured.requirement.unit}".rstrip()
+    _, loosest = stack.ends_as_made
+    first, worst = (float(values[0]) for values in (measured.linear.worst_case(loosest), _worst(measured, loosest)))
+    text = (
+        f"{measured.requirement.place}.formula has no slope at the mid-limits (0, not defined, or another one on each "
+        f"side) by {', '.join(mechanism.rough)}: no root sum square and no contributions are given; worst_case is that "
+        f"of the corners, {worst:.4g}{unit} at the loosest tolerances (first order: {first:.4g}{unit})"
+    )
+    if mechanism.bounded:
+        percent, error = yield_percent(mechanism, loosest, stack.yields.drawn(WARNING_SAMPLES))
+        text += f"; {percent[0]:.3f} % of the units (standard error {error[0]:.1g} %) are then within the limits"
+    return text
+
+
+def _worst(measured: Measured, t: Tolerances) -> Array:
+    return measured.variations(t)[measured.name("worst_case")]
+
+
+def domain_remarks(requirements: Sequence[Measured], front: pd.DataFrame) -> tuple[str, ...]:
+    """Which reported points have a corner of their tolerances at which a formula has no value."""
+    sentences = []
+    for measured in requirements:
+        name = measured.name("domain_margin")
+        below = int((front[name] < 0.0).sum()) if name in front and len(front) else 0
+        if below:
+            sentences.append(
+                f"{below} of {len(front)} points leave the domain of {measured.requirement.place}.formula at a corner "
+                f"of their tolerances ({name} down to {front[name].min():.3g}, 0 at the edge): units there have no "
+                "value and do not conform"
+            )
+    return tuple(sentences)
+
+
+def _loosest_feasible(stack: Stack, measured: Measured) -> tuple[Tolerances, str]:
+    """The loosest design (1, p) that keeps the limits on the linear variations, and its name."""
+    low, high = stack.ends_as_made
+    line = between(low, high, np.linspace(0.0, 1.0, 257)[:, None])
+    values = measured.variations(line)
+    if measured.requirement.method == "monte_carlo":
+        values.pop(measured.name("variation"), None)
+    kept = np.ones(len(line), dtype=bool)
+    for limit in stack.limits:
+        if limit.name in values:
+            kept &= keeps(values[limit.name], limit.high)
+        elif measured.partial and limit.name == measured.name("domain_margin"):
+            kept &= limit.kept(measured.margin(line)[limit.name])
+    if np.all(kept) or not np.any(kept):
+        return high, "at the loosest tolerances"
+    last = int(np.flatnonzero(kept)[-1])
+    rss = float(measured.linear.rss(line[last : last + 1])[0])
+    return line[last : last + 1], f"at a variation of {rss:.4g} (rss)"
 
 
 class Stack(ToleranceProblem, Provable, Differentiable, Accuracy, Documented, Drawing, Checks, Written, Page):

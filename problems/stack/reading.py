@@ -1,16 +1,118 @@
-"""Reads requirements, `[[part]]` and `[[correlation]]` into a checked definition."""
+"""Reads `[requirement]`, or any number of `[[requirement]]`."""
 
 from __future__ import annotations
 
+import re
+from typing import Any
+
 from ...errors import Fault, nearest
+from ...models.cost_reading import curve_table
+from ...models.input_reading import written
 from ...models.inputs import Normal
-from ...section import Range, Section
-from ..promise import read_promise
-from .build import mechanisms_of
-from .definition import Correlation, Definition, Part, Requirement
+from ...models.machine_offers import samples_of
+from ...section import POSITIVE, Assumption, Range, Section
+from ...units import family
+from ..settings import SAMPLED, process_assumption, read_promise
+from .definition import METHODS, Correlation, Definition, Part, Process, Requirement
+from .formulas import mechanisms_of, nominal_sum, sensitivity_faults
 from .parts import read_parts
-from .requirements import read_requirements
-from .sensitivities import sensitivity_faults
+
+_NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
+RESERVED = (
+    "cost",
+    "variation",
+    "worst_case",
+    "rss",
+    "yield_percent",
+    "yield_percent_error",
+    "domain_margin",
+    "min",
+    "max",
+)
+"""Names that a requirement cannot have: outputs of the whole stack, and keys of a limit."""
+
+
+def read_requirements(top: Section, faults: list[Fault]) -> tuple[Requirement, ...]:
+    """Every requirement, at least one; what is faulty in it has its default."""
+    if "requirement" not in top:
+        faults.append(Fault("requirement", "is missing: name its unit, formula and limits"))
+    if not isinstance(top.take("requirement"), list):
+        return (_read(top.collecting("requirement", faults), "requirement", False),)
+    tables = top.tables("requirement")
+    if not tables:
+        faults.append(Fault("requirement", "must list at least one [[requirement]] table"))
+        return (Requirement("", ""),)
+    requirements = [_read(top.item("requirement", at, faults), f"requirement[{at}]", True) for at in range(len(tables))]
+    faults += _twice(requirements)
+    return tuple(requirements)
+
+
+def _read(section: Section, place: str, several: bool) -> Requirement:
+    unit = section.text("unit") or ""
+    if section.all_keys() and "unit" not in section:
+        section.fault("unit", 'is missing: write "mm", "rad", "deg", ... ("" for a plain number)')
+    try:
+        family(unit)
+    except ValueError as error:
+        section.fault("unit", str(error))
+        unit = "mm"  # most likely, so that parts without a unit of their own are no faults as well
+    lower, upper = (section.number(key, unit) for key in ("lower", "upper"))
+    if lower is not None and upper is not None and lower >= upper:
+        section.fault("lower", f"must be below upper ({upper:g}), got {lower:g}")
+    nominal = section.number("nominal", unit)
+    name = _key(section, place) if several else section.text("name") or ""
+    weight = section.number("weight", within=POSITIVE) if several else None
+    requirement = Requirement(
+        name=name,
+        unit=unit,
+        formula=section.text("formula") or "",
+        nominal=nominal,
+        stated_nominal=None if nominal is None else section.take("nominal"),
+        lower=lower,
+        upper=upper,
+        method=section.text("method", METHODS) or "rss",
+        weight=1.0 if weight is None else weight,
+        key=name if several else "",
+        place=place,
+        description=section.text("description") or "",
+        drawing=section.text("drawing") or "",
+    )
+    section.finish()
+    return requirement
+
+
+def _key(section: Section, place: str) -> str:
+    """The name of one of several requirements; a stand-in where it has none that is valid."""
+    name, stand_in = section.text("name"), place.replace("[", "_").replace("]", "")
+    if "name" not in section:
+        section.fault("name", "is missing: outputs of several requirements are distinguished by their names")
+    if name is None:
+        return stand_in
+    if not _NAME.fullmatch(name):
+        text = f'must be letters, digits and _, and begin with a letter, got "{name}"'
+        section.fault("name", text)
+        return stand_in
+    if name in RESERVED:
+        section.fault("name", f"{name} means something in [limits]; choose another name")
+        return stand_in
+    return name
+
+
+def _twice(requirements: list[Requirement]) -> list[Fault]:
+    """A fault for every name that an earlier requirement has."""
+    names = [requirement.key for requirement in requirements]
+    return [
+        Fault(
+            f"{requirement.place}.name",
+            f'"{requirement.key}" is already the name of requirement[{names.index(requirement.key)}]',
+        )
+        for at, requirement in enumerate(requirements)
+        if requirement.key in names[:at]
+    ]
+
+
+# Reads requirements, `[[part]]` and `[[correlation]]` into a checked definition.
+
 
 _REMEDIES = {
     "variables": "a stack states its ranges in [[part]]: t_min and t_max, or tolerance",
@@ -106,3 +208,103 @@ def _either(requirement: Requirement, top: Section, parts: list[Part | None]) ->
         return [Fault("requirement.formula", text)]
     text = "is missing: without a formula every part needs a sensitivity"
     return [Fault(f"part[{at}].sensitivity", text + names[at]) for at, is_stated in enumerate(given) if not is_stated]
+
+
+# The tables that a stack is written in: reading them again gives the same stack.
+
+
+def tables_of(definition: Definition) -> dict[str, Any]:
+    """`[requirement]` or each `[[requirement]]`, `[[part]]` and `[[correlation]]`."""
+    requirements = [_requirement(requirement) for requirement in definition.requirements]
+    tables: dict[str, Any] = {
+        "requirement": requirements if definition.requirement.key else requirements[0],
+        "part": [_part(part) for part in definition.parts],
+    }
+    if definition.correlations:
+        tables["correlation"] = [
+            {"parts": list(correlation.pieces), "coefficient": correlation.coefficient}
+            for correlation in definition.correlations
+        ]
+    if definition.promise is not None:
+        tables["promise"] = definition.promise.table()
+    return tables
+
+
+def _requirement(requirement: Requirement) -> dict[str, Any]:
+    table = {
+        "name": requirement.name or None,
+        "unit": requirement.unit,
+        "formula": requirement.formula or None,
+        "nominal": requirement.stated_nominal,
+        "lower": requirement.lower,
+        "upper": requirement.upper,
+        "method": requirement.method,
+        "weight": requirement.weight if requirement.key else None,
+        "description": requirement.description or None,
+        "drawing": requirement.drawing or None,
+    }
+    return {key: value for key, value in table.items() if value is not None}
+
+
+def _part(part: Part) -> dict[str, Any]:
+    table: dict[str, Any] = {"name": part.name, "unit": part.unit, "count": part.count}
+    if part.nominal is not None:
+        table["nominal"] = part.nominal
+    if part.sensitivities:
+        table["sensitivity"] = part.sensitivities.get("", dict(part.sensitivities))
+    table |= written(part.distribution) if part.sample is None else {"measured": dict(part.sample.stated)}
+    labels = {"drawing": part.drawing, "characteristic": part.characteristic, "geometry": part.geometry}
+    table |= {key: value for key, value in labels.items() if value}
+    if part.machines:
+        processes = [{"name": p.name} | _range(p) for p in part.processes if p.machine is None]
+        return (
+            table
+            | ({"process": processes} if processes else {})
+            | {"machine": [offer.table() for offer in part.machines]}
+        )
+    if part.alternatives and part.stated:  # grades
+        return table | dict(part.stated)
+    if part.alternatives:
+        return table | {"process": [{"name": p.name} | _range(p) for p in part.processes]}
+    if part.fixed:
+        return table | dict(part.stated) | _cost(part.processes[0])
+    return table | _range(part.processes[0])
+
+
+def _range(process: Process) -> dict[str, Any]:
+    return {"t_min": process.low, "t_max": process.high} | _cost(process)
+
+
+def _cost(process: Process) -> dict[str, Any]:
+    return {} if process.curve is None else {"cost": curve_table(process.curve)}
+
+
+# Assumptions of a stack about what its configuration does not state.
+
+
+UNMEASURED = "no part is measured: its scatter counts as known, and as normal where yields are promised"
+
+
+def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
+    """Distributions and units that no table names, unverified grades, a summed nominal."""
+    assumptions, process = [], process_assumption(definition.promise)
+    for part in definition.parts:
+        values = {"distribution": type(part.distribution).__name__, "unit": part.unit}
+        if part.sample is not None:
+            known = part.sample.statement(part.unit)
+            assumptions.append(Assumption(f"part.{part.name}.measured", known, "", process))
+        elif not part.sampled and process == SAMPLED:
+            assumptions.append(Assumption(f"part.{part.name}.process", values["distribution"], "", UNMEASURED))
+        for machine, sample in samples_of(part.machines):
+            place = f"part.{part.name}.machine.{machine}.measured"
+            assumptions.append(Assumption(place, sample.statement(part.unit), "", process))
+        for key, why in part.assumed.items():
+            value = values.get(key) or str(part.stated.get(key, ""))
+            assumptions.append(Assumption(f"part.{part.name}.{key}", value, "", why))
+    for requirement, mechanism in zip(definition.requirements, definition.mechanisms, strict=True):
+        if not requirement.formula and requirement.nominal is None and mechanism.bounded:
+            place = f"{requirement.place}.nominal"
+            text = f"sum of sensitivity times nominal; {place} is not given"
+            nominal = nominal_sum(requirement, definition.parts)
+            assumptions.append(Assumption(place, nominal, requirement.unit, text))
+    return tuple(assumptions)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tolevo.algorithms.archive import GROWTH, Archive, lowest_ranks
-from tolevo.algorithms.indicators import nondominated
+from tolevo.algorithms.archive import GROWTH, Archive, lowest_ranks, nondominated
 
 
 def filled(archive: Archive, batches: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tolevo.algorithms.attained import Attained
-from tolevo.algorithms.indicators import hypervolume, nondominated
+from tolevo.algorithms.archive import Attained, hypervolume, nondominated
 
 
 def batches(objectives: int) -> list[np.ndarray]:

@@ -15,12 +15,13 @@ from tolevo.algorithms.checkpoint import Checkpoint
 from tolevo.algorithms.gde3 import GDE3
 from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.random_search import RandomSearch
-from tolevo.algorithms.search import Progress, SearchResult, search
+from tolevo.algorithms.run import Progress
+from tolevo.algorithms.search import SearchResult, search
 from tolevo.algorithms.settings import AlgorithmSettings, Budget
 from tolevo.errors import InputError
+from tolevo.files import sealed
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, PropagationSetting, Settings
-from tolevo.sealed import sealed
 
 SMALL = Settings(propagation=PropagationSetting(method="moments"), limits={"interference_probability": Bound(high=0.5)})
 CASES = [

@@ -18,12 +18,22 @@ from pymoo.optimize import minimize
 from scipy.stats import ks_2samp, mannwhitneyu
 
 from tolevo import registry
-from tolevo.algorithms.engine import ENGINES, GDE3Engine, NSGA2Engine, Space
-from tolevo.algorithms.engine.operators import crossover, different, differential, mutate, tournament
-from tolevo.algorithms.engine.ordering import ranks
-from tolevo.algorithms.engine.pymoo_algorithm import ArrayGDE3, ArrayNSGA2
-from tolevo.algorithms.engine.survival import crowding_distances, survivors
-from tolevo.algorithms.indicators import hypervolume
+from tolevo.algorithms.archive import hypervolume, ranks
+from tolevo.algorithms.engine import (
+    ENGINES,
+    ArrayGDE3,
+    ArrayNSGA2,
+    GDE3Engine,
+    NSGA2Engine,
+    Space,
+    crossover,
+    crowding_distances,
+    different,
+    differential,
+    mutate,
+    survivors,
+    tournament,
+)
 
 Array = NDArray[np.float64]
 FACTORS = np.linspace(0.5, 2.0, 9)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from tolevo.algorithms.engine.ordering import PASSES, in_order, lowest_ranks_in_order, ranks
+from tolevo.algorithms.archive import PASSES, in_order, lowest_ranks_in_order, ranks
 
 Array = NDArray[np.float64]
 TIED = st.sampled_from([-np.inf, -1.5, -0.0, 0.0, 1.0, 2.0, 1e300])

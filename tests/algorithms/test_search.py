@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tolevo.algorithms.archive import hypervolume, nondominated
 from tolevo.algorithms.ga import GA
 from tolevo.algorithms.gde3 import GDE3
-from tolevo.algorithms.indicators import hypervolume, nondominated
 from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.random_search import RandomSearch
-from tolevo.algorithms.search import Progress, search
+from tolevo.algorithms.run import Progress
+from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import AlgorithmSettings, Budget
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, PropagationSetting, Settings

@@ -8,8 +8,8 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from tolevo.algorithms.run import Run
-from tolevo.algorithms.search import Progress, search
+from tolevo.algorithms.run import Progress, Run
+from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget, Solver
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, PropagationSetting, Settings

@@ -14,8 +14,7 @@ import pytest
 from typer.testing import CliRunner
 
 from tolevo.cli import app
-from tolevo.configuration.reader import read_table
-from tolevo.configuration.simulated import build_model
+from tolevo.configuration.reader import build_model, read_table
 from tolevo.errors import InputError
 from tolevo.models.costs import Reciprocal
 from tolevo.models.serial_arm.arm import SerialArm

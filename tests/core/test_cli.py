@@ -15,10 +15,9 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
-from tolevo.algorithms.search import Progress
-from tolevo.cli import app
+from tolevo.algorithms.run import Progress
+from tolevo.cli import app, describe, fraction
 from tolevo.errors import RunError
-from tolevo.progress import describe, fraction
 
 CONFIG = """
 problem = "rv_backlash"
@@ -53,7 +52,7 @@ def fake_run(monkeypatch: pytest.MonkeyPatch, status: str) -> list[Any]:
         (out / "report.html").write_text("page", encoding="utf-8")
         return SimpleNamespace(status=status, lines=("a summary",), result=None)
 
-    monkeypatch.setattr("tolevo.workflows.run.run", run)
+    monkeypatch.setattr("tolevo.commands.run.run", run)
     return plans
 
 
@@ -84,7 +83,7 @@ def test_a_run_that_fails_or_is_interrupted(config: Path, tmp_path: Path, monkey
         def run(*_: object, error: BaseException = error) -> None:
             raise error
 
-        monkeypatch.setattr("tolevo.workflows.run.run", run)
+        monkeypatch.setattr("tolevo.commands.run.run", run)
         result = tolevo("run", config, "--out", tmp_path / "o")
         assert result.exit_code == code
         assert "Traceback" not in result.output

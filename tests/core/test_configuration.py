@@ -11,10 +11,8 @@ import pytest
 
 import tolevo
 from tolevo import registry
-from tolevo.arrays import Array
 from tolevo.configuration import Configuration, read
 from tolevo.configuration.reader import read_table
-from tolevo.declarations import Kind, Output, Parameter, Variable
 from tolevo.errors import InputError, refuse
 from tolevo.models.costs import Exponential, Reciprocal, Table
 from tolevo.models.inputs import Normal
@@ -22,6 +20,7 @@ from tolevo.models.measurable import MeasurableModel
 from tolevo.problems.declaration import Declaration
 from tolevo.problems.settings import Bound
 from tolevo.problems.tolerance_problem import ToleranceProblem
+from tolevo.section import Array, Kind, Output, Parameter, Variable
 
 
 class Bracket(ToleranceProblem):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tolevo.arrays import Array
+from tolevo.commands.study.designs import Factorial, LatinHypercube, Morris, Sobol
+from tolevo.commands.study.plan import Factor
 from tolevo.errors import InputError
 from tolevo.models.costs import (
     CURVES,
@@ -19,9 +20,8 @@ from tolevo.models.costs import (
 )
 from tolevo.models.inputs import DISTRIBUTIONS, Beta, Normal, Rayleigh, Triangular, Uniform
 from tolevo.models.rv_reducer.lost_motion import RvLostMotion
+from tolevo.section import Array
 from tolevo.testing import CurveContract, DesignContract, DistributionContract, ModelContract
-from tolevo.workflows.study.designs import Factorial, LatinHypercube, Morris, Sobol
-from tolevo.workflows.study.records import Factor
 
 
 class TestReciprocal(CurveContract):

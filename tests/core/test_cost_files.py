@@ -11,8 +11,8 @@ import pytest
 import tolevo
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
+from tolevo.models.cost_reading import dearer, times
 from tolevo.models.costs import CURVES, Table
-from tolevo.models.costs.extras import dearer, times
 
 STACK = """
 problem = "stack"

@@ -11,9 +11,11 @@ from typer.testing import CliRunner
 
 from tolevo import registry
 from tolevo.cli import app
+from tolevo.commands.study.designs import DESIGNS
 from tolevo.configuration.parameters import read_parameters
 from tolevo.configuration.search import settings_of
-from tolevo.counts import (
+from tolevo.errors import Fault
+from tolevo.section import (
     EVALUATIONS,
     MEMORY,
     PAIRED,
@@ -21,15 +23,13 @@ from tolevo.counts import (
     PROCESS,
     TIME,
     Need,
+    Parameter,
+    Section,
     forced,
     is_forced,
     too_many,
     too_many_workers,
 )
-from tolevo.declarations import Parameter
-from tolevo.errors import Fault
-from tolevo.section import Section
-from tolevo.workflows.study.designs import DESIGNS
 
 RUN = """
 problem = "rv_backlash"

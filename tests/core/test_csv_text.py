@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tolevo.csv_text import csv_text, neutral, original, read_own_csv
+from tolevo.files import csv_text, neutral, original, read_own_csv
 from tolevo.tables import read_table, write
 
 FORMULAS = [

@@ -14,9 +14,7 @@ import pytest
 
 from tolevo.directory import MANIFEST, UNFINISHED, Ownership, holders, owned, ownership, standing
 from tolevo.directory.lock import LOCK, Held, acquire, hold
-from tolevo.directory.manifest import digest, read_manifest
-from tolevo.directory.names import KINDS, kind_of
-from tolevo.directory.unfinished import read_unfinished, write_unfinished
+from tolevo.directory.standing import KINDS, digest, kind_of, read_manifest, read_unfinished, write_unfinished
 from tolevo.errors import InputError, RunError
 from tolevo.files import write_text
 
@@ -337,7 +335,7 @@ def test_every_byte_of_the_manifest_counts(out: Path) -> None:
 
 
 def test_a_newer_manifest_says_to_update(out: Path) -> None:
-    from tolevo.sealed import sealed_record
+    from tolevo.files import sealed_record
 
     record = {"command": "run", "status": "done", "format": 2, "version": "9.1", "files": {}}
     (out / MANIFEST).write_text(json.dumps(sealed_record(record)), encoding="utf-8")

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from tolevo.configuration import Configuration, read
 from tolevo.errors import Fault, InputError
+from tolevo.models.input_reading import keys, name_of, read_distribution, written
 from tolevo.models.inputs import (
     DISTRIBUTIONS,
     Beta,
@@ -26,7 +27,6 @@ from tolevo.models.inputs import (
     TruncatedNormal,
     Uniform,
 )
-from tolevo.models.inputs.reading import keys, name_of, read_distribution, written
 from tolevo.section import Section
 
 STATED: dict[str, Distribution] = {

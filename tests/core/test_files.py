@@ -12,9 +12,9 @@ from typer.testing import CliRunner
 
 import tolevo
 from tolevo.cli import app
-from tolevo.counts import forced
 from tolevo.errors import RunError
 from tolevo.files import content, unwritable, write_bytes, write_text, write_with
+from tolevo.section import forced
 
 STACK = """
 problem = "stack"

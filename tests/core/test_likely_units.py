@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tolevo.cli import app
-from tolevo.likely_units import likely_unit
+from tolevo.units import likely_unit
 
 
 @pytest.mark.parametrize(

@@ -14,12 +14,12 @@ from pymoo.core.variable import Binary, Choice, Integer, Real
 from pymoo.core.variable import Variable as PymooVariable
 
 import tolevo
-from tolevo.declarations import Kind, Output, Variable
 from tolevo.errors import InputError
-from tolevo.problems.designs import designs_of
 from tolevo.problems.pose_accuracy import PoseAccuracy
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, PropagationSetting, Settings
+from tolevo.problems.tolerance_problem import designs_of
+from tolevo.section import Kind, Output, Variable
 
 SMALL = tolevo.algorithms.NSGA2(population=20)
 FEW = ["algorithm.generations=10"]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from tolevo.progress import describe_claims, describe_gap, ended_share, shown
-from tolevo.workflows.gap.progress import GapProgress
-from tolevo.workflows.reproduce.plan import ClaimsProgress
+from tolevo.cli import describe_claims, describe_gap, ended_share, shown
+from tolevo.commands.gap.plan import GapProgress
+from tolevo.commands.reproduce.claims import ClaimsProgress
 
 
 def test_line_and_share_of_the_replicates() -> None:

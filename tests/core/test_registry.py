@@ -130,7 +130,7 @@ NAMES = (
     *("tolevo_wrong:function", "tolevo_wrong:Alien", "tolevo_wrong:Metaclassed", "tolevo_wrong:instance"),
     *("tolevo_wrong:instance.foo", "tolevo_wrong:number", "tolevo_wrong:nothing", "tolevo_no_such:X"),
     *("tolevo_exits:X", "tolevo_odd:X", "tolevo_asserts:X", "tolevo_syntax:X", "collections.abc:Mapping"),
-    *("pymoo.algorithms.moo.nsga2:NSGA2", "pymoo.core.problem:Problem", "tolevo.models.costs.reciprocal:Reciprocal"),
+    *("pymoo.algorithms.moo.nsga2:NSGA2", "pymoo.core.problem:Problem", "tolevo.models.costs:Reciprocal"),
     *("tolevo.models.effects.effect:Effect", "tolevo.algorithms.settings:AlgorithmSettings", "a" * 4000 + ":X"),
 )
 STACK = """

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tolevo.sealed import loads, sealed, sealed_record, unsealed, unsealed_record
+from tolevo.files import loads, sealed, sealed_record, unsealed, unsealed_record
 
 
 def test_the_digest_is_sha256_of_what_stands_before_it() -> None:

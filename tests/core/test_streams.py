@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tolevo.streams import warn_in_a_line
+from tolevo.interrupts import warn_in_a_line
 
 RUN = """
 problem = "stack"

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tolevo.cli import app
-from tolevo.workflows.template import KINDS
+from tolevo.commands.template import KINDS
 
 EXPORT = (
     "Seriennr.;Datum;Drehmoment [N mm];Drehrichtung;Spiel [arcsec]\r\n"

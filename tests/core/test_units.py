@@ -5,9 +5,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tolevo.common_units import COMMON, RATES
-from tolevo.unit_definitions import looked_up, unit_of
-from tolevo.units import ARCMIN, MM, SUFFIXES, UM, converted, split_unit, to_unit, unit_key
+from tolevo.units import (
+    ARCMIN,
+    COMMON,
+    MM,
+    RATES,
+    SUFFIXES,
+    UM,
+    converted,
+    looked_up,
+    split_unit,
+    to_unit,
+    unit_key,
+    unit_of,
+)
 
 
 @pytest.mark.parametrize(

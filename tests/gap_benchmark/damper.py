@@ -13,10 +13,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from tolevo.arrays import Array
-from tolevo.declarations import Output, Parameter, Value, number
-from tolevo.models.inputs.distribution import Distribution
+from tolevo.models.inputs import Distribution
 from tolevo.models.measurable import NO_CHANGES, Changeable, Column, MeasurableModel, Role
+from tolevo.section import Array, Output, Parameter, Value, number
 
 ARTS = Path(__file__).parent / "arts"
 SHA256 = {

@@ -11,9 +11,9 @@ from scipy.optimize import least_squares
 from benchmarks.gap.generator.tables import Array
 from tests.gap_benchmark.damper import Jenkins, arts
 from tolevo import registry
-from tolevo.gap_records import GapResult
-from tolevo.workflows.gap import GapPlan, gap
-from tolevo.workflows.gap.read import read_data
+from tolevo.commands.gap import GapPlan, gap
+from tolevo.commands.gap.read import read_data
+from tolevo.commands.gap.records import GapResult
 
 PLAIN = ("stiffness_kip_per_in", "slip_force_kip", "start_in")
 

@@ -11,8 +11,8 @@ from threadpoolctl import threadpool_limits
 from benchmarks.gap.generator.records import GROUPS, record
 from benchmarks.gap.invariants import BOUND, NOTHING, RECALIBRATED, STEP, broken, violated
 from benchmarks.gap.namers.workflow import SIMULATORS, read_as_files
-from tolevo.workflows.gap.gap import ending, lines_of, result_of
-from tolevo.workflows.gap.result import Ending
+from tolevo.commands.gap.gap import ending, lines_of, result_of
+from tolevo.commands.gap.result import Ending
 
 pytestmark = pytest.mark.source_tree
 FIRST = 5000

@@ -17,7 +17,7 @@ from benchmarks.gap.scoring.manipulator_rivals import MANIPULATOR_RIVALS
 from benchmarks.gap.scoring.rivals import coefficients, least_left
 from benchmarks.gap.scoring.told import told
 from tolevo import registry
-from tolevo.models.effects.compose import Active, predicted
+from tolevo.models.effects.measurements import Active, predicted
 from tolevo.models.manipulator.pose import ManipulatorPose
 
 KIND = KINDS["manipulator_pose"]

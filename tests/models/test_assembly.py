@@ -6,12 +6,17 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tolevo.errors import InputError
-from tolevo.models.assembly.assemble import Departures, assemble
-from tolevo.models.assembly.chain import AdjustmentWeights, DatumFlowChain
-from tolevo.models.assembly.estimator import kalman
-from tolevo.models.assembly.process import Process, plane_process, space_process
-from tolevo.models.assembly.regulator import gains, terminal_weight
-from tolevo.models.assembly.response import response
+from tolevo.models.assembly.assemble import Departures, assemble, response
+from tolevo.models.assembly.process import (
+    AdjustmentWeights,
+    DatumFlowChain,
+    Process,
+    gains,
+    kalman,
+    plane_process,
+    space_process,
+    terminal_weight,
+)
 
 Array = NDArray[np.float64]
 PRINTED_F = np.array([[1.0, 0, 0, 0], [1, 1, 0, 0], [0, 0, 1, 0], [0, 0, 1, 1]])

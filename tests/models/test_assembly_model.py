@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tolevo.declarations import Value
 from tolevo.errors import InputError
 from tolevo.models.assembly.model import Assembly
+from tolevo.section import Value
 
 PART_ERRORS = (-1.6, 5.3, 5.8, 3.2)
 

@@ -7,13 +7,20 @@ import pytest
 from numpy.typing import NDArray
 from scipy import integrate, stats
 
-from tolevo.models.assembly.coverage import normals, radius_quantile, root, sample_quantile
-from tolevo.models.assembly.document import MAPPINGS, Row, rows
-from tolevo.models.assembly.influence import Influence, influence
-from tolevo.models.assembly.transmission import AngleMapping, Transmission, about_z
+from tolevo.models.assembly.assemble import normals, radius_quantile, root, sample_quantile
+from tolevo.models.assembly.transmission import (
+    MAPPINGS,
+    AngleMapping,
+    Influence,
+    Row,
+    Transmission,
+    about_z,
+    influence,
+    rows,
+)
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
-from tolevo.models.rv_reducer.dynamics.steady import Oscillator, steady_state
+from tolevo.models.rv_reducer.dynamics import Oscillator, steady_state
 from tolevo.units import ARCSEC, MRAD
 
 Array = NDArray[np.float64]

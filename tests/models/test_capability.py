@@ -9,9 +9,8 @@ import pytest
 from scipy import stats
 
 from tolevo.models.capability import Prior, knowledge_of
-from tolevo.models.capability.indices import capability
 from tolevo.models.capability.knowledge import Gauge, upper_of_difference
-from tolevo.models.capability.stability import distribution_type, findings
+from tolevo.models.capability.samples import capability, distribution_type, findings
 
 
 def test_posterior_of_a_sample() -> None:

@@ -11,8 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tolevo.models.expressions import FUNCTIONS, Formula, FormulaError
-from tolevo.models.expressions.parser import DEEPEST
+from tolevo.models.expressions import DEEPEST, FUNCTIONS, Formula, FormulaError
 
 POINT = {"a": 0.31, "b": 0.47, "c": 1.9}
 SMOOTH = [

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi
 
-from tolevo.models.assembly.coverage import radius_quantile
-from tolevo.models.gaussian_length import exceedance, principal, quantile
+from tolevo.models.assembly.assemble import radius_quantile
+from tolevo.models.manipulator.ring import exceedance, principal, quantile
 
 COVERAGES = [0.5, 0.9, 0.9973, 1.0 - 1e-6]
 

@@ -21,7 +21,7 @@ from tolevo.models.iso286 import (
     pair_of_text,
     zone,
 )
-from tolevo.models.iso286.deviations import deviations_um
+from tolevo.models.iso286.fits import deviations_um
 
 DATA = Path(__file__).parents[1] / "data" / "iso286"
 

@@ -6,12 +6,9 @@ import numpy as np
 import pytest
 import scipy
 
-from tolevo.arrays import Array
-from tolevo.models.inputs import Beta, Distribution, Normal, Triangular, Uniform
-from tolevo.models.inputs.empirical import Empirical
-from tolevo.models.inputs.rayleigh import Rayleigh
-from tolevo.models.inputs.skew_normal import SkewNormal
+from tolevo.models.inputs import Beta, Distribution, Empirical, Normal, Rayleigh, SkewNormal, Triangular, Uniform
 from tolevo.models.stack import LinearSum, Mechanism, law_of, linear_sum_of, linearised
+from tolevo.section import Array
 
 
 def mechanism(laws: list[Distribution], slopes: list[float], lower: float, upper: float, pieces: int = 1) -> Mechanism:

@@ -9,8 +9,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm, truncnorm
 
-from tolevo.models.machines import GoodPartsBySpread, Machine, convex_cost
-from tolevo.models.machines.machine import Inspection, Rework
+from tolevo.models.machines import GoodPartsBySpread, Inspection, Machine, Rework, convex_cost
 
 OFFSETS = (0.0, 0.2, 0.5, 1.0)
 

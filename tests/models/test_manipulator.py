@@ -15,25 +15,21 @@ import pytest
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
-from tolevo.arrays import Array
-from tolevo.models.manipulator.calibration import identifiable
-from tolevo.models.manipulator.compensation import compensated, split
-from tolevo.models.manipulator.effects import KINDS, conditions, unit_effects
-from tolevo.models.manipulator.faults import faults
-from tolevo.models.manipulator.forward import NoPose, exact_pose, solve
-from tolevo.models.manipulator.geometry import Manipulator, TaskRing
-from tolevo.models.manipulator.indices import grid, quadrature, sensitivity
-from tolevo.models.manipulator.inverse import OutOfReach, angles, posture, reach
-from tolevo.models.manipulator.maps import first_order
-from tolevo.models.manipulator.nonlinear import nonlinearity
-from tolevo.models.manipulator.sources import (
+from tolevo.models.manipulator.effects import KINDS, conditions, identifiable, unit_effects
+from tolevo.models.manipulator.forward import NoPose, compensated, exact_pose, nonlinearity, solve, split
+from tolevo.models.manipulator.geometry import Manipulator, OutOfReach, TaskRing, angles, posture, reach
+from tolevo.models.manipulator.maps import (
     NAMES,
     PER_CHAIN,
     SOURCES,
     error_vector,
+    first_order,
     orientation_combinations,
     position_sources,
 )
+from tolevo.models.manipulator.pose import faults
+from tolevo.models.manipulator.ring import grid, quadrature, sensitivity
+from tolevo.section import Array
 from tolevo.units import MM
 
 RING = TaskRing()

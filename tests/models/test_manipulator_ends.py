@@ -7,11 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tolevo.models.manipulator.changes import changed_errors
-from tolevo.models.manipulator.faults import _of_ring, _rows
+from tolevo.models.manipulator.effects import changed_errors
+from tolevo.models.manipulator.forward import _poses
 from tolevo.models.manipulator.geometry import Manipulator, TaskRing
-from tolevo.models.manipulator.nonlinear import _poses
-from tolevo.models.manipulator.pose import ManipulatorPose
+from tolevo.models.manipulator.pose import ManipulatorPose, _of_ring, _rows
 
 
 def test_both_ends_of_a_ring_are_named_where_both_are_wrong() -> None:

@@ -11,15 +11,14 @@ import pytest
 from typer.testing import CliRunner
 
 import tolevo
-from tolevo.arrays import Array
 from tolevo.cli import app
 from tolevo.configuration import read
 from tolevo.errors import InputError
-from tolevo.models.manipulator import declared
+from tolevo.models.manipulator import pose as declared
 from tolevo.models.manipulator.geometry import Manipulator, TaskRing
-from tolevo.models.manipulator.maps import first_order
+from tolevo.models.manipulator.maps import NAMES, first_order
 from tolevo.models.manipulator.pose import ManipulatorPose
-from tolevo.models.manipulator.sources import NAMES
+from tolevo.section import Array
 from tolevo.units import MM
 
 POSES = "r_mm,z_mm,phi_deg\n400,200,0\n500,150,30\n350,280,-170\n"

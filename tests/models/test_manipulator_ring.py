@@ -6,13 +6,20 @@ import numpy as np
 import pytest
 from scipy.special import erfc
 
-from tolevo.models.gaussian_length import exceedance, quantile
-from tolevo.models.manipulator.fields import Field, worst_deviation, worst_exceedance, worst_quantile
 from tolevo.models.manipulator.geometry import Manipulator, TaskRing
-from tolevo.models.manipulator.indices import grid
-from tolevo.models.manipulator.maps import first_order
-from tolevo.models.manipulator.ring import Machines, Sample, main_plane
-from tolevo.models.manipulator.sources import matrix, orientation_combinations
+from tolevo.models.manipulator.maps import first_order, matrix, orientation_combinations
+from tolevo.models.manipulator.ring import (
+    Field,
+    Machines,
+    Sample,
+    exceedance,
+    grid,
+    main_plane,
+    quantile,
+    worst_deviation,
+    worst_exceedance,
+    worst_quantile,
+)
 from tolevo.models.propagation import MonteCarlo
 
 SIGMA = np.array([5.7e-6, 1.2e-5, *[5.7e-5] * 4] * 2 + [1.1e-5, 8e-5, *[8.6e-5] * 4])

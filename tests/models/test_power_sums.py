@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from tolevo.models.propagation.power_sums import PowerSums, share
+from tolevo.models.propagation.moments import PowerSums, share
 
 Array = NDArray[np.float64]
 LOWER, UPPER = 0.0, 2.0

@@ -11,7 +11,7 @@ from scipy import stats
 
 from tolevo.models.inputs import Beta, Normal, Uniform
 from tolevo.models.propagation import ClippedSum, Convolution, Moments, Term
-from tolevo.models.propagation.even import Even, EvenBeta, EvenNormal, EvenPlateau, EvenTruncatedNormal
+from tolevo.models.propagation.convolution import Even, EvenBeta, EvenNormal, EvenPlateau, EvenTruncatedNormal
 from tolevo.models.propagation.sums import cumulants_of
 from tolevo.models.propagation.symmetric_sum import SymmetricSum
 

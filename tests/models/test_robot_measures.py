@@ -10,20 +10,24 @@ import pytest
 
 from tolevo.models.manipulator.forward import exact_pose
 from tolevo.models.manipulator.geometry import Manipulator, TaskRing
-from tolevo.models.manipulator.indices import grid, quadrature
-from tolevo.models.manipulator.sources import NAMES
-from tolevo.models.robot.drives import Drives
-from tolevo.models.robot.joints import GRAVITY, GearedJoint
-from tolevo.models.robot.manipulator import drives, gravity_torque, links
-from tolevo.models.robot.measures import (
+from tolevo.models.manipulator.maps import NAMES
+from tolevo.models.manipulator.ring import grid, quadrature
+from tolevo.models.robot import (
+    GRAVITY,
+    AccuracySample,
+    Drives,
+    GearedJoint,
     bidirectional,
+    drives,
+    gravity_torque,
+    links,
     multi_directional_variation,
     path_accuracy,
     path_repeatability,
     pose_accuracy,
+    ratio,
     repeatability,
 )
-from tolevo.models.robot.sample import AccuracySample, ratio
 
 ARCMIN = np.pi / 10800.0
 RING = TaskRing()

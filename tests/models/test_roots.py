@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.optimize.elementwise import find_root
 
-from tolevo.arrays import Array
 from tolevo.models.roots import bracketed_roots
+from tolevo.section import Array
 
 
 def excess(x: Array, y: Array) -> Array:

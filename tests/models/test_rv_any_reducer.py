@@ -12,23 +12,13 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from tolevo.configuration import read
-from tolevo.models.rv_reducer.contact import performance
-from tolevo.models.rv_reducer.contact.contact import LoadedContact
-from tolevo.models.rv_reducer.contact.errors import PartErrors
-from tolevo.models.rv_reducer.contact.faults import faults
-from tolevo.models.rv_reducer.contact.gaps import Axes, displacements
-from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
-from tolevo.models.rv_reducer.contact.nominal import Nominal
-from tolevo.models.rv_reducer.geometry import RvGeometry
-from tolevo.models.rv_reducer.modification import zero_backlash_pair
-from tolevo.models.rv_reducer.population.design import UnitDesign
-from tolevo.models.rv_reducer.population.lattice import Lattice, turn_lattice
-from tolevo.models.rv_reducer.population.part_errors import modified, part_errors
-from tolevo.models.rv_reducer.population.profile import Profile
-from tolevo.models.rv_reducer.population.sample import BaseSample
-from tolevo.models.rv_reducer.population.scaled import Scaled
-from tolevo.models.rv_reducer.population.table import Table
-from tolevo.models.rv_reducer.population.touch import touch
+from tolevo.models.rv_reducer.contact import contact as performance
+from tolevo.models.rv_reducer.contact.contact import LoadedContact, faults
+from tolevo.models.rv_reducer.contact.geometry import Axes, ContactGeometry, Nominal, PartErrors, displacements
+from tolevo.models.rv_reducer.geometry import RvGeometry, zero_backlash_pair
+from tolevo.models.rv_reducer.population.contact import touch
+from tolevo.models.rv_reducer.population.errors import Lattice, Scaled, Table, modified, part_errors, turn_lattice
+from tolevo.models.rv_reducer.population.units import BaseSample, Profile, UnitDesign
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.units import ARCMIN, UM
 

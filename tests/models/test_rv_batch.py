@@ -5,13 +5,13 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from tolevo.declarations import Value
 from tolevo.errors import InputError
 from tolevo.models.inputs import Normal
 from tolevo.models.propagation import Convolution, Propagated
 from tolevo.models.rv_reducer import declared
 from tolevo.models.rv_reducer.backlash import BacklashModel
 from tolevo.models.rv_reducer.batch import RvBatch, drawn
+from tolevo.section import Value
 from tolevo.units import ARCMIN
 
 DOCUMENT: dict[str, Value] = {"model": "document"}

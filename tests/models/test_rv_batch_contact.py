@@ -7,11 +7,10 @@ import pytest
 
 from tolevo.models.inputs import Normal
 from tolevo.models.rv_reducer.batch import RvBatch
-from tolevo.models.rv_reducer.contact import performance
+from tolevo.models.rv_reducer.contact import contact as performance
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
-from tolevo.models.rv_reducer.population.lattice import turn_lattice
-from tolevo.models.rv_reducer.population.part_errors import modified, part_errors
-from tolevo.models.rv_reducer.population.sample import BaseSample
+from tolevo.models.rv_reducer.population.errors import modified, part_errors, turn_lattice
+from tolevo.models.rv_reducer.population.units import BaseSample
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.units import ARCMIN
 
@@ -85,7 +84,7 @@ def test_units_by_the_exact_nearest_point() -> None:
 def test_units_are_the_same_however_many_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     model = RvBatch({"positions": 7})
     many = units(model, 300)
-    monkeypatch.setattr("tolevo.models.rv_reducer.contact_batch.BLOCK", 64)
+    monkeypatch.setattr("tolevo.models.rv_reducer.batch.BLOCK", 64)
     np.testing.assert_array_equal(units(model, 100), many[:100])
 
 

@@ -7,18 +7,16 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from tolevo.models.rv_reducer import batch_declared, clearance_targets, declared
-from tolevo.models.rv_reducer.batch import RvBatch, opening
+from tolevo.models.rv_reducer import batch as batch_declared
+from tolevo.models.rv_reducer import cycloid as clearance_targets
+from tolevo.models.rv_reducer import declared
+from tolevo.models.rv_reducer.batch import CENTRED, ContactSources, RvBatch, opening
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
-from tolevo.models.rv_reducer.contact_sources import CENTRED, ContactSources
-from tolevo.models.rv_reducer.cycloid import LINEAR_ERRORS, EccentricityLaw, coefficients
-from tolevo.models.rv_reducer.geometry import RvGeometry
-from tolevo.models.rv_reducer.loaded_unit import PARAMETERS, _part_errors
-from tolevo.models.rv_reducer.mean_square import mean_square
-from tolevo.models.rv_reducer.reading import READINGS
-from tolevo.models.rv_reducer.tighter_planet import TighterPlanet
-from tolevo.models.rv_reducer.tooth_fit import fit
-from tolevo.models.rv_reducer.zone_optimum import Stage
+from tolevo.models.rv_reducer.cycloid import LINEAR_ERRORS, EccentricityLaw, coefficients, fit
+from tolevo.models.rv_reducer.declared import READINGS
+from tolevo.models.rv_reducer.geometry import RvGeometry, mean_square
+from tolevo.models.rv_reducer.lost_motion import PARAMETERS, _part_errors
+from tolevo.models.rv_reducer.tighter_planet import Stage, TighterPlanet
 
 BY_NAME = {parameter.name: parameter for parameter in declared.PARAMETERS}
 DEFAULTS = {parameter.name: float(parameter.default) for parameter in PARAMETERS

@@ -9,10 +9,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from tolevo.models.rv_reducer.contact import performance
+from tolevo.models.rv_reducer.contact import contact as performance
 from tolevo.models.rv_reducer.contact.contact import LoadedContact, OverloadWarning, turn_angles
-from tolevo.models.rv_reducer.contact.errors import PartErrors
-from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
+from tolevo.models.rv_reducer.contact.geometry import ContactGeometry, PartErrors
 from tolevo.models.rv_reducer.cycloid import EccentricityLaw, coefficients
 from tolevo.units import ARCMIN
 

@@ -7,11 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from tolevo.errors import InputError
-from tolevo.models.rv_reducer.contact.contact import LoadedContact
-from tolevo.models.rv_reducer.contact.errors import PartErrors
-from tolevo.models.rv_reducer.contact.faults import faults
-from tolevo.models.rv_reducer.contact.gaps import displacements, gaps
-from tolevo.models.rv_reducer.contact.geometry import ContactGeometry, lever
+from tolevo.models.rv_reducer.contact.contact import LoadedContact, faults
+from tolevo.models.rv_reducer.contact.geometry import ContactGeometry, PartErrors, displacements, gaps, lever
 from tolevo.models.rv_reducer.geometry import RvGeometry
 
 Array = NDArray[np.float64]

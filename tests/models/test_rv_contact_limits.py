@@ -8,13 +8,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tolevo.models.rv_reducer.contact.contact import LoadedContact
+from tolevo.models.rv_reducer.contact.contact import LoadedContact, faults
 from tolevo.models.rv_reducer.contact.declared import PARAMETERS
-from tolevo.models.rv_reducer.contact.errors import PartErrors
-from tolevo.models.rv_reducer.contact.faults import faults
-from tolevo.models.rv_reducer.contact.gaps import gaps
-from tolevo.models.rv_reducer.contact.geometry import ContactGeometry, curve, foot, nominal_pin
-from tolevo.models.rv_reducer.contact.nominal import Nominal
+from tolevo.models.rv_reducer.contact.geometry import (
+    ContactGeometry,
+    Nominal,
+    PartErrors,
+    curve,
+    foot,
+    gaps,
+    nominal_pin,
+)
 
 Array = NDArray[np.float64]
 GEOMETRY = ContactGeometry()

@@ -10,14 +10,22 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from tolevo.errors import InputError
-from tolevo.models.rv_reducer.dynamics import cyclic
-from tolevo.models.rv_reducer.dynamics.displaced import DisplacedMesh
-from tolevo.models.rv_reducer.dynamics.full import FullDynamics, NoSteadyState
-from tolevo.models.rv_reducer.dynamics.spectrum import mean_square, spectrum
-from tolevo.models.rv_reducer.dynamics.steady import Oscillator, steady_state
-from tolevo.models.rv_reducer.dynamics.sweep import Response, samples_needed, sweep, warnings
-from tolevo.models.rv_reducer.dynamics.tabulated import TabulatedMesh
-from tolevo.models.rv_reducer.dynamics.train import Train
+from tolevo.models.rv_reducer import dynamics as cyclic
+from tolevo.models.rv_reducer.dynamics import (
+    DisplacedMesh,
+    FullDynamics,
+    NoSteadyState,
+    Oscillator,
+    Response,
+    TabulatedMesh,
+    Train,
+    mean_square,
+    samples_needed,
+    spectrum,
+    steady_state,
+    sweep,
+)
+from tolevo.models.rv_reducer.dynamics import sweep_warnings as warnings
 
 pytestmark = pytest.mark.long
 

@@ -13,16 +13,12 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from tolevo.models.rv_reducer.contact import performance
+from tolevo.models.rv_reducer.contact import contact as performance
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
-from tolevo.models.rv_reducer.population.design import ERRORS, UnitDesign
-from tolevo.models.rv_reducer.population.lattice import Lattice, turn_lattice
-from tolevo.models.rv_reducer.population.part_errors import modified, part_errors
-from tolevo.models.rv_reducer.population.sample import BaseSample
-from tolevo.models.rv_reducer.population.scaled import Scaled
-from tolevo.models.rv_reducer.population.table import Table
-from tolevo.models.rv_reducer.population.touch import touch
+from tolevo.models.rv_reducer.population.contact import touch
+from tolevo.models.rv_reducer.population.errors import Lattice, Scaled, Table, modified, part_errors, turn_lattice
+from tolevo.models.rv_reducer.population.units import ERRORS, BaseSample, UnitDesign
 from tolevo.units import ARCMIN
 
 Array = NDArray[np.float64]

@@ -15,16 +15,21 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import ndtr, ndtri
 
-from tolevo.models.rv_reducer.contact import performance
+from tolevo.models.rv_reducer.contact import contact as performance
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
-from tolevo.models.rv_reducer.population.design import UnitDesign
-from tolevo.models.rv_reducer.population.lattice import Lattice, nearest_prime, spreads_evenly, turn_lattice
-from tolevo.models.rv_reducer.population.part_errors import modified, part_errors
-from tolevo.models.rv_reducer.population.sample import BaseSample
-from tolevo.models.rv_reducer.population.scaled import Scaled
-from tolevo.models.rv_reducer.population.table import Table
-from tolevo.models.rv_reducer.population.touch import touch
+from tolevo.models.rv_reducer.population.contact import touch
+from tolevo.models.rv_reducer.population.errors import (
+    Lattice,
+    Scaled,
+    Table,
+    modified,
+    nearest_prime,
+    part_errors,
+    spreads_evenly,
+    turn_lattice,
+)
+from tolevo.models.rv_reducer.population.units import BaseSample, UnitDesign
 from tolevo.units import ARCMIN
 
 Array = NDArray[np.float64]

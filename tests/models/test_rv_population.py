@@ -8,26 +8,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tolevo.models.rv_reducer.contact import performance
-from tolevo.models.rv_reducer.contact.contact import Engine, LoadedContact
-from tolevo.models.rv_reducer.contact.errors import PartErrors
-from tolevo.models.rv_reducer.contact.faults import faults
-from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
-from tolevo.models.rv_reducer.contact.nominal import Nominal
+from tolevo.models.rv_reducer.contact import contact as performance
+from tolevo.models.rv_reducer.contact.contact import Engine, LoadedContact, faults
+from tolevo.models.rv_reducer.contact.geometry import ContactGeometry, Nominal, PartErrors
 from tolevo.models.rv_reducer.geometry import RvGeometry
-from tolevo.models.rv_reducer.population import lattice as lattice_module
-from tolevo.models.rv_reducer.population import profile as profile_module
-from tolevo.models.rv_reducer.population.design import ERRORS, UnitDesign
-from tolevo.models.rv_reducer.population.gradient import NAMES, Slopes, pull_back
-from tolevo.models.rv_reducer.population.lattice import Lattice, turn_lattice
+from tolevo.models.rv_reducer.population import errors as lattice_module
+from tolevo.models.rv_reducer.population import units as profile_module
+from tolevo.models.rv_reducer.population.contact import NAMES, Population, Slopes, Touch, Turn, pull_back, touch
+from tolevo.models.rv_reducer.population.errors import Lattice, Scaled, Table, modified, part_errors, turn_lattice
 from tolevo.models.rv_reducer.population.measures import Conditions, Measure, Measures
-from tolevo.models.rv_reducer.population.part_errors import modified, part_errors
-from tolevo.models.rv_reducer.population.sample import BaseSample
-from tolevo.models.rv_reducer.population.scaled import Scaled
-from tolevo.models.rv_reducer.population.statistics import Involute
-from tolevo.models.rv_reducer.population.table import Table
-from tolevo.models.rv_reducer.population.touch import Touch, touch
-from tolevo.models.rv_reducer.population.turn import Population, Turn
+from tolevo.models.rv_reducer.population.units import ERRORS, BaseSample, Involute, UnitDesign
 from tolevo.models.rv_reducer.tighter_planet import TighterPlanet
 from tolevo.units import ARCMIN, UM
 

@@ -8,20 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tolevo.models.rv_reducer.contact import performance
+from tolevo.models.rv_reducer.contact import contact as performance
 from tolevo.models.rv_reducer.contact.contact import Engine, LoadedContact
-from tolevo.models.rv_reducer.contact.errors import PartErrors
-from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
-from tolevo.models.rv_reducer.population.design import UnitDesign
-from tolevo.models.rv_reducer.population.elastic import OUTPUTS, TE_POSITIONS, Elastic, elastic
-from tolevo.models.rv_reducer.population.elastic_springs import Loading
-from tolevo.models.rv_reducer.population.gradient import NAMES, Slopes
-from tolevo.models.rv_reducer.population.lattice import Lattice, turn_lattice
-from tolevo.models.rv_reducer.population.part_errors import modified, part_errors
-from tolevo.models.rv_reducer.population.sample import BaseSample
-from tolevo.models.rv_reducer.population.scaled import Scaled
-from tolevo.models.rv_reducer.population.table import Table
-from tolevo.models.rv_reducer.population.touch import touch
+from tolevo.models.rv_reducer.contact.geometry import ContactGeometry, PartErrors
+from tolevo.models.rv_reducer.population.contact import NAMES, Slopes, touch
+from tolevo.models.rv_reducer.population.elastic import OUTPUTS, TE_POSITIONS, Elastic, Loading, elastic
+from tolevo.models.rv_reducer.population.errors import Lattice, Scaled, Table, modified, part_errors, turn_lattice
+from tolevo.models.rv_reducer.population.units import BaseSample, UnitDesign
 from tolevo.models.rv_reducer.tighter_planet import TighterPlanet
 from tolevo.units import ARCMIN
 

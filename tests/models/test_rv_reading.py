@@ -6,16 +6,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tolevo.declarations import Value
 from tolevo.models.inputs import Normal, Uniform
 from tolevo.models.rv_reducer import declared
 from tolevo.models.rv_reducer.backlash import BacklashModel, stage_means
-from tolevo.models.rv_reducer.contact.contact import LoadedContact
-from tolevo.models.rv_reducer.contact.errors import PartErrors
-from tolevo.models.rv_reducer.contact.performance import backlash
-from tolevo.models.rv_reducer.involute import InvoluteStage
-from tolevo.models.rv_reducer.tighter_of import TighterOf, tighter_of
-from tolevo.models.rv_reducer.tighter_planet import TighterPlanet
+from tolevo.models.rv_reducer.contact.contact import LoadedContact, backlash
+from tolevo.models.rv_reducer.contact.geometry import PartErrors
+from tolevo.models.rv_reducer.geometry import InvoluteStage
+from tolevo.models.rv_reducer.tighter_planet import TighterOf, TighterPlanet, tighter_of
+from tolevo.section import Value
 from tolevo.units import ARCMIN, MM, UM
 
 Array = NDArray[np.float64]

@@ -12,7 +12,9 @@ from scipy.optimize import brentq
 
 from tolevo.models.inputs import Zone
 from tolevo.models.propagation import Convolution, Propagated
-from tolevo.models.rv_reducer import declared, involute, modification
+from tolevo.models.rv_reducer import declared
+from tolevo.models.rv_reducer import geometry as involute
+from tolevo.models.rv_reducer import geometry as modification
 from tolevo.models.rv_reducer.backlash import Allocation, BacklashModel, stage_means
 from tolevo.models.rv_reducer.cycloid import LINEAR_ERRORS, EccentricityLaw, coefficients
 from tolevo.models.rv_reducer.geometry import RvGeometry

@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tolevo.models.inputs import Normal, Triangular, Uniform
-from tolevo.models.inputs.distribution import Distribution
+from tolevo.models.inputs import Distribution, Normal, Triangular, Uniform
 from tolevo.models.propagation import ClippedSum, Convolution, Term
 from tolevo.models.rv_reducer import declared
-from tolevo.models.rv_reducer.batch import PART, drawn, summed
-from tolevo.models.rv_reducer.stages import Batch, Units, batch, units
+from tolevo.models.rv_reducer.batch import PART, Batch, Units, batch, drawn, summed, units
 from tolevo.units import ARCMIN
 
 Array = NDArray[np.float64]

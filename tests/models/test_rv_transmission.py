@@ -9,20 +9,15 @@ import pandas as pd
 import pytest
 from numpy.typing import NDArray
 
+from tolevo.commands.simulate import Simulation, inputs_in, rows_of
 from tolevo.errors import InputError
-from tolevo.models.rv_reducer.changes import CHANGES
 from tolevo.models.rv_reducer.contact.contact import OverloadWarning
-from tolevo.models.rv_reducer.contact.mesh import Mesh
-from tolevo.models.rv_reducer.dynamics.contact_mesh import tabulated
-from tolevo.models.rv_reducer.dynamics.spectrum import spectrum
-from tolevo.models.rv_reducer.dynamics.steady import Oscillator, steady_state
-from tolevo.models.rv_reducer.dynamics.tabulated import TabulatedMesh
-from tolevo.models.rv_reducer.dynamics.train import Train
-from tolevo.models.rv_reducer.loaded_unit import LoadedUnit, loaded_unit
-from tolevo.models.rv_reducer.lost_motion import RvLostMotion
+from tolevo.models.rv_reducer.contact.geometry import Mesh
+from tolevo.models.rv_reducer.dynamics import Oscillator, TabulatedMesh, Train, spectrum, steady_state, tabulated
+from tolevo.models.rv_reducer.lost_motion import CHANGES, LoadedUnit, RvLostMotion
+from tolevo.models.rv_reducer.lost_motion import unit_under_load as loaded_unit
 from tolevo.models.rv_reducer.transmission import RvTransmission
 from tolevo.tables import table_of
-from tolevo.workflows.simulate import Simulation, inputs_in, rows_of
 
 pytestmark = [pytest.mark.long, pytest.mark.usefixtures("units_once")]
 

@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tolevo.configuration.reader import read_table
-from tolevo.configuration.simulated import build_model
+from tolevo.configuration.reader import build_model, read_table
 from tolevo.errors import InputError
-from tolevo.models.serial_arm import declared
+from tolevo.models.serial_arm import arm as declared
 from tolevo.models.serial_arm.arm import SerialArm
-from tolevo.models.serial_arm.chain import Chain, positions, rotation
+from tolevo.models.serial_arm.kinematics import Chain, positions, rotation
 
 RNG = np.random.default_rng(5)
 ROW = {"d_mm": 100.0, "a_mm": 200.0, "alpha_deg": 90.0}

@@ -16,11 +16,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tolevo.models.robot.joints import GRAVITY
-from tolevo.models.serial_arm.chain import Chain, positions
-from tolevo.models.serial_arm.frames import frames
-from tolevo.models.serial_arm.gravity import gravity_torques
-from tolevo.problems.serial_arm.shipped import CENTRE, MASS, ROWS
+from tolevo.models.robot import GRAVITY
+from tolevo.models.serial_arm.kinematics import Chain, frames, gravity_torques, positions
+from tolevo.problems.serial_arm.definition import CENTRE, MASS, ROWS
 
 POSES = np.random.default_rng(3).uniform(-np.pi, np.pi, (20, 6))
 CLOSE = 1e-12

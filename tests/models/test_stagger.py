@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tolevo.models.rv_reducer import stagger
-from tolevo.models.rv_reducer.contact.contact import LoadedContact
-from tolevo.models.rv_reducer.contact.errors import PartErrors
-from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
-from tolevo.models.rv_reducer.contact.performance import backlash
+from tolevo.models.rv_reducer import geometry as stagger
+from tolevo.models.rv_reducer.contact.contact import LoadedContact, backlash
+from tolevo.models.rv_reducer.contact.geometry import ContactGeometry, PartErrors
 from tolevo.models.rv_reducer.geometry import RvGeometry
 from tolevo.units import ARCMIN, UM
 

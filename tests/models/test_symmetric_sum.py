@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from tolevo.models.inputs import Beta, SkewNormal, Trapezoid, Triangular, TruncatedNormal, Uniform
-from tolevo.models.propagation.even import EvenBeta, EvenNormal, EvenPlateau, EvenTruncatedNormal, even_law
+from tolevo.models.propagation.convolution import EvenBeta, EvenNormal, EvenPlateau, EvenTruncatedNormal, even_law
 from tolevo.models.propagation.symmetric_sum import SymmetricSum
 
 LAWS = [

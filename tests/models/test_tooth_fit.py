@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tolevo.models.rv_reducer import clearance_targets as targets
-from tolevo.models.rv_reducer.geometry import RvGeometry
-from tolevo.models.rv_reducer.modification import clearance, contact_angle, modification_backlash, raw_clearance
-from tolevo.models.rv_reducer.printed_clearance import printed_clearance
-from tolevo.models.rv_reducer.tooth_fit import CLEARANCES, Programme, fit
+from tolevo.models.rv_reducer import cycloid as targets
+from tolevo.models.rv_reducer.cycloid import CLEARANCES, Programme, fit, printed_clearance
+from tolevo.models.rv_reducer.geometry import RvGeometry, clearance, contact_angle, modification_backlash, raw_clearance
 from tolevo.units import ARCMIN
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ import pytest
 from tolevo.models.propagation.sums import total_cumulants
 from tolevo.models.rv_reducer import declared
 from tolevo.models.rv_reducer.cycloid import LINEAR_ERRORS, EccentricityLaw, coefficients
-from tolevo.models.rv_reducer.zone_optimum import ERRORS, Stage, equal_shares, least, least_clipped
+from tolevo.models.rv_reducer.tighter_planet import ERRORS, Stage, equal_shares, least, least_clipped
 from tolevo.units import ARCMIN
 
 UNIT = 2.0 / 0.0507

@@ -25,7 +25,7 @@ from tolevo.models.inputs import (
     TruncatedNormal,
     Uniform,
 )
-from tolevo.models.rv_reducer.population.turn import Population
+from tolevo.models.rv_reducer.population.contact import Population
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.rv_reducer.evaluation import MEASURES

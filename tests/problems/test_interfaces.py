@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tolevo.declarations import Kind, Output, Variable
 from tolevo.models.costs import Reciprocal
 from tolevo.problems import interfaces
 from tolevo.problems.declaration import Declaration
 from tolevo.problems.interfaces import Differentiable, Drawing, Interface, Page, Provable, Stored
 from tolevo.problems.settings import Labels, Settings
 from tolevo.problems.tolerance_problem import MOVED, ToleranceProblem
+from tolevo.section import Kind, Output, Variable
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 DECLARATION = Declaration(

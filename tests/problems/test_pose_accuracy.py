@@ -13,17 +13,16 @@ from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.configuration import read
 from tolevo.errors import InputError
-from tolevo.models.effects.compose import Active, acting, changes_of
-from tolevo.models.effects.measurements import measurements_of, target_of
+from tolevo.models.effects.measurements import Active, acting, changes_of, measurements_of, target_of
 from tolevo.models.manipulator.effects import unit_effects
 from tolevo.models.manipulator.geometry import Manipulator, TaskRing
-from tolevo.models.manipulator.indices import quadrature
+from tolevo.models.manipulator.maps import SOURCES as ELEMENTARY
 from tolevo.models.manipulator.pose import ManipulatorPose
-from tolevo.models.manipulator.sources import SOURCES as ELEMENTARY
+from tolevo.models.manipulator.ring import quadrature
 from tolevo.problems.interfaces import WithEffects
 from tolevo.problems.limits import ROOM
 from tolevo.problems.pose_accuracy import PoseAccuracy
-from tolevo.problems.pose_accuracy.grouping import NINE, SOURCES
+from tolevo.problems.pose_accuracy.outputs import NINE, SOURCES
 from tolevo.problems.settings import Bound, Settings
 from tolevo.testing import ProblemContract
 

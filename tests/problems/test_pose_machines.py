@@ -10,22 +10,18 @@ from tolevo.algorithms.exact.bounds import proof
 from tolevo.algorithms.exact.solver import Exact, closed_form
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
+from tolevo.commands.run.changes import Ranking
 from tolevo.configuration import read
-from tolevo.declarations import Value
 from tolevo.errors import InputError
-from tolevo.models.manipulator.fields import worst_quantile
 from tolevo.models.manipulator.forward import exact_pose
 from tolevo.models.manipulator.geometry import Manipulator, TaskRing
-from tolevo.models.manipulator.indices import GRID, grid
-from tolevo.models.manipulator.maps import first_order
-from tolevo.models.manipulator.ring import Machines
-from tolevo.models.manipulator.sources import matrix, orientation_combinations
+from tolevo.models.manipulator.maps import first_order, matrix, orientation_combinations
+from tolevo.models.manipulator.ring import GRID, Machines, grid, worst_quantile
 from tolevo.problems.pose_accuracy import PoseAccuracy
-from tolevo.problems.pose_accuracy.grouping import NINE, SOURCES
-from tolevo.problems.pose_accuracy.outputs import OVER_MACHINES
+from tolevo.problems.pose_accuracy.outputs import NINE, OVER_MACHINES, SOURCES
 from tolevo.problems.settings import Bound, PropagationSetting, Settings
+from tolevo.section import Value
 from tolevo.testing import ProblemContract
-from tolevo.workflows.choice.ranking import Ranking
 
 OPTIMUM = np.array([[5.73, 5.73, 10.87, 12.3, 12.3, 80.0, 0.057, 0.057, 0.086]])
 """physics/manipulator.md, section 6, as printed: cost 12.590, limits 0.2 mrad on the standard

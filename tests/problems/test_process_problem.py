@@ -10,14 +10,13 @@ import pytest
 from scipy import stats
 
 from tolevo.configuration import read
-from tolevo.declarations import Kind, Output, Variable
 from tolevo.models.capability import Knowledge, PartSample
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.declaration import Declaration
 from tolevo.problems.deviations import Deviations, PromisedOutput
-from tolevo.problems.process_problem import ProcessProblem, Shortfall
-from tolevo.problems.promise import ASSURED, PREDICTIVE, Promise
-from tolevo.problems.settings import Settings, VariableSetting
+from tolevo.problems.machined import ProcessProblem, Shortfall
+from tolevo.problems.settings import ASSURED, PREDICTIVE, Promise, Settings, VariableSetting
+from tolevo.section import Kind, Output, Variable
 
 NAMES = ("a_um", "b_um", "c_um")
 SLOPES = np.array([1.0, 0.7, 1.6])

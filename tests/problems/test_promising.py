@@ -13,19 +13,18 @@ from scipy import optimize, stats
 from tolevo.algorithms.exact.bounds import proof, row_limits
 from tolevo.algorithms.exact.choices import least_cost
 from tolevo.algorithms.exact.combination import Combination
+from tolevo.commands.run.promise import cheapest
 from tolevo.configuration import read
-from tolevo.declarations import Kind, Output, Variable
 from tolevo.errors import InputError
 from tolevo.models.capability import Knowledge
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.declaration import Declaration
 from tolevo.problems.deviations import Deviations, PromisedOutput
-from tolevo.problems.promise import ASSURED, Promise
-from tolevo.problems.promising import Promising
+from tolevo.problems.promise import Promising
 from tolevo.problems.rv_backlash.shift import play_slopes
-from tolevo.problems.settings import Settings
+from tolevo.problems.settings import ASSURED, Promise, Settings
+from tolevo.section import Kind, Output, Variable
 from tolevo.testing import PromisingContract
-from tolevo.workflows.promise.least import cheapest
 
 MADE_TO = {"pin_circle_radius_um": 8.0, "pin_radius_um": 4.0, "pitch_um": 10.0}
 

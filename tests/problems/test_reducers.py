@@ -13,13 +13,18 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from tolevo.configuration.reader import read_table
-from tolevo.models.rv_reducer.mean_square import mean_square
-from tolevo.problems.reducers.block import Block, block_of
-from tolevo.problems.reducers.curve import Clipped
-from tolevo.problems.reducers.documents import documents_reducer
-from tolevo.problems.reducers.front import PRICES, ReducerFront
-from tolevo.problems.reducers.least import least, lower_bound
-from tolevo.problems.reducers.nested import curve_of_points
+from tolevo.models.rv_reducer.geometry import mean_square
+from tolevo.problems.nested_reducers import (
+    PRICES,
+    Block,
+    Clipped,
+    ReducerFront,
+    block_of,
+    curve_of_points,
+    documents_reducer,
+    least,
+    lower_bound,
+)
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, Settings, VariableSetting
 

@@ -14,21 +14,17 @@ import pytest
 from scipy import optimize
 
 from tolevo.algorithms.exact.bounds import proof, restricted
-from tolevo.algorithms.exact.choices import Optimum, least_cost
-from tolevo.algorithms.exact.combination import Combination
-from tolevo.algorithms.exact.designs import search_vectors
+from tolevo.algorithms.exact.choices import least_cost, search_vectors
+from tolevo.algorithms.exact.combination import Combination, Optimum
 from tolevo.algorithms.exact.programme import Programme
 from tolevo.algorithms.exact.solver import closed_form, exact_vectors
 from tolevo.algorithms.nsga3 import NSGA3
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.models.manipulator.forward import exact_pose
-from tolevo.models.manipulator.sources import NAMES, SCALES
-from tolevo.problems.reducers.documents import documents_reducer
-from tolevo.problems.reducers.nested import Nested
-from tolevo.problems.robot_joint import RobotJoint
-from tolevo.problems.robot_joint.definition import Definition
-from tolevo.problems.robot_joint.links import TWENTY_ONE
+from tolevo.models.manipulator.maps import NAMES, SCALES
+from tolevo.problems.nested_reducers import Nested, documents_reducer
+from tolevo.problems.robot_joint import TWENTY_ONE, Definition, RobotJoint
 from tolevo.problems.settings import Bound, PropagationSetting, Settings
 from tolevo.testing import ProblemContract
 

@@ -24,9 +24,9 @@ from tests.problems.test_serial_arm import optimum as optimum_of_arm
 from tests.problems.test_serial_arm import problem_of, rms_of
 from tolevo.models.manipulator.forward import exact_pose
 from tolevo.models.manipulator.geometry import Manipulator
-from tolevo.models.manipulator.sources import NAMES, SOURCES
-from tolevo.models.serial_arm.chain import positions
-from tolevo.problems.robot.waves import plane_of
+from tolevo.models.manipulator.maps import NAMES, SOURCES
+from tolevo.models.serial_arm.kinematics import positions
+from tolevo.problems.robot.gears import plane_of
 
 Array = NDArray[Any]
 minimize: Any = optimize.minimize  # its stubs know arrays of one fixed dimension only

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from tolevo import registry
-from tolevo.arrays import Array
-from tolevo.models.effects.compose import Active, predicted
+from tolevo.models.effects.measurements import Active, predicted
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.problems.interfaces import WithEffects
 from tolevo.problems.pose_accuracy import PoseAccuracy
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.rv_backlash.form import form_of
 from tolevo.problems.settings import PropagationSetting, Settings
+from tolevo.section import Array
 
 DOCUMENT = {"model": "document"}
 """Units by document B's closed form."""

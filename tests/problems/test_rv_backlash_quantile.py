@@ -16,7 +16,7 @@ from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.models.inputs import Beta, Uniform
 from tolevo.problems.rv_backlash import RvBacklash
-from tolevo.problems.rv_backlash.bent import Cell, quantiles_of, uniform_below
+from tolevo.problems.rv_backlash.form import Cell, quantiles_of, uniform_below
 from tolevo.problems.settings import Bound, Settings, VariableSetting
 
 PRINTED = {"reading": "printed"}
@@ -80,7 +80,7 @@ def test_relaxation_lies_below_the_full_model(reading: str) -> None:
     limits = np.tile(row_limits(problem, form), (len(levels), 1))
     limits[:, 0] = levels
     found = least_cost(form, limits)
-    from tolevo.algorithms.exact.designs import search_vectors
+    from tolevo.algorithms.exact.choices import search_vectors
 
     designs = problem.complete(search_vectors(problem, form, found))
     out = problem.outputs_of(designs)

@@ -10,12 +10,12 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
 from tolevo.configuration.reader import read_table
-from tolevo.declarations import Parameter, completed
 from tolevo.errors import InputError
 from tolevo.models.inputs import Normal
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import PropagationSetting, Settings, VariableSetting
+from tolevo.section import Parameter, completed
 
 PRINTED = {"reading": "printed"}
 LEAST_COST_OF_0_1 = (

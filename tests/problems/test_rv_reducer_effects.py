@@ -7,7 +7,7 @@ import pytest
 
 from tolevo import registry
 from tolevo.errors import ModelError
-from tolevo.models.effects.compose import Active, predicted
+from tolevo.models.effects.measurements import Active, predicted
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.problems.rv_backlash.counterparts import COUNTERPARTS as DOCUMENTS
 from tolevo.problems.rv_reducer import RvReducer

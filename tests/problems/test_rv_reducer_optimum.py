@@ -16,13 +16,11 @@ from scipy.special import ndtr, ndtri
 from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
-from tolevo.models.rv_reducer.contact import performance
+from tolevo.models.rv_reducer.contact import contact as performance
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
-from tolevo.models.rv_reducer.population.design import UnitDesign
-from tolevo.models.rv_reducer.population.lattice import turn_lattice
-from tolevo.models.rv_reducer.population.part_errors import modified, part_errors
-from tolevo.models.rv_reducer.population.sample import BaseSample
+from tolevo.models.rv_reducer.population.errors import modified, part_errors, turn_lattice
+from tolevo.models.rv_reducer.population.units import BaseSample, UnitDesign
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.settings import Bound, Settings, VariableSetting
 from tolevo.units import ARCMIN

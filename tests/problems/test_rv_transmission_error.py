@@ -9,15 +9,16 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.optimize import minimize
 
+from tolevo.algorithms.archive import nondominated
 from tolevo.algorithms.exact.bounds import proof
 from tolevo.algorithms.gde3 import GDE3
-from tolevo.algorithms.indicators import nondominated
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.models.assembly.assemble import assemble
 from tolevo.models.inputs import Normal, Uniform
 from tolevo.problems.forms import Form
-from tolevo.problems.rv_transmission_error import RvTransmissionError, declared, implied
+from tolevo.problems.rv_transmission_error import RvTransmissionError, declared
+from tolevo.problems.rv_transmission_error import form as implied
 from tolevo.problems.rv_transmission_error.form import least_ratio
 from tolevo.problems.settings import Bound, PropagationSetting, Settings, VariableSetting
 from tolevo.testing import ProblemContract

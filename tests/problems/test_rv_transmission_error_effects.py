@@ -11,7 +11,7 @@ from scipy.signal import resample
 from tolevo import registry
 from tolevo.models.assembly.assemble import assemble
 from tolevo.models.assembly.model import Assembly
-from tolevo.models.effects.compose import Active, predicted
+from tolevo.models.effects.measurements import Active, predicted
 from tolevo.problems.rv_transmission_error import RvTransmissionError, declared
 from tolevo.problems.rv_transmission_error.problem import Residual
 from tolevo.problems.settings import PropagationSetting, Settings, VariableSetting

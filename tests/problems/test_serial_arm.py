@@ -15,16 +15,13 @@ import numpy as np
 import pytest
 
 from tolevo.algorithms.exact.bounds import proof, restricted
-from tolevo.algorithms.exact.choices import least_cost
-from tolevo.algorithms.exact.designs import search_vectors
+from tolevo.algorithms.exact.choices import least_cost, search_vectors
 from tolevo.algorithms.exact.solver import exact_vectors
-from tolevo.declarations import Value
-from tolevo.models.serial_arm.chain import Chain, positions
-from tolevo.models.serial_arm.reach import singular
+from tolevo.models.serial_arm.kinematics import Chain, positions, singular
 from tolevo.problems.serial_arm import SerialArmAllocation
-from tolevo.problems.serial_arm.definition import Definition
-from tolevo.problems.serial_arm.shipped import shipped_arm
+from tolevo.problems.serial_arm.definition import Definition, shipped_arm
 from tolevo.problems.settings import PropagationSetting, Settings
+from tolevo.section import Value
 from tolevo.testing import ProblemContract
 
 PARALLEL = 2

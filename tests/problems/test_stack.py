@@ -11,12 +11,11 @@ import pytest
 from scipy.optimize import minimize
 from scipy.stats import norm
 
-from tolevo.csv_text import read_own_csv
 from tolevo.errors import Fault, ModelError
-from tolevo.problems.designs import designs_of
+from tolevo.files import read_own_csv
 from tolevo.problems.settings import Bound, PropagationSetting, Settings
 from tolevo.problems.stack import Stack
-from tolevo.problems.tolerance_problem import ToleranceProblem
+from tolevo.problems.tolerance_problem import ToleranceProblem, designs_of
 from tolevo.section import Section
 from tolevo.testing import ProblemContract
 

@@ -21,8 +21,8 @@ from tolevo.cli import app
 from tolevo.configuration.reader import read_table
 from tolevo.errors import InputError
 from tolevo.problems.stack.problem import Stack
-from tolevo.problems.stack.two_sided import tangents
-from tolevo.problems.stack.writing import tables_of
+from tolevo.problems.stack.reading import tables_of
+from tolevo.problems.stack.rows import tangents
 
 SLOPES = (0.7, 1.1, 1.5, 0.9, 1.3)
 SIGMAS, PRICES = (3.6, 2.3, 1.3), (2.0, 3.6, 6.5)

@@ -15,11 +15,10 @@ from typer.testing import CliRunner
 
 import tolevo
 from tolevo.cli import app
+from tolevo.commands.run.promise import cheapest, expected_gain, next_parts, shadow_gain
 from tolevo.configuration import read
 from tolevo.errors import InputError
-from tolevo.problems.stack.anew import with_knowledge, with_statement
-from tolevo.workflows.promise.least import cheapest
-from tolevo.workflows.promise.next_parts import expected_gain, next_parts, shadow_gain
+from tolevo.problems.stack.promises import with_knowledge, with_statement
 
 SLOPES, SIZES, PRICES = (1.0, -1.5, 0.7, 2.0), (12, 20, 30, 8), (1.0, 2.0, 0.5, 3.0)
 PRIORS = ("", "", "prior = { cp = 1.0, parts = 15 }", "")

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from tolevo.algorithms.exact.between import least_bounds
-from tolevo.algorithms.exact.bounds import proof
+from tolevo.algorithms.exact.bounds import least_bounds, proof
 from tolevo.algorithms.exact.choices import least_cost
 from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.configuration.reader import read_table
-from tolevo.models.propagation.even import UNIFORM, EvenNormal, EvenPlateau
+from tolevo.models.propagation.convolution import UNIFORM, EvenNormal, EvenPlateau
 from tolevo.models.propagation.symmetric_sum import SymmetricSum
 from tolevo.models.stack import Sample, half_width, yield_percent
 from tolevo.problems.forms import Piece, Quantile, Quantiles

@@ -13,12 +13,12 @@ import pandas as pd
 import pytest
 
 import tolevo
-from tolevo.algorithms.exact.afresh import _tightened
-from tolevo.algorithms.exact.branch import Branch
+from tolevo.algorithms.exact.epsilon import _tightened
+from tolevo.algorithms.exact.local import Branch
 from tolevo.algorithms.run import Run
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
-from tolevo.workflows.run.front import reported_front
+from tolevo.commands.run.front import reported_front
 
 CASES = Path(__file__).parents[1] / "cases"
 UNITS = 400_000

@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tolevo.declarations import Value
-from tolevo.models.rv_reducer.contact.contact import LoadedContact
-from tolevo.models.rv_reducer.contact.errors import PartErrors
-from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
-from tolevo.models.rv_reducer.contact.performance import backlash, loading, rigidity
+from tolevo.models.rv_reducer.contact.contact import LoadedContact, backlash, loading, rigidity
+from tolevo.models.rv_reducer.contact.geometry import ContactGeometry, PartErrors
 from tolevo.problems.settings import Bound, Settings
 from tolevo.problems.tooth_modification import ToothModification
+from tolevo.section import Value
 from tolevo.testing import ProblemContract
 from tolevo.units import ARCMIN
 

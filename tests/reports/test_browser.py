@@ -17,16 +17,16 @@ import pytest
 from tests.reports.test_claims_page import result as claims
 from tests.reports.test_gap_page import result as gap
 from tests.reports.test_study_page import result as study
+from tolevo.commands.comparison_page import comparison_page
+from tolevo.commands.gap.page import gap_page
+from tolevo.commands.reproduce.page import claims_page
+from tolevo.commands.run.decide import decide
+from tolevo.commands.study.page import study_page
 from tolevo.configuration import read
-from tolevo.problems.designs import designs_of
+from tolevo.page import page
+from tolevo.page.sheet import drawing_page
+from tolevo.problems.tolerance_problem import designs_of
 from tolevo.records import Axis, Compared, Comparison, Response, RunResult, StudyResult, Varied
-from tolevo.reports import page
-from tolevo.reports.claims import claims_page
-from tolevo.reports.comparison import comparison_page
-from tolevo.reports.gap import gap_page
-from tolevo.reports.sheets import drawing_page
-from tolevo.reports.study import study_page
-from tolevo.workflows.choice.decide import decide
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -303,7 +303,7 @@ def real(problem: Any) -> RunResult:
     values = {name: front[name].to_numpy() for name in problem.objectives}
     found = proof(problem, values, len(front))
     front = front.assign(bound=found.bound, gap_percent=found.gap_percent(values["cost"]))
-    from tolevo.workflows.choice import ChoiceSettings
+    from tolevo.commands.run.choice import ChoiceSettings
 
     decided = decide(problem, front, ChoiceSettings())
     reference = problem.frame(np.array([[0.05, 0.05, 0.05, 0.02]]))

@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tolevo.claim_records import Chart, ClaimsResult, ComputedTable, Document
+from tolevo import page_data
+from tolevo.commands.reproduce.page import claims_page, figures
+from tolevo.commands.reproduce.records import Chart, ClaimsResult, ComputedTable, Document
+from tolevo.page.drawing import as_svg
 from tolevo.records import Axis
-from tolevo.reports.claims import claims_page, figures
-from tolevo.reports.drawing import as_svg
-from tolevo.workflows import page_data
 
 EVIL = "<script>alert('x')</script>"
 HISTOGRAM = ComputedTable(

@@ -4,10 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tolevo.page import front_figure
+from tolevo.page.drawing import as_png, as_svg, axis_label
+from tolevo.page.figures import pictures
 from tolevo.records import Axis, RunResult
-from tolevo.reports import front_figure
-from tolevo.reports.drawing import as_png, as_svg, axis_label
-from tolevo.reports.figure import pictures
 
 COST = Axis("cost", "")
 BACKLASH = Axis("backlash_arcmin", "arcmin")

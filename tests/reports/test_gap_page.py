@@ -12,24 +12,26 @@ import pytest
 
 from tests.blanks import blanks
 from tests.reports.html import parsed
-from tolevo.gap_next_records import NextMeasurement, Sensitivity, Separation
-from tolevo.gap_records import (
+from tolevo.commands.gap.page import figures, gap_page
+from tolevo.commands.gap.records import (
     FoundEffect,
     FoundParameter,
     GapResult,
     Gate,
     Measurement,
+    NextMeasurement,
     OutputGate,
     Recalibrated,
     Region,
     Rival,
+    Sensitivity,
+    Separation,
     Shape,
     Step,
 )
+from tolevo.page.drawing import as_png, as_svg
+from tolevo.page_data import dumped, loaded
 from tolevo.records import Axis
-from tolevo.reports.drawing import as_png, as_svg
-from tolevo.reports.gap import figures, gap_page
-from tolevo.workflows.page_data import dumped, loaded
 
 EVIL = '<script>alert("x")</script>'
 

@@ -9,11 +9,9 @@ import pytest
 
 from tests.reports.html import parsed
 from tests.reports.test_gap_page import result as of_page
-from tolevo.gap_population_records import Attribution, InputChange, PopulationLine
-from tolevo.gap_records import GapResult
-from tolevo.reports.gap.page import gap_page
-from tolevo.reports.gap.populations import attribution_table, population_table
-from tolevo.workflows.page_data import dumped, loaded
+from tolevo.commands.gap.page import attribution_table, gap_page, population_table
+from tolevo.commands.gap.records import Attribution, GapResult, InputChange, PopulationLine
+from tolevo.page_data import dumped, loaded
 
 NAN = float("nan")
 result = of_page

@@ -9,10 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from tolevo.page_section import SECTIONS
-from tolevo.reports.page import page
-from tolevo.testing import PageContract
-from tolevo.testing.section import example
+from tolevo.page.page import page
+from tolevo.records import SECTIONS
+from tolevo.testing import PageContract, example
 
 PAGE = Path(__file__).parents[2] / "docs" / "plugins.md"
 CONTRACT = [name for name in dir(PageContract) if name.startswith("test_")]

@@ -9,12 +9,11 @@ import pandas as pd
 import pytest
 
 from tests.reports.html import parsed
+from tolevo.page import page
+from tolevo.page.document import shown, table
+from tolevo.page.explorer import thinned
+from tolevo.page.figures import front_figure, population_figure, turn_figure
 from tolevo.records import Axis, RunResult
-from tolevo.reports import page
-from tolevo.reports.explorer import thinned
-from tolevo.reports.figure import front_figure
-from tolevo.reports.tables import shown, table
-from tolevo.reports.units import population_figure, turn_figure
 
 EVIL = '<script>alert("x")</script>'
 

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from PIL import Image, ImageFilter
 
 from tests.reports.test_browser import claims, gap, pages, problem, real, study
-from tolevo.reports import page
-from tolevo.reports.sheets import drawing_page
+from tolevo.page import page
+from tolevo.page.sheet import drawing_page
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

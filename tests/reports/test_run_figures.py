@@ -9,10 +9,10 @@ import pandas as pd
 import pytest
 from matplotlib.axes import Axes
 
+from tolevo.page.drawing import as_svg
+from tolevo.page.figures import convergence_figure
+from tolevo.page.page import figures
 from tolevo.records import Axis, RunResult
-from tolevo.reports.convergence import convergence_figure
-from tolevo.reports.drawing import as_svg
-from tolevo.reports.figures import figures
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 from openpyxl import load_workbook
 
+from tolevo.page.sheet import allocation_sheet
 from tolevo.records import RunResult
-from tolevo.reports.sheet import allocation_sheet
 
 
 @pytest.fixture

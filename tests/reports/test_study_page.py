@@ -10,10 +10,10 @@ import pytest
 from matplotlib.figure import Figure
 
 from tests.reports.html import parsed
+from tolevo.commands.study.page import figures, study_page
+from tolevo.page.drawing import as_png, as_svg
+from tolevo.page_data import dumped, loaded
 from tolevo.records import Recommendation, Response, StudyResult, Varied, Verdict
-from tolevo.reports.drawing import as_png, as_svg
-from tolevo.reports.study import figures, study_page
-from tolevo.workflows.page_data import dumped, loaded
 
 EVIL = '<script>alert("x")</script>'
 NAN = float("nan")

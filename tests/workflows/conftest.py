@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from tests.postgres import Server, server
-from tolevo.algorithms.exact import between
-from tolevo.workflows.gap import write
+from tolevo.algorithms.exact import bounds as between
+from tolevo.commands.gap import gap as write
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -9,22 +9,21 @@ from typing import Any
 
 import numpy as np
 
-from tolevo.declarations import Output
+from tolevo.commands.gap.analysis import Settling
+from tolevo.commands.gap.data import GapData
+from tolevo.commands.gap.fit import Fit, Fitter, Member, Space
+from tolevo.commands.gap.generic import Form, generic, groups_of
+from tolevo.commands.gap.library import Candidate
+from tolevo.commands.gap.linear import joined
+from tolevo.commands.gap.noise import Noise
+from tolevo.commands.gap.plan import GapSettings
+from tolevo.commands.gap.scan import Dictionary, Remaining, Thresholds
+from tolevo.commands.gap.selection import Search
 from tolevo.models.effects import EffectParameter
 from tolevo.models.effects.measurements import measurements_of, target_from
 from tolevo.models.effects.unresolved import Unresolved
 from tolevo.models.measurable import Column, Role
-from tolevo.workflows.gap.data import GapData
-from tolevo.workflows.gap.fit import Fit, Fitter, Member
-from tolevo.workflows.gap.generic import Form, generic, groups_of
-from tolevo.workflows.gap.library import Candidate
-from tolevo.workflows.gap.linear import joined
-from tolevo.workflows.gap.noise import Noise
-from tolevo.workflows.gap.plan import GapSettings
-from tolevo.workflows.gap.scan import Dictionary, Remaining, Thresholds
-from tolevo.workflows.gap.select import Search
-from tolevo.workflows.gap.settle import Settling
-from tolevo.workflows.gap.space import Space
+from tolevo.section import Output
 
 Array = np.ndarray
 N = 100

@@ -15,10 +15,10 @@ from typer.testing import CliRunner
 
 import tolevo
 from tolevo.cli import app
+from tolevo.commands.run.answers import Sentences
+from tolevo.page import page
+from tolevo.page.figures import orders
 from tolevo.records import RunResult
-from tolevo.reports import page
-from tolevo.reports.orders import orders
-from tolevo.workflows.run.answers import Sentences
 
 STACK = """
 problem = "stack"

@@ -15,13 +15,13 @@ from typer.testing import CliRunner, Result
 
 from tests.fuzzing import share
 from tolevo.cli import app
-from tolevo.configuration.study import read_study
+from tolevo.commands.reproduce.calculations.manipulator import GaSettings
+from tolevo.commands.study import study
+from tolevo.commands.study.configuration import read_study
 from tolevo.directory import MANIFEST
-from tolevo.directory.unfinished import write_unfinished
+from tolevo.directory.standing import write_unfinished
 from tolevo.errors import InputError
-from tolevo.workflows.execution import InProcess
-from tolevo.workflows.reproduce.calculations.ga_settings import GaSettings
-from tolevo.workflows.study import study
+from tolevo.execution import InProcess
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 

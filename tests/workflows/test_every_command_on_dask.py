@@ -12,19 +12,20 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner, Result
 
+from tolevo import dask_cluster
 from tolevo.algorithms.checkpoint import Checkpoint
 from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.cli import app
+from tolevo.commands.run.front import Designs
+from tolevo.commands.run.references import SideSearch
+from tolevo.commands.run.run import Sides
 from tolevo.errors import InputError
+from tolevo.execution import Execution, executor_of
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.settings import Settings
-from tolevo.workflows.execution import Execution, dask_cluster, executor_of
-from tolevo.workflows.run.designs import Designs
-from tolevo.workflows.run.references import SideSearch
-from tolevo.workflows.run.sides import Sides
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 

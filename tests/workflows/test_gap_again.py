@@ -12,9 +12,9 @@ from typer.testing import CliRunner
 
 from tolevo import registry
 from tolevo.cli import app
-from tolevo.configuration.gap import read_gap
-from tolevo.workflows.gap import gap
-from tolevo.workflows.gap.read import read_data
+from tolevo.commands.gap import gap
+from tolevo.commands.gap.configuration import read_gap
+from tolevo.commands.gap.read import read_data
 
 pytestmark = pytest.mark.usefixtures("without_figures")
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from tests.gap_benchmark.damper import Jenkins, arts
 from tolevo import registry
-from tolevo.workflows.gap import gap
-from tolevo.workflows.gap.plan import GapPlan
-from tolevo.workflows.gap.read import read_data
+from tolevo.commands.gap import gap
+from tolevo.commands.gap.plan import GapPlan
+from tolevo.commands.gap.read import read_data
 
 
 def test_the_clearance_is_named_and_located(tmp_path: Path) -> None:

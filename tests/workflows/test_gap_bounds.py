@@ -9,14 +9,14 @@ import pandas as pd
 import pytest
 from scipy.optimize import lsq_linear
 
-from tolevo.configuration.gap import gap_plan, read_gap
-from tolevo.workflows.gap import result
-from tolevo.workflows.gap.analysis import Analysis, analysed, without
-from tolevo.workflows.gap.close import Corrected
-from tolevo.workflows.gap.fit import Fit, Member
-from tolevo.workflows.gap.read import read_data
-from tolevo.workflows.gap.result import Ending, ended
-from tolevo.workflows.gap.setup import prepared
+from tolevo.commands.gap import result
+from tolevo.commands.gap.analysis import Analysis, analysed, without
+from tolevo.commands.gap.close import Corrected
+from tolevo.commands.gap.configuration import gap_plan, read_gap
+from tolevo.commands.gap.fit import Fit, Member
+from tolevo.commands.gap.read import read_data
+from tolevo.commands.gap.result import Ending, ended
+from tolevo.commands.gap.setup import prepared
 
 SLIDE = """
 model = "table"

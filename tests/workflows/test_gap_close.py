@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tolevo.arrays import Array
-from tolevo.workflows.gap.close import least_squares
+from tolevo.commands.gap.close import least_squares
+from tolevo.section import Array
 
 STAIR = 5e-4
 ENDS = (np.array([-10.0]), np.array([10.0]))

@@ -9,16 +9,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tolevo.configuration.gap import read_gap
+from tolevo.commands.gap.blocks import Trained, Training
+from tolevo.commands.gap.configuration import read_gap
+from tolevo.commands.gap.generic import stacked
+from tolevo.commands.gap.library import grid
+from tolevo.commands.gap.linear import Groups, basis, projected_out
+from tolevo.commands.gap.read import read_data
+from tolevo.commands.gap.scan import Thresholds, dictionary
+from tolevo.commands.gap.searching import noise_of, searching
+from tolevo.commands.gap.setup import Setup, prepared
 from tolevo.models.effects.shapes import Shape
-from tolevo.workflows.gap.blocks import Trained, Training
-from tolevo.workflows.gap.generic import stacked
-from tolevo.workflows.gap.library import grid
-from tolevo.workflows.gap.linear import Groups, basis, projected_out
-from tolevo.workflows.gap.read import read_data
-from tolevo.workflows.gap.scan import Thresholds, dictionary
-from tolevo.workflows.gap.searching import noise_of, searching
-from tolevo.workflows.gap.setup import Setup, prepared
 
 ROWS = 60
 HEAD = """

@@ -14,8 +14,8 @@ import pytest
 from typer.testing import CliRunner
 
 from tolevo.cli import app
+from tolevo.commands.gap.configuration import read_gap
 from tolevo.configuration import read
-from tolevo.configuration.gap import read_gap
 from tolevo.configuration.plugins import belongs, stranger
 from tolevo.errors import InputError
 from tolevo.models.rv_reducer.batch import RvBatch

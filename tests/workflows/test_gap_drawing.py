@@ -11,13 +11,13 @@ import pytest
 from typer.testing import CliRunner
 
 from tolevo.cli import app
-from tolevo.configuration.gap import gap_plan, read_gap
-from tolevo.declarations import Kind
+from tolevo.commands.gap.configuration import gap_plan, read_gap
+from tolevo.commands.gap.plan import GapPlan
 from tolevo.models.inputs import Normal
 from tolevo.models.rv_reducer import declared
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.problems.rv_transmission_error import declared as transmission
-from tolevo.workflows.gap.plan import GapPlan
+from tolevo.section import Kind
 
 pytestmark = pytest.mark.usefixtures("without_figures", "units_once")
 

@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tolevo.configuration.gap import read_gap
+from tolevo.commands.gap.configuration import read_gap
+from tolevo.commands.gap.data import GapData
+from tolevo.commands.gap.read import read_data
 from tolevo.models.measurable import Role
-from tolevo.workflows.gap.data import GapData
-from tolevo.workflows.gap.read import read_data
 
 VALUES = np.random.default_rng(1).normal(0.55, 0.06, 20).round(4)
 CONFIG = 'model = "rv_batch"\nparameters.model = "document"\n[columns]\nSpiel = "backlash_arcmin"\n'

@@ -11,12 +11,12 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tolevo.cli import app
-from tolevo.configuration.gap import read_gap
+from tolevo.commands.gap import gap
+from tolevo.commands.gap.configuration import read_gap
+from tolevo.commands.gap.gap import record
+from tolevo.commands.gap.read import read_data
+from tolevo.commands.gap.records import GapResult
 from tolevo.errors import InputError
-from tolevo.gap_records import GapResult
-from tolevo.workflows.gap import gap
-from tolevo.workflows.gap.read import read_data
-from tolevo.workflows.gap.write import record
 
 pytestmark = pytest.mark.usefixtures("without_figures", "units_once")
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from tolevo.configuration.gap import read_gap
-from tolevo.gap_records import GapResult
-from tolevo.workflows.gap import gap
-from tolevo.workflows.gap.read import read_data
+from tolevo.commands.gap import gap
+from tolevo.commands.gap.configuration import read_gap
+from tolevo.commands.gap.read import read_data
+from tolevo.commands.gap.records import GapResult
 
 HEAD = """
 model = "table"

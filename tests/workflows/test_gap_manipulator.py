@@ -10,13 +10,13 @@ import pandas as pd
 import pytest
 
 from tolevo import registry
-from tolevo.configuration.gap import read_gap
-from tolevo.models.effects.inside import InsideSeveral
-from tolevo.workflows.gap import gap
-from tolevo.workflows.gap.fit import Fit, Member
-from tolevo.workflows.gap.read import read_data
-from tolevo.workflows.gap.separate import separating
-from tolevo.workflows.gap.setup import Setup, prepared
+from tolevo.commands.gap import gap
+from tolevo.commands.gap.configuration import read_gap
+from tolevo.commands.gap.fit import Fit, Member
+from tolevo.commands.gap.read import read_data
+from tolevo.commands.gap.separations import separating
+from tolevo.commands.gap.setup import Setup, prepared
+from tolevo.models.effects.effect import InsideSeveral
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 

@@ -12,12 +12,12 @@ from scipy import stats
 from typer.testing import CliRunner
 
 from tolevo import registry
-from tolevo.arrays import Array
 from tolevo.cli import app
-from tolevo.configuration.gap import read_gap
-from tolevo.gap_records import GapResult
-from tolevo.workflows.gap import gap
-from tolevo.workflows.gap.read import read_data
+from tolevo.commands.gap import gap
+from tolevo.commands.gap.configuration import read_gap
+from tolevo.commands.gap.read import read_data
+from tolevo.commands.gap.records import GapResult
+from tolevo.section import Array
 
 pytestmark = pytest.mark.usefixtures("unrendered", "units_once")
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tolevo.arrays import Array
-from tolevo.workflows.gap.next.chance import Duel
-from tolevo.workflows.gap.next.contest import Contest
-from tolevo.workflows.gap.next.exchange import exchanged
-from tolevo.workflows.gap.next.rows import Predictions
+from tolevo.commands.gap.next_field import Contest, Predictions, exchanged
+from tolevo.commands.gap.separations import Duel
+from tolevo.section import Array
 
 X = np.linspace(-1.0, 1.0, 401)
 

@@ -8,8 +8,8 @@ import scipy
 from statsmodels.regression.linear_model import OLS
 from statsmodels.stats.diagnostic import acorr_ljungbox
 
-from tolevo.workflows.gap.noise import Noise, robust_scale, size_follows, whiteness
-from tolevo.workflows.gap.spectrum import amplitudes
+from tolevo.commands.gap.locate import amplitudes
+from tolevo.commands.gap.noise import Noise, robust_scale, size_follows, whiteness
 
 ROUNDING = 1e-9
 """Relative: the same sums in another order."""

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from tolevo import registry
-from tolevo.arrays import Array
-from tolevo.declarations import Output
+from tolevo.commands.gap.data import GapData
+from tolevo.commands.gap.library import candidates, not_considered
 from tolevo.models.effects.effect import Measurements, Target
 from tolevo.models.effects.measurements import measurements_of, target_from
 from tolevo.models.effects.shapes import OneColumn, Weight
 from tolevo.models.measurable import Column, Role
-from tolevo.workflows.gap.data import GapData
-from tolevo.workflows.gap.library import candidates, not_considered
+from tolevo.section import Array, Output
 
 TABLE = {"torque": np.linspace(-3.0, 4.0, 30)}
 COLUMNS = (Column("torque", "N m", "", role=Role.TORQUE),)

@@ -13,22 +13,21 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from tolevo.configuration.gap import read_gap
+from tolevo.commands.gap import gap
+from tolevo.commands.gap.configuration import read_gap
+from tolevo.commands.gap.library import OfMeanUnit, law_of
+from tolevo.commands.gap.page import path_figure
+from tolevo.commands.gap.plan import GapPlan
+from tolevo.commands.gap.population import distance, floor
+from tolevo.commands.gap.read import read_data
+from tolevo.commands.gap.records import GapResult
 from tolevo.configuration.reader import read_table
 from tolevo.errors import InputError
-from tolevo.gap_records import GapResult
-from tolevo.models.effects.compose import predicted
-from tolevo.models.effects.population.law import Law
+from tolevo.models.effects.measurements import predicted
+from tolevo.models.effects.population import Law
 from tolevo.models.propagation import Convolution
 from tolevo.models.rv_reducer.batch import RvBatch
-from tolevo.reports.gap.path import path_figure
 from tolevo.units import ARCMIN
-from tolevo.workflows.gap import gap
-from tolevo.workflows.gap.distance import distance, floor
-from tolevo.workflows.gap.law import law_of
-from tolevo.workflows.gap.plan import GapPlan
-from tolevo.workflows.gap.predictor import OfMeanUnit
-from tolevo.workflows.gap.read import read_data
 
 DOCUMENT = {"model": "document", "reading": "printed"}
 """Units by document B's closed form, as printed."""

@@ -11,16 +11,14 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from tolevo.configuration.gap import read_gap
-from tolevo.gap_records import GapResult
+from tolevo.commands.gap import gap
+from tolevo.commands.gap.configuration import read_gap
+from tolevo.commands.gap.gap import record
+from tolevo.commands.gap.input_changes import Tables, UnitLaw
+from tolevo.commands.gap.populations import Weighed, decided
+from tolevo.commands.gap.read import read_data
+from tolevo.commands.gap.records import GapResult
 from tolevo.models.rv_reducer.batch import RvBatch
-from tolevo.workflows.gap import gap
-from tolevo.workflows.gap.populations.attribution import decided
-from tolevo.workflows.gap.populations.input_changes import Tables
-from tolevo.workflows.gap.populations.unit_law import UnitLaw
-from tolevo.workflows.gap.populations.weighed import Weighed
-from tolevo.workflows.gap.read import read_data
-from tolevo.workflows.gap.write import record
 
 DOCUMENT = {"model": "document", "reading": "printed"}
 """Units by document B's closed form, as printed."""

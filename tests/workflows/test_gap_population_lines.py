@@ -6,10 +6,19 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tolevo.gap_population_records import PopulationLine
-from tolevo.models.effects.population.law import Law
-from tolevo.workflows.gap.populations.lines import Compared, batches, rarely
-from tolevo.workflows.gap.populations.statistics import Look, along, between_lots, looks_of, two_of, unlike
+from tolevo.commands.gap.populations import (
+    Compared,
+    Look,
+    along,
+    batches,
+    between_lots,
+    looks_of,
+    rarely,
+    two_of,
+    unlike,
+)
+from tolevo.commands.gap.records import PopulationLine
+from tolevo.models.effects.population import Law
 
 Array = np.ndarray
 LATTICE = np.linspace(-6.0, 6.0, 601)

@@ -10,13 +10,12 @@ import pandas as pd
 import pytest
 
 from tolevo import registry
-from tolevo.configuration.gap import read_gap
-from tolevo.configuration.reader import read_table
-from tolevo.configuration.simulated import build_model
+from tolevo.commands.gap import gap
+from tolevo.commands.gap.configuration import read_gap
+from tolevo.commands.gap.gap import recalibration_message
+from tolevo.commands.gap.read import read_data
+from tolevo.configuration.reader import build_model, read_table
 from tolevo.models.rv_reducer.batch import RvBatch
-from tolevo.workflows.gap import gap
-from tolevo.workflows.gap.read import read_data
-from tolevo.workflows.gap.recalibration import recalibration_message
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 

@@ -8,15 +8,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tolevo.configuration.gap import read_gap
+from tolevo.commands.gap import uncertainty
+from tolevo.commands.gap.configuration import read_gap
+from tolevo.commands.gap.gap import GapOutcome, gap
+from tolevo.commands.gap.plan import GapProgress
+from tolevo.commands.gap.read import read_data
+from tolevo.commands.gap.uncertainty import FILE
 from tolevo.directory import KINDS, MANIFEST, UNFINISHED
-from tolevo.directory.names import present
+from tolevo.directory.standing import present
 from tolevo.errors import InputError
-from tolevo.workflows.gap import uncertainty
-from tolevo.workflows.gap.gap import GapOutcome, gap
-from tolevo.workflows.gap.progress import GapProgress
-from tolevo.workflows.gap.read import read_data
-from tolevo.workflows.gap.replicates import FILE
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 

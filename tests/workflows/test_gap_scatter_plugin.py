@@ -10,15 +10,13 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from tolevo.configuration.gap import read_gap
+from tolevo.commands.gap import gap
+from tolevo.commands.gap.configuration import read_gap
+from tolevo.commands.gap.library import law_with
+from tolevo.commands.gap.read import read_data
 from tolevo.models.effects.measurements import target_of
-from tolevo.models.effects.population.law import Law
-from tolevo.models.effects.population.lot_mixture import LotMixture
-from tolevo.models.effects.population.spread_inflation import SpreadInflation
+from tolevo.models.effects.population import Law, LotMixture, SpreadInflation
 from tolevo.models.rv_reducer.batch import RvBatch
-from tolevo.workflows.gap import gap
-from tolevo.workflows.gap.law import law_with
-from tolevo.workflows.gap.read import read_data
 
 DOCUMENT = {"model": "document", "reading": "printed"}
 TAIL = 0.35

@@ -11,21 +11,24 @@ import numpy as np
 import pytest
 
 from tests.workflows.gap_toy import PENALTY, N, directions, member, squares_left, toy
-from tolevo.workflows.gap import select as selection
-from tolevo.workflows.gap.ambiguity import Other, correlation, first_of_confounded, rivals
-from tolevo.workflows.gap.blocks import Improvement
-from tolevo.workflows.gap.linear import joined
-from tolevo.workflows.gap.scan import CHUNK, evidence, scan, strongest, thresholds
-from tolevo.workflows.gap.select import (
+from tolevo.commands.gap import selection
+from tolevo.commands.gap.blocks import Improvement
+from tolevo.commands.gap.linear import joined
+from tolevo.commands.gap.scan import CHUNK, evidence, scan, strongest, thresholds
+from tolevo.commands.gap.selection import (
     AS_WELL,
     NO_FORM,
     SMALL,
     TERM,
     UNITS,
     VISITED,
+    Other,
     _next,
     concluding,
+    correlation,
+    first_of_confounded,
     masked,
+    rivals,
     select,
     with_identified_by_likelihood,
 )

@@ -9,14 +9,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tolevo.configuration.gap import read_gap
+from tolevo.commands.gap import gap
+from tolevo.commands.gap.close import Corrected, Number
+from tolevo.commands.gap.configuration import read_gap
+from tolevo.commands.gap.plan import GapPlan
+from tolevo.commands.gap.read import read_data
+from tolevo.commands.gap.records import GapResult
+from tolevo.commands.gap.result import of_weights
 from tolevo.errors import InputError
-from tolevo.gap_records import GapResult
-from tolevo.workflows.gap import gap
-from tolevo.workflows.gap.close import Corrected, Number
-from tolevo.workflows.gap.misfit import of_weights
-from tolevo.workflows.gap.plan import GapPlan
-from tolevo.workflows.gap.read import read_data
 
 pytestmark = pytest.mark.usefixtures("unrendered", "units_once")
 

@@ -15,17 +15,17 @@ from typer.testing import CliRunner
 
 from benchmarks.gap.generator.records import record
 from tolevo.cli import app
-from tolevo.configuration.gap import read_gap
+from tolevo.commands.gap import gap
+from tolevo.commands.gap.analysis import analysed
+from tolevo.commands.gap.blocks import improvement
+from tolevo.commands.gap.configuration import read_gap
+from tolevo.commands.gap.generic import generic
+from tolevo.commands.gap.linear import basis, projected_out
+from tolevo.commands.gap.read import read_data
+from tolevo.commands.gap.result import Ending, ended
+from tolevo.commands.gap.setup import prepared
+from tolevo.commands.gap.unresolved import term_of
 from tolevo.models.effects.unresolved import Unresolved
-from tolevo.workflows.gap import gap
-from tolevo.workflows.gap.analysis import analysed
-from tolevo.workflows.gap.blocks import improvement
-from tolevo.workflows.gap.generic import generic
-from tolevo.workflows.gap.linear import basis, projected_out
-from tolevo.workflows.gap.read import read_data
-from tolevo.workflows.gap.result import Ending, ended
-from tolevo.workflows.gap.setup import prepared
-from tolevo.workflows.gap.unresolved import term_of
 
 pytestmark = [pytest.mark.source_tree, pytest.mark.usefixtures("without_figures")]
 

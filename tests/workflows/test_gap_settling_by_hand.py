@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from tests.workflows.gap_toy import PENALTY, N, directions, member, of_names, readings, settling, squares_left
+from tolevo.commands.gap.analysis import TERMS
+from tolevo.commands.gap.data import GapData
+from tolevo.commands.gap.fit import Fit, Member, is_term
+from tolevo.commands.gap.generic import FROM_ZERO, LEVELS, Form
+from tolevo.commands.gap.library import Candidate
+from tolevo.commands.gap.scan import generic_residual
 from tolevo.models.effects.unresolved import Term, Unresolved
-from tolevo.workflows.gap.data import GapData
-from tolevo.workflows.gap.fit import Fit, Member, is_term
-from tolevo.workflows.gap.generic import FROM_ZERO, LEVELS, Form
-from tolevo.workflows.gap.library import Candidate
-from tolevo.workflows.gap.scan import generic_residual
-from tolevo.workflows.gap.settle import TERMS
 
 SPEED = np.random.default_rng(8).permutation(np.linspace(0.02, 1.0, N))
 WARM = np.random.default_rng(9).permutation(np.linspace(0.0, 1.0, N))

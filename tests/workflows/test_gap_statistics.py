@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tolevo.workflows.gap.linear import basis, joined, products, projected_out
-from tolevo.workflows.gap.noise import Noise, autocorrelation, outliers, size_follows, whiteness
-from tolevo.workflows.gap.scan import evidence, thresholds
+from tolevo.commands.gap.linear import basis, joined, products, projected_out
+from tolevo.commands.gap.noise import Noise, autocorrelation, outliers, size_follows, whiteness
+from tolevo.commands.gap.scan import evidence, thresholds
 
 Array = np.ndarray
 

@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tolevo.configuration.gap import read_gap
-from tolevo.gap_records import GapResult
-from tolevo.workflows.gap import gap
-from tolevo.workflows.gap.read import read_data
+from tolevo.commands.gap import gap
+from tolevo.commands.gap.configuration import read_gap
+from tolevo.commands.gap.read import read_data
+from tolevo.commands.gap.records import GapResult
 
 TABLE = """model = "table"
 [columns]

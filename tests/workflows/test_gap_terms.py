@@ -13,14 +13,14 @@ import pytest
 from typer.testing import CliRunner
 
 from tolevo.cli import app
-from tolevo.configuration.gap import gap_plan, read_gap
-from tolevo.gap_records import GapResult
+from tolevo.commands.gap import gap
+from tolevo.commands.gap.analysis import _through
+from tolevo.commands.gap.configuration import gap_plan, read_gap
+from tolevo.commands.gap.read import read_data
+from tolevo.commands.gap.records import GapResult
 from tolevo.models.effects.effect import Measurements
 from tolevo.models.effects.unresolved import Term
 from tolevo.models.measurable import Role
-from tolevo.workflows.gap import gap
-from tolevo.workflows.gap.curves import _through
-from tolevo.workflows.gap.read import read_data
 
 HEAD = (
     'model = "table"\n[columns]\ntorque = { role = "torque", unit = "N m" }\n'

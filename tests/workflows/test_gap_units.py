@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tolevo.configuration.gap import read_gap
-from tolevo.workflows.gap.read import read_data
+from tolevo.commands.gap.configuration import read_gap
+from tolevo.commands.gap.read import read_data
 
 N = 120
 COLUMNS = {

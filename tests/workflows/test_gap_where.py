@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tolevo.configuration.gap import read_gap
-from tolevo.gap_records import Region
-from tolevo.workflows.gap import gap
-from tolevo.workflows.gap.read import read_data
+from tolevo.commands.gap import gap
+from tolevo.commands.gap.configuration import read_gap
+from tolevo.commands.gap.read import read_data
+from tolevo.commands.gap.records import Region
 
 Array = np.ndarray
 HEAD = """

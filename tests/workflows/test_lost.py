@@ -22,13 +22,14 @@ import pytest
 import tolevo
 from tests.dask_daemons import cluster, worker
 from tests.postgres import Server
-from tolevo.configuration.study import read_study
+from tolevo.commands.evaluate import GRAIN
+from tolevo.commands.study import study
+from tolevo.commands.study import study as write
+from tolevo.commands.study.configuration import read_study
+from tolevo.commands.study.storage import DATABASE
 from tolevo.errors import RunError
-from tolevo.problems.designs import designs_frame
-from tolevo.workflows.evaluate import GRAIN
-from tolevo.workflows.execution import executor_of
-from tolevo.workflows.study import study, write
-from tolevo.workflows.study.storage.names import DATABASE
+from tolevo.execution import executor_of
+from tolevo.problems.tolerance_problem import designs_frame
 
 pytestmark = pytest.mark.slow
 

@@ -15,14 +15,14 @@ from openpyxl import load_workbook
 
 from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.settings import Budget
+from tolevo.commands.report import report
+from tolevo.commands.run import RunOutcome, RunPlan, run
 from tolevo.configuration.reader import read_table
+from tolevo.page.page import page
 from tolevo.problems.interfaces import Comparison
 from tolevo.problems.pose_accuracy import PoseAccuracy
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Settings
-from tolevo.reports.page import page
-from tolevo.workflows.report import report
-from tolevo.workflows.run import RunOutcome, RunPlan, run
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 

@@ -11,9 +11,9 @@ import pytest
 from typer.testing import CliRunner
 
 from tolevo.cli import app
+from tolevo.commands.gap.configuration import read_gap
+from tolevo.commands.study.configuration import read_study
 from tolevo.configuration import read
-from tolevo.configuration.gap import read_gap
-from tolevo.configuration.study import read_study
 from tolevo.errors import InputError
 
 pytestmark = pytest.mark.usefixtures("unrendered")

@@ -131,7 +131,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Place:
 def start(words: Sequence[object], streams: Path, before: str = "") -> BaseProcess:
     """The command in a process of its own that has the libraries already."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["tolevo.cli", "tolevo.workflows.run.run",
+    context.set_forkserver_preload(["tolevo.cli", "tolevo.commands.run.run",
                                     "tolevo.problems.stack"])  # fmt: skip
     names = [f"{streams}.err", f"{streams}.out"]
     text = COMMAND.format(words=[str(word) for word in words], streams=names, before=before)
@@ -322,7 +322,7 @@ def test_a_set_of_two_pieces_is_refused_by_all_who_read_it(place: Place, tmp_pat
 
 def test_another_start_while_the_page_is_built(place: Place, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What was read is not written where somebody has begun anew meanwhile."""
-    module = importlib.import_module("tolevo.workflows.report.report")
+    module = importlib.import_module("tolevo.commands.report")
     out = tmp_path / "out"
     shutil.copytree(place.old, out)
     build = module.page

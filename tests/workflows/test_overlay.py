@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from tolevo.workflows.run.overlay import ABOVE, above, notes, with_distance
-from tolevo.workflows.run.proofs import distance_words
+from tolevo.commands.run.proofs import distance_words
+from tolevo.commands.run.references import ABOVE, above, notes, with_distance
 
 NAMES = ["cost", "backlash_arcmin"]
 

@@ -18,8 +18,8 @@ from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.cli import app
+from tolevo.commands.run.proofs import exact_front, informative
 from tolevo.configuration import read
-from tolevo.workflows.run.proofs import exact_front, informative
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 
@@ -112,7 +112,7 @@ def test_front_of_exact_has_no_gap(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     def again(*given: object) -> None:
         raise AssertionError("the run has solved its front already")
 
-    monkeypatch.setattr("tolevo.workflows.run.proofs.exact_vectors", again)
+    monkeypatch.setattr("tolevo.algorithms.exact.solver.exact_vectors", again)
     front, summary, _ = run(config(tmp_path, 'name = "exact"\npoints = 1000'))
     assert len(front) >= 990
     assert front["gap_percent"].max() < 1e-5

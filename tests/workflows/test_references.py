@@ -4,11 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tolevo.commands.run.references import DISTANCE, compare, distance, documents
 from tolevo.problems.pose_accuracy import PoseAccuracy
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.rv_transmission_error import RvTransmissionError
 from tolevo.problems.tolerance_problem import ToleranceProblem
-from tolevo.workflows.run.references import DISTANCE, compare, distance, documents
 
 FRONT = np.array([[1.0, 10.0], [2.0, 5.0], [4.0, 1.0]])
 

@@ -12,15 +12,14 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner, Result
 
-from tolevo.algorithms.course import CURVE
+from tolevo.algorithms.archive import CURVE
 from tolevo.cli import app
+from tolevo.commands.comparison import compared
+from tolevo.commands.study.storage import Database, Site
+from tolevo.commands.study.trial import RunRecord
 from tolevo.directory import MANIFEST
-from tolevo.directory.unfinished import write_unfinished
+from tolevo.directory.standing import write_unfinished
 from tolevo.records import Axis, RunResult
-from tolevo.workflows.report.comparison import compared
-from tolevo.workflows.study.storage.database import Database
-from tolevo.workflows.study.storage.site import Site
-from tolevo.workflows.study.trial import RunRecord
 
 CONFIG = """
 problem = "stack"

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tolevo.algorithms.course import CURVE
+from tolevo.algorithms.archive import CURVE
 from tolevo.cli import app
-from tolevo.directory.unfinished import write_unfinished
-from tolevo.workflows.report import Report, report, watch
-from tolevo.workflows.study.storage.database import Database
-from tolevo.workflows.study.storage.site import Site
-from tolevo.workflows.study.trial import RunRecord
+from tolevo.commands.report import Report, report, watch
+from tolevo.commands.study.storage import Database, Site
+from tolevo.commands.study.trial import RunRecord
+from tolevo.directory.standing import write_unfinished
 
 RENEWS = 'http-equiv="refresh" content="5"'
 

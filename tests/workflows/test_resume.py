@@ -25,12 +25,12 @@ from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.search import SearchResult, search
 from tolevo.algorithms.settings import Budget
 from tolevo.cli import app
+from tolevo.commands.run.front import CHECKPOINT
+from tolevo.commands.run.references import SideSearch, documents, side_searches
+from tolevo.commands.run.run import Sides
 from tolevo.journal import Section, recorded
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.stack import Stack
-from tolevo.workflows.run.references import SideSearch, documents, side_searches
-from tolevo.workflows.run.resume import CHECKPOINT
-from tolevo.workflows.run.sides import Sides
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 
@@ -197,7 +197,7 @@ def test_finished_side_searches_are_not_repeated(drive: Path, tmp_path: Path, mo
     def again(self: Any) -> None:
         raise AssertionError(f"{self.label} is searched again")
 
-    monkeypatch.setattr("tolevo.workflows.run.references.SideSearch.front", again)
+    monkeypatch.setattr("tolevo.commands.run.references.SideSearch.front", again)
     assert run(drive, out, *references, "--resume").exit_code == 0
     assert (out / "references.csv").read_bytes() == before
     monkeypatch.undo()

@@ -14,14 +14,14 @@ import pytest
 from tolevo.algorithms.ga import GA
 from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.settings import AlgorithmSettings, Budget
+from tolevo.commands.run import RunOutcome, RunPlan, references, run
+from tolevo.commands.run.front import knee, with_references
+from tolevo.commands.run.references import gains, relaxed_bounds
+from tolevo.commands.run.run import _texts
 from tolevo.directory import KINDS, MANIFEST
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, PropagationSetting, Settings, VariableSetting
 from tolevo.records import RunResult
-from tolevo.workflows.run import RunOutcome, RunPlan, references, run
-from tolevo.workflows.run.front import knee, with_references
-from tolevo.workflows.run.references import gains, relaxed_bounds
-from tolevo.workflows.run.write import _texts
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 

@@ -12,12 +12,12 @@ import pytest
 from tolevo import registry
 from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.settings import Budget
-from tolevo.models.effects.compose import Active
+from tolevo.commands.run import RunOutcome, RunPlan, run
+from tolevo.models.effects.measurements import Active
+from tolevo.page.figures import pictures
+from tolevo.page.page import page
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, Settings
-from tolevo.reports.figure import pictures
-from tolevo.reports.page import page
-from tolevo.workflows.run import RunOutcome, RunPlan, run
 
 WARM = Active(registry.load("effects", "differential_thermal_expansion")(), {"temperature_difference_K": 5.0})
 BIAS = Active(registry.load("effects", "gauge_bias")(), {"offset_arcmin": 0.1})

@@ -12,8 +12,7 @@ from typer.testing import CliRunner
 
 from tolevo.cli import app
 from tolevo.configuration import read
-from tolevo.problems.reducers.documents import documents_reducer
-from tolevo.problems.reducers.nested import Nested
+from tolevo.problems.nested_reducers import Nested, documents_reducer
 from tolevo.problems.robot_joint import RobotJoint
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -86,7 +85,7 @@ def test_fronts_of_reducers_are_kept(folder: Path, monkeypatch: pytest.MonkeyPat
     documents_reducer().cost(np.array([0.5]))  # its own front
     own = Nested("robot_reducer.toml", robot.definition.reducers[0].tables, problem)
     other = Nested("another", {"problem": "rv_backlash"}, problem)
-    monkeypatch.setattr("tolevo.problems.reducers.front._curve", None)  # nothing is worked out
+    monkeypatch.setattr("tolevo.problems.nested_reducers._curve", None)  # nothing is worked out
     assert not other.adopt(arrays)
     assert own.adopt(arrays)
     rms = np.array([0.4, 0.7, 1.5])

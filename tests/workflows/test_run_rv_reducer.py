@@ -10,10 +10,10 @@ from typer.testing import CliRunner, Result
 
 from tolevo.algorithms.settings import Budget
 from tolevo.cli import app
+from tolevo.commands.run import references as overlay
+from tolevo.commands.run.proofs import searchable
 from tolevo.configuration import read
 from tolevo.errors import InputError
-from tolevo.workflows.run import overlay
-from tolevo.workflows.run.reach import searchable
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 

@@ -14,13 +14,13 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tolevo.cli import app
+from tolevo.commands.run.answers import assumptions_cost
+from tolevo.commands.run.plan import shown_point
+from tolevo.page.document import shown
 from tolevo.problems.interfaces import Comparison, Variant
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.rv_reducer.counterparts import Change
 from tolevo.problems.settings import Bound, Settings
-from tolevo.reports.tables import shown
-from tolevo.workflows.run.assumptions import assumptions_cost
-from tolevo.workflows.run.units import shown_point
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 

@@ -15,12 +15,12 @@ from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.run import Run, Values, values_of
 from tolevo.algorithms.search import SearchResult, search
 from tolevo.algorithms.settings import Budget
-from tolevo.arrays import Array
+from tolevo.commands.run.front import Designs
+from tolevo.execution import Execution
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.settings import Settings
-from tolevo.workflows.execution import Execution
-from tolevo.workflows.run.designs import Designs
+from tolevo.section import Array
 
 BUDGET = Budget(generations=3)
 

@@ -91,7 +91,7 @@ def test_a_value_follows_the_number_of_its_unit(
     grain: int, more: str, worn: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Shuffled rows of 20 units have the values of their units, in the order of the rows."""
-    monkeypatch.setattr("tolevo.workflows.simulate.GRAIN", grain)
+    monkeypatch.setattr("tolevo.commands.simulate.GRAIN", grain)
     frame = pd.DataFrame({"unit": range(1, 21)})
     if more == "labels":
         frame["unit"] = [f"B{at}" for at in frame["unit"]]

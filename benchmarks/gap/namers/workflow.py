@@ -17,14 +17,14 @@ from benchmarks.gap.generator.kinds import KINDS, Simulator
 from benchmarks.gap.generator.records import Record
 from benchmarks.gap.generator.tables import Array
 from tolevo import registry
-from tolevo.configuration.gap import read_gap
+from tolevo.commands.gap import gap
+from tolevo.commands.gap.configuration import read_gap
+from tolevo.commands.gap.data import GapData
+from tolevo.commands.gap.gap import record
+from tolevo.commands.gap.plan import GapPlan
+from tolevo.commands.gap.read import read_data
 from tolevo.models.measurable import MeasurableModel
-from tolevo.workflows.as_json import as_json
-from tolevo.workflows.gap import gap
-from tolevo.workflows.gap.data import GapData
-from tolevo.workflows.gap.plan import GapPlan
-from tolevo.workflows.gap.read import read_data
-from tolevo.workflows.gap.write import record
+from tolevo.page_data import as_json
 
 OWN_MODELS = ("rv_batch", "rv_transmission", "rv_lost_motion")
 

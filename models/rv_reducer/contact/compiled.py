@@ -7,12 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....arrays import Array, Complex
-from .errors import PartErrors
-from .gaps import Axes, Displacements, displacements, teeth
-from .geometry import ContactGeometry, nominal_pin, unit
+from ....section import Array, Complex
+from .geometry import Axes, ContactGeometry, Displacements, Nominal, PartErrors, displacements, nominal_pin, teeth, unit
 from .kernel import rotations
-from .nominal import Nominal
 
 
 def rotation(

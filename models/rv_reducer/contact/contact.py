@@ -1,10 +1,11 @@
-"""The loaded contact of pins and discs: balance of torque under part errors."""
+"""Faults of pins and discs: teeth, room, undercut and interference with their angles."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Literal
@@ -12,15 +13,100 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ....arrays import Array
-from ....errors import raise_all
-from ....units import ARCMIN
-from .errors import PartErrors
-from .faults import faults
-from .gaps import gaps
-from .geometry import ContactGeometry
-from .mesh import Mesh
-from .nominal import Nominal
+from ....errors import Fault, raise_all
+from ....section import Array
+from ....units import ARCMIN, MM, UM
+from .geometry import ContactGeometry, Mesh, Nominal, PartErrors, curve, gaps
+
+LEAST_GAP = -1e-9
+"""Overlap [m] that still counts as none: the accuracy of nominal gaps."""
+_POINTS = 3601
+
+
+@lru_cache(maxsize=64)
+def faults(geometry: ContactGeometry, place: str = "parameters") -> tuple[Fault, ...]:
+    """Every fault of the profile, at the keys of a configuration (`dr_p_mm`, `pin_radius_mm`)."""
+    return shape_faults(geometry, place) or tuple(interference(geometry, f"{place}.dr_p_mm"))
+
+
+@lru_cache(maxsize=64)
+def shape_faults(geometry: ContactGeometry, place: str = "parameters") -> tuple[Fault, ...]:
+    """Faults of the nominal parts, independent of the play of the modification."""
+    return (*_teeth(geometry, place), *_pins(geometry, place), *_profile(geometry, place))
+
+
+def _teeth(geometry: ContactGeometry, place: str) -> Iterator[Fault]:
+    expected = geometry.nominal.cycloid_teeth + 1
+    if geometry.pins != expected:
+        yield Fault(
+            f"{place}.pins",
+            f"must be {expected}, one more than the {expected - 1} teeth of a disc, got "
+            f"{geometry.pins}: the profile advances by one tooth per turn of the cranks",
+        )
+    if geometry.pins % geometry.discs:
+        yield Fault(
+            f"{place}.discs", f"must divide the {geometry.pins} pins, got {geometry.discs}: the discs would differ"
+        )
+
+
+def _pins(geometry: ContactGeometry, place: str) -> Iterator[Fault]:
+    """Neighbouring pins of the housing need room."""
+    nominal = geometry.nominal
+    apart = 2.0 * nominal.pin_circle_radius * np.sin(np.pi / nominal.pins)
+    if apart <= 2.0 * nominal.pin_radius:
+        yield Fault(
+            f"{place}.pin_radius_mm",
+            f"neighbouring pins overlap: {nominal.pins} pins on a circle of radius "
+            f"{nominal.pin_circle_radius / MM:g} mm are {apart / MM:.4g} mm apart, the pins' "
+            f"diameter is {2.0 * nominal.pin_radius / MM:.4g} mm; take thinner or fewer pins or a "
+            "larger circle",
+        )
+
+
+def _profile(geometry: ContactGeometry, place: str) -> Iterator[Fault]:
+    if 0.0 < geometry.nominal.k1 < 1.0:
+        yield from _undercut(geometry, place)
+    else:
+        k1 = f"e z_p/r_p = {geometry.nominal.k1:.4g}"
+        yield Fault(f"{place}.eccentricity_mm", f"{k1} must lie between 0 and 1")
+
+
+def _undercut(geometry: ContactGeometry, place: str) -> Iterator[Fault]:
+    """The tooth is cut away where C is bent outwards with a radius below that of the offset."""
+    phi = np.linspace(0.0, np.pi, _POINTS)
+    c = curve(geometry, phi, np.zeros_like(phi))
+    bend = np.imag(c.first.conj() * c.second) / np.abs(c.first) ** 3
+    offset = geometry.nominal.pin_radius + geometry.dr_rp
+    worst = int(np.argmax(bend))
+    if bend[worst] * offset >= 1.0:
+        yield Fault(
+            f"{place}.pin_radius_mm",
+            f"the profile is undercut at a profile angle of {np.degrees(phi[worst]):.1f} deg: "
+            f"its radius of curvature there, {1.0 / bend[worst] / MM:.3g} mm, is below the pin's "
+            f"with the equidistance modification, {offset / MM:.3g} mm; take thinner pins or a "
+            "smaller eccentricity",
+        )
+
+
+def interference(geometry: ContactGeometry, place: str) -> Iterator[Fault]:
+    """A modified profile that leaves no play.
+
+    Symmetric in phi: where a gap is negative, no rotation opens it on both flanks.
+    """
+    phi = np.linspace(0.0, np.pi, _POINTS)
+    gap = Nominal.at(geometry, phi).gap
+    worst = int(np.argmin(gap))
+    if gap[worst] < LEAST_GAP:
+        yield Fault(
+            place,
+            f"the modified profile interferes with the pins by {-gap[worst] / UM:.3g} um at a "
+            f"profile angle of {np.degrees(phi[worst]):.1f} deg (dr_rp {geometry.dr_rp / MM:g} mm, "
+            f"dr_p {geometry.dr_p / MM:g} mm); raise dr_rp_mm or lower dr_p_mm",
+        )
+
+
+# The loaded contact of pins and discs: balance of torque under part errors.
+
 
 Engine = Literal["auto", "arrays", "numba"]
 BLOCK = 512
@@ -164,3 +250,79 @@ def warn_of_overload(torque: Array | float, momentary: float) -> None:
 def turn_angles(count: int, teeth: int = 39) -> Array:
     """Crank angles [rad] evenly over one turn of the output, (count,)."""
     return 2.0 * np.pi * teeth * np.arange(count) / count
+
+
+# Measured quantities of a reducer from its loaded contact: quasi-static, without hysteresis.
+#
+# All angles are those of the carrier with the sun held, in radians, forward positive.
+
+
+LOST_MOTION_SHARE = 0.03
+"""Fraction of the rated torque, in either sense, at which the catalogue states lost motion."""
+
+
+def backlash(contact: LoadedContact, errors: PartErrors, angles: Array) -> Array:
+    """Backlash of rigid parts at every crank angle, (units, angles); negative: interference."""
+    play = np.empty((errors.units, angles.size))
+    for block in contact.blocks(errors, angles):
+        backward, forward = block.mesh.touch()
+        play[block.place] = forward - backward
+    return play
+
+
+def transmission_error(contact: LoadedContact, errors: PartErrors, angles: Array, torque: Array | float) -> Array:
+    """theta_in/i - theta_out under a torque on the carrier [N m], (units, angles).
+
+    Its mean over a turn holds the wind-up; without torque it is that of first contact forward, or
+    of the balance of preloaded flanks.
+    """
+    return -contact.rotation(errors, angles, torque)
+
+
+def torque_twist(contact: LoadedContact, errors: PartErrors, angles: Array, torques: Array) -> Array:
+    """Mean rotation over the crank angles at each torque [N m], (units, torques)."""
+    twist = np.zeros((errors.units, torques.size))
+    for block in contact.blocks(errors, angles):
+        for at, torque in enumerate(torques):
+            turned = block.mesh.rotation(torque).sum(axis=1)
+            twist[block.place[0], at] += turned / angles.size
+    return twist
+
+
+def lost_motion(contact: LoadedContact, errors: PartErrors, angles: Array) -> Array:
+    """Difference of mean rotation between +3 % and -3 % of rated torque, (units,)."""
+    torque = LOST_MOTION_SHARE * contact.rated_torque
+    twist = torque_twist(contact, errors, angles, np.array([-torque, torque]))
+    return twist[:, 1] - twist[:, 0]
+
+
+def rigidity(contact: LoadedContact, errors: PartErrors, angles: Array, between: tuple[float, float]) -> Array:
+    """Secant stiffness [N m/rad] between two fractions of the rated torque, (units,)."""
+    torques = np.array(between) * contact.rated_torque
+    twist = torque_twist(contact, errors, angles, torques)
+    return np.asarray((torques[1] - torques[0]) / (twist[:, 1] - twist[:, 0]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loading:
+    """Over the crank angles given, per unit: largest and mean peak pin force [N], mean number of
+    loaded pins per disc, mean tangent stiffness [N m/rad] at the carrier.
+    """
+
+    peak: Array
+    mean_peak: Array
+    loaded: Array
+    stiffness: Array
+
+
+def loading(contact: LoadedContact, errors: PartErrors, angles: Array, torque: float) -> Loading:
+    """The load of the pins under a torque on the carrier [N m]."""
+    peak, count, stiffness = (np.empty((errors.units, angles.size)) for _ in range(3))
+    for block in contact.blocks(errors, angles):
+        rotation = block.mesh.rotation(torque)
+        forces = block.mesh.pin_forces(rotation)
+        peak[block.place] = forces.max(axis=(2, 3))
+        count[block.place] = np.mean(np.sum(forces > 0.0, axis=-1), axis=-1)
+        stiffness[block.place] = block.mesh.torque(rotation)[1]
+    means = (values.mean(axis=1) for values in (peak, count, stiffness))
+    return Loading(peak.max(axis=1), *means)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ....declarations import Parameter
+from ....section import Parameter
 
 _CATALOGUE = "catalogue of the RV-40E-121"
 _B = "document B"

@@ -13,8 +13,8 @@ from typing import Any
 import numba
 import numpy as np
 
-from ....arrays import Array
-from .nominal import STEEP
+from ....section import Array
+from .geometry import STEEP
 
 LANES = 128
 """Units solved side by side."""

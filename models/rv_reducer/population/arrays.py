@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ....arrays import Single
+from ....section import Single
 
 BLOCK = 512
 """Units in one block."""

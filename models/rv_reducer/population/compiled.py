@@ -11,7 +11,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from ....arrays import Single
+from ....section import Single
 
 LANES = 256
 """Units in one block, so that they stay in the cache."""

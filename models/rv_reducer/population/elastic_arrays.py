@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ....arrays import Array, Single
+from ....section import Array, Single
 from ....units import ARCMIN
-from ..contact.gaps import Gaps
-from ..contact.mesh import Mesh
+from ..contact.geometry import Gaps, Mesh
 from .arrays import along_direction
 
 BLOCK = 256

@@ -15,7 +15,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from ....arrays import Single
+from ....section import Single
 
 Mesh = tuple[Single, Single, Any]
 """Gaps (contacts, lanes), stiffness (contacts), and contacts by disc and flank (discs, 2, 2)."""

@@ -9,10 +9,9 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ....arrays import Array, Single
-from .gradient import Slopes
-from .statistics import Involute, Statistic, deviation, mean, ordered_quantile, quantile, share_below, share_within
-from .turn import Turn
+from ....section import Array, Single
+from .contact import Slopes, Turn
+from .units import Involute, Statistic, deviation, mean, ordered_quantile, quantile, share_below, share_within
 
 Spread = Callable[[Array], Array]
 INTERFERENCE = ("turn_mean", "share_of_turn", "overlap", "preload")

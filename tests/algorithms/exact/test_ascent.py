@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tolevo.algorithms.exact.ascent import Ascent
+from tolevo.algorithms.exact.combination import Ascent
 from tolevo.models.costs import Reciprocal
-from tolevo.problems.forms import Feature, Form, Way
-from tolevo.problems.spread import spread_of
+from tolevo.problems.forms import Feature, Form, Way, spread_of
 
 INF = np.inf
 

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from tolevo.algorithms.exact import between
-from tolevo.algorithms.exact.between import least_bounds
+from tolevo.algorithms.exact import bounds as between
+from tolevo.algorithms.exact.bounds import least_bounds
 from tolevo.algorithms.exact.choices import least_cost
 from tolevo.algorithms.exact.combination import Optimum
 from tolevo.models.costs import Reciprocal
-from tolevo.models.propagation.even import EvenPlateau
+from tolevo.models.propagation.convolution import EvenPlateau
 from tolevo.problems.forms import Feature, Form, Piece, Quantile, Way
 
 QUANTILE = Quantile(0.9, ((Piece(1.0, EvenPlateau()),),))

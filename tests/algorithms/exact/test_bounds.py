@@ -19,9 +19,9 @@ from tolevo.algorithms.exact.bounds import (
     within_reach,
 )
 from tolevo.errors import ModelError
-from tolevo.models.capability.norm import Surplus
+from tolevo.models.capability.knowledge import Surplus
 from tolevo.models.costs import CostCurve, Reciprocal, Table
-from tolevo.models.propagation.even import EvenPlateau
+from tolevo.models.propagation.convolution import EvenPlateau
 from tolevo.problems.forms import Feature, Form, Piece, Quantile, Way
 from tolevo.problems.interfaces import Provable
 from tolevo.problems.limits import ROOM, Limit

@@ -9,11 +9,10 @@ import pytest
 from scipy import optimize
 
 from tolevo.algorithms.exact import choices
-from tolevo.algorithms.exact.choices import least_cost
-from tolevo.algorithms.exact.master import Solution
+from tolevo.algorithms.exact.choices import Solution, least_cost
 from tolevo.algorithms.exact.separable import Leaf
 from tolevo.models.costs import Reciprocal
-from tolevo.models.propagation.even import EvenPlateau
+from tolevo.models.propagation.convolution import EvenPlateau
 from tolevo.problems.forms import Feature, Form, Piece, Quantile, Way
 
 minimize: Any = optimize.minimize  # its stubs know arrays of one fixed dimension only

@@ -16,7 +16,7 @@ from tolevo.algorithms.exact.choices import compensating, contributions, least_c
 from tolevo.algorithms.exact.combination import Combination
 from tolevo.algorithms.exact.separable import Leaf, Squares, least_leaf
 from tolevo.models.capability import Surplus
-from tolevo.models.propagation.even import EvenPlateau
+from tolevo.models.propagation.convolution import EvenPlateau
 from tolevo.problems.forms import Feature, Form, Piece, Quantile, Way
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from tests.algorithms.exact.parts_by_hand import Array, form, way
 from tolevo.algorithms.exact.combination import Combination
-from tolevo.models.propagation.even import EvenPlateau
+from tolevo.models.propagation.convolution import EvenPlateau
 from tolevo.models.propagation.symmetric_sum import Tangent
 from tolevo.problems.forms import Piece, Quantile, Quantiles
 

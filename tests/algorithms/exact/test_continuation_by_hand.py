@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tolevo.algorithms.exact.branch import NEARLY, Branch
-from tolevo.algorithms.exact.continuation import (
+from tolevo.algorithms.exact.epsilon import (
     BEATEN,
     END,
     RATIO,
@@ -24,6 +23,7 @@ from tolevo.algorithms.exact.continuation import (
     _widest,
     undominated,
 )
+from tolevo.algorithms.exact.local import NEARLY, Branch
 
 RUN: Any = SimpleNamespace(phase=lambda *_: None)
 

@@ -10,15 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tolevo.algorithms.exact import doubt
+from tolevo.algorithms.exact import separable as doubt
 from tolevo.algorithms.exact.choices import least_cost
 from tolevo.algorithms.exact.combination import Combination
 from tolevo.algorithms.exact.programme import Programme
 from tolevo.algorithms.exact.separable import Leaf, least_leaf
 from tolevo.models.capability import Surplus
 from tolevo.models.costs import Reciprocal
-from tolevo.problems.forms import Feature, Form, Way
-from tolevo.problems.spread import spread_of
+from tolevo.problems.forms import Feature, Form, Way, spread_of
 
 
 def drawn(seed: int, parts: int, fixed: float = 0.0, one_limit: bool = False) -> Form:
@@ -221,7 +220,7 @@ def test_an_allocation_is_kept_where_the_steps_end_early(monkeypatch: pytest.Mon
     """The last one, drawn back within the limit; the optimum lies between its bound and its cost"""
     form, limit = drawn(5, 5, 0.3), 6.0
     best = least_cost(form, np.array([[limit]])).cost[0]
-    monkeypatch.setattr(doubt, "STEPS", steps)
+    monkeypatch.setattr(doubt, "DOUBT_STEPS", steps)
     found = least_cost(form, np.array([[limit]]))
     assert found.bound[0] <= best * (1.0 + 1e-9)
     assert best * (1.0 - 1e-9) <= found.cost[0] <= 1.1 * best

@@ -8,17 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tolevo.algorithms.exact import doubt
-from tolevo.algorithms.exact.choices import cost_range, least_cost
+from tolevo.algorithms.exact import separable as doubt
+from tolevo.algorithms.exact.choices import cost_range, least_cost, only_points
 from tolevo.algorithms.exact.combination import Combination
-from tolevo.algorithms.exact.doubt import GAP, _Reweighted, _within, least_under_doubt
-from tolevo.algorithms.exact.points import only_points
-from tolevo.algorithms.exact.separable import Leaf, least_leaf
-from tolevo.arrays import Array
+from tolevo.algorithms.exact.separable import GAP, Leaf, _Reweighted, _within, least_leaf, least_under_doubt
 from tolevo.models.capability import Surplus
 from tolevo.models.costs import Reciprocal
-from tolevo.models.propagation.even import EvenPlateau
+from tolevo.models.propagation.convolution import EvenPlateau
 from tolevo.problems.forms import Feature, Form, Piece, Quantile, Way
+from tolevo.section import Array
 
 INF = np.inf
 
@@ -57,7 +55,7 @@ def test_the_best_bound_counts_and_never_less_than_the_floor(monkeypatch: pytest
     found = least_cost(form, limits)
     assert found.bound[0] == pytest.approx(plain.cost[0])
     assert found.cost[0] == pytest.approx(best.cost[0])
-    assert stub.calls < doubt.STEPS  # it ends where the squares are settled, whatever the gap
+    assert stub.calls < doubt.DOUBT_STEPS  # it ends where the squares are settled, whatever the gap
     Bounded(monkeypatch, lost=0)
     assert least_cost(form, limits).bound[0] == cost_range(form)[0]
 
@@ -74,7 +72,7 @@ def test_steps_end_where_the_gap_is_closed(monkeypatch: pytest.MonkeyPatch) -> N
     least_cost(drawn(), np.array([[6.0]]))
     assert [gap <= GAP for gap in gaps] == [False] * (len(gaps) - 1) + [True]
     assert 1 <= len(gaps) <= stub.calls - 2
-    assert stub.calls < doubt.STEPS
+    assert stub.calls < doubt.DOUBT_STEPS
 
 
 def test_what_is_impossible_takes_one_step(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -98,7 +96,7 @@ def test_a_leaf_that_no_way_leads_back_from(monkeypatch: pytest.MonkeyPatch) -> 
     form = drawn()
     least = [float(Combination(one, (0,) * 5).values(np.full((1, 5), 0.1))[0, 0])
              for one in (replace(form, surpluses=()), form)]  # fmt: skip
-    monkeypatch.setattr(doubt, "STEPS", 1)
+    monkeypatch.setattr(doubt, "DOUBT_STEPS", 1)
     found = least_cost(form, np.array([[0.5 * sum(least)]]))
     assert np.isinf(found.cost[0]) and np.isfinite(found.bound[0])
 

@@ -11,14 +11,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tolevo.algorithms.exact.combination import Combination
-from tolevo.algorithms.exact.pieces import convex_pieces
-from tolevo.algorithms.exact.points import least_of_points, only_points
-from tolevo.algorithms.exact.prices import Prices, only_roots
+from tolevo.algorithms.exact.bounds import convex_pieces
+from tolevo.algorithms.exact.choices import least_of_points, only_points
+from tolevo.algorithms.exact.combination import Combination, Prices, only_roots
 from tolevo.models.capability import Surplus
 from tolevo.models.costs import CostCurve, Exponential, Reciprocal, Table
-from tolevo.problems.forms import Feature, Form, Way
-from tolevo.problems.spread import Spread
+from tolevo.problems.forms import Feature, Form, Spread, Way
 
 B, SLOPE = np.array([0.4, 0.9, 0.1]), np.array([1.0, 2.0, 0.5])
 INF = np.inf
@@ -202,9 +200,9 @@ def test_what_is_only_points(monkeypatch: pytest.MonkeyPatch) -> None:
     ranged = replace(own, ways=(own.ways[0], replace(own.ways[1], high=2.5)))
     assert not only_points(replace(form, features=(own, ranged)))
     assert not only_points(replace(form, correlation=np.eye(2)))
-    monkeypatch.setattr("tolevo.algorithms.exact.points.MOST", 3)
+    monkeypatch.setattr("tolevo.algorithms.exact.choices.MOST", 3)
     assert not only_points(form)
-    monkeypatch.setattr("tolevo.algorithms.exact.points.MOST", 4)
+    monkeypatch.setattr("tolevo.algorithms.exact.choices.MOST", 4)
     assert only_points(form)
 
 

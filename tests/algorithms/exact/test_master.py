@@ -9,12 +9,12 @@ from itertools import product
 import numpy as np
 import pytest
 
-from tolevo.algorithms.exact import choices, master
-from tolevo.algorithms.exact.choices import cost_range, least_cost
+from tolevo.algorithms.exact import choices
+from tolevo.algorithms.exact import choices as master
+from tolevo.algorithms.exact.choices import GAP, Master, cost_range, least_cost
 from tolevo.algorithms.exact.combination import Combination
-from tolevo.algorithms.exact.master import GAP, Master
 from tolevo.models.costs import Reciprocal
-from tolevo.models.propagation.even import EvenPlateau
+from tolevo.models.propagation.convolution import EvenPlateau
 from tolevo.problems.forms import Feature, Form, Piece, Quantile, Way
 
 
@@ -147,7 +147,7 @@ def test_nothing_is_below_a_bound_that_was_cut_short(monkeypatch: pytest.MonkeyP
     by_hand = min(float(least_cost(alone(form, one), limit[None, :]).cost[0])
                   for one in sets_of_ways(form))  # fmt: skip
     monkeypatch.setattr(master, "NODES", nodes)
-    monkeypatch.setattr(master, "ROUNDS", rounds)
+    monkeypatch.setattr(master, "MASTER_ROUNDS", rounds)
     cost, bound = solved(form, limit)
     assert cost_range(form)[0] * (1.0 - 1e-12) <= bound <= by_hand * (1.0 + 1e-9)
     assert cost >= by_hand * (1.0 - 2.0 * GAP)

@@ -10,15 +10,13 @@ import numpy as np
 import pytest
 import scipy
 
-from tolevo.algorithms.exact import master
-from tolevo.algorithms.exact.choices import cost_range
+from tolevo.algorithms.exact import choices as master
+from tolevo.algorithms.exact.choices import GAP, Master, Solution, cost_range
 from tolevo.algorithms.exact.combination import Combination
-from tolevo.algorithms.exact.master import GAP, Master, Solution
 from tolevo.algorithms.exact.programme import Programme
-from tolevo.arrays import Array
 from tolevo.models.costs import Reciprocal
-from tolevo.problems.forms import Feature, Form, Way
-from tolevo.problems.spread import Spread, spread_of
+from tolevo.problems.forms import Feature, Form, Spread, Way, spread_of
+from tolevo.section import Array
 
 INF = np.inf
 Made = tuple[float, float, float, float, tuple[float, ...], tuple[float, ...]]
@@ -222,7 +220,7 @@ def test_only_open_ways_are_mixed() -> None:
 
 
 def test_a_node_keeps_what_is_proven_already(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(master, "ROUNDS", 1)
+    monkeypatch.setattr(master, "MASTER_ROUNDS", 1)
     own = begun(some_ranges(), 2.0)
     rough, _ = own._node(every(own.form), -INF)
     given = rough + 0.25 * (own.ceiling - rough)

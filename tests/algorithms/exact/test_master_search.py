@@ -13,12 +13,12 @@ from itertools import product
 import numpy as np
 import pytest
 
-from tolevo.algorithms.exact import master
-from tolevo.algorithms.exact.master import GAP, Allowed, Master, Solution
+from tolevo.algorithms.exact import choices as master
+from tolevo.algorithms.exact.choices import GAP, Allowed, Master, Solution
 from tolevo.algorithms.exact.programme import Programme
-from tolevo.arrays import Array
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.forms import Feature, Form, Way
+from tolevo.section import Array
 
 INF = np.inf
 

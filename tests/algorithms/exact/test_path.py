@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tolevo.algorithms.exact.combination import Combination
-from tolevo.algorithms.exact.path import Path, arc_length
+from tolevo.algorithms.exact.combination import Combination, Path, arc_length
 from tolevo.models.costs import CostCurve, Exponential, Reciprocal, ReciprocalSquared, Table
 from tolevo.problems.forms import Feature, Form, Way
 

@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tolevo.algorithms.exact import path as module
-from tolevo.algorithms.exact.combination import Combination
-from tolevo.algorithms.exact.path import Path, arc_length
+from tolevo.algorithms.exact import combination as module
+from tolevo.algorithms.exact.combination import Combination, Path, arc_length
 from tolevo.models.costs import CostCurve, Reciprocal, Table
 from tolevo.problems.forms import Feature, Form, Way
 

@@ -8,11 +8,10 @@ import pytest
 from tests.algorithms.exact.parts_by_hand import INF, Priced, form, way
 from tolevo.algorithms.exact import choices
 from tolevo.algorithms.exact.choices import least_cost
-from tolevo.algorithms.exact.prices import Prices, only_roots
+from tolevo.algorithms.exact.combination import Prices, only_roots
 from tolevo.models.costs import Reciprocal
-from tolevo.models.propagation.even import EvenPlateau
-from tolevo.problems.forms import Piece, Quantile
-from tolevo.problems.spread import Spread
+from tolevo.models.propagation.convolution import EvenPlateau
+from tolevo.problems.forms import Piece, Quantile, Spread
 
 
 def test_a_quantile_is_not_priced_by_its_square() -> None:

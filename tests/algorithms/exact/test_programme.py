@@ -7,8 +7,7 @@ import pytest
 from scipy import optimize
 
 from tolevo.algorithms.exact.choices import least_cost
-from tolevo.algorithms.exact.combination import Combination
-from tolevo.algorithms.exact.path import Path
+from tolevo.algorithms.exact.combination import Combination, Path
 from tolevo.algorithms.exact.programme import Programme
 from tolevo.models.costs import ReciprocalPower
 from tolevo.problems.forms import Feature, Form, Way
@@ -158,5 +157,5 @@ def test_limits_that_contradict_each_other_are_not_searched(monkeypatch: pytest.
     found = programme.allocation(np.array([1.15, -0.85]))
     assert found is not None
     assert found[1] == pytest.approx(0.15, rel=1e-4)
-    monkeypatch.setattr("tolevo.algorithms.exact.programme.slsqp", None)
+    monkeypatch.setattr("tolevo.algorithms.exact.local.slsqp", None)
     assert programme.allocation(np.array([1.09, -0.91])) is None

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 from tolevo.algorithms.exact.combination import Combination
+from tolevo.algorithms.exact.local import LocalOptimum
 from tolevo.algorithms.exact.programme import Programme
-from tolevo.algorithms.exact.slsqp import LocalOptimum
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.forms import Feature, Form, Way
 
-SLSQP = "tolevo.algorithms.exact.programme.slsqp"
-ASCEND = "tolevo.algorithms.exact.programme.ascend"
+SLSQP = "tolevo.algorithms.exact.local.slsqp"
+ASCEND = "tolevo.algorithms.exact.local.ascend"
 INF = np.inf
 Part = tuple[float, float, tuple[float, ...], tuple[float, ...], float]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import tolevo
-from tolevo.configuration.measured_files import opened_parts
+from tolevo.configuration.cost_files import opened_parts
 from tolevo.tables import ReadOptions
 
 HEAD = """K0100 2

@@ -8,12 +8,10 @@ import pytest
 from numpy.typing import NDArray
 
 from tolevo import registry
-from tolevo.arrays import Array
-from tolevo.declarations import Output, Parameter, Value
-from tolevo.models.effects.compose import Active, predicted
-from tolevo.models.effects.measurements import target_of
-from tolevo.models.inputs.distribution import Distribution
+from tolevo.models.effects.measurements import Active, predicted, target_of
+from tolevo.models.inputs import Distribution
 from tolevo.models.measurable import NO_CHANGES, Changeable, Column, MeasurableModel, Role
+from tolevo.section import Array, Output, Parameter, Value
 
 
 class Spring(MeasurableModel):

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from tolevo import registry
-from tolevo.declarations import Output
-from tolevo.models.effects.angle.gear_order import GearOrder
+from tolevo.models.effects.angle import GearOrder
 from tolevo.models.effects.effect import FAMILIES, Target
-from tolevo.models.effects.instrument.delay import Delay
-from tolevo.models.effects.load.directional_offset import DirectionalOffset
+from tolevo.models.effects.instrument import Delay
+from tolevo.models.effects.load import DirectionalOffset
 from tolevo.models.effects.measurements import target_from
+from tolevo.section import Output
 from tolevo.testing import EffectContract
 
 LIBRARY = {

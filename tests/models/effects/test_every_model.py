@@ -7,9 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from tolevo import registry
-from tolevo.models.effects.compose import Active, predicted
 from tolevo.models.effects.effect import Effect, EffectParameter
-from tolevo.models.effects.measurements import target_of
+from tolevo.models.effects.measurements import Active, predicted, target_of
 from tolevo.models.measurable import MeasurableModel, Role
 
 N = 8

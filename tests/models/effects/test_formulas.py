@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from tolevo import registry
-from tolevo.declarations import Output
 from tolevo.models.effects.effect import Effect, Measurements, Target
-from tolevo.models.effects.measurements import measurements_of, target_from
-from tolevo.models.effects.path import play
+from tolevo.models.effects.measurements import measurements_of, play, target_from
 from tolevo.models.gear import RV_40E
 from tolevo.models.measurable import Column, Role
+from tolevo.section import Output
 
 N = 40
 RNG = np.random.default_rng(11)

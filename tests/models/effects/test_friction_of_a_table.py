@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from tolevo import registry
-from tolevo.declarations import Output
 from tolevo.models.effects.effect import Effect, Measurements, Target
 from tolevo.models.effects.measurements import measurements_of, target_from
 from tolevo.models.measurable import Column, Role
+from tolevo.section import Output
 
 COLUMNS = (
     Column("T", "Nm", "", role=Role.TORQUE),

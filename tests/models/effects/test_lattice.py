@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tolevo import registry
-from tolevo.declarations import Output
-from tolevo.models.effects.instrument.lattice import step_of
+from tolevo.models.effects.instrument import step_of
 from tolevo.models.effects.measurements import target_from
+from tolevo.section import Output
 
 
 def numbers(n: int, spread: float, seed: int = 1) -> np.ndarray:

@@ -7,13 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tolevo import registry
-from tolevo.models.effects.compose import Active, predicted
 from tolevo.models.effects.effect import Effect, Target
-from tolevo.models.effects.measurements import target_of
-from tolevo.models.manipulator.changes import lifts
+from tolevo.models.effects.measurements import Active, predicted, target_of
+from tolevo.models.manipulator.effects import lifts
 from tolevo.models.manipulator.forward import exact_pose, solve
-from tolevo.models.manipulator.geometry import FollowUp, Manipulator
-from tolevo.models.manipulator.inverse import angles, posture
+from tolevo.models.manipulator.geometry import FollowUp, Manipulator, angles, posture
 from tolevo.models.manipulator.pose import ManipulatorPose
 from tolevo.testing import EffectContract
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from tolevo import registry
-from tolevo.declarations import Output
 from tolevo.models.effects.effect import Effect, Measurements, Target
 from tolevo.models.effects.measurements import measurements_of, target_from
 from tolevo.models.gear import Gear
 from tolevo.models.measurable import Column, Role
+from tolevo.section import Output
 
 N = 60
 RNG = np.random.default_rng(4)

@@ -8,11 +8,10 @@ import pytest
 from scipy import stats
 
 from tolevo import registry
-from tolevo.declarations import Value
-from tolevo.models.effects.compose import Active, predicted
 from tolevo.models.effects.effect import Effect, Target
-from tolevo.models.effects.measurements import target_of
+from tolevo.models.effects.measurements import Active, predicted, target_of
 from tolevo.models.rv_reducer.batch import RvBatch
+from tolevo.section import Value
 from tolevo.testing import EffectContract
 
 DOCUMENT: dict[str, Value] = {"model": "document"}

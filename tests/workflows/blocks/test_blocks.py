@@ -18,14 +18,14 @@ import pyarrow.parquet as pq
 import pytest
 
 import tolevo
+from tolevo import blocks
+from tolevo import blocks as compute
+from tolevo.commands import simulate as streamed
+from tolevo.commands.evaluate import GRAIN
 from tolevo.errors import InputError, RunError
-from tolevo.problems.designs import designs_frame, designs_of
+from tolevo.execution import InProcess, Lost, Result, TaskT
 from tolevo.problems.rv_backlash import RvBacklash
-from tolevo.workflows import blocks, streamed
-from tolevo.workflows.blocks import compute
-from tolevo.workflows.evaluate import GRAIN
-from tolevo.workflows.execution import InProcess, Lost
-from tolevo.workflows.execution.executor import Result, TaskT
+from tolevo.problems.tolerance_problem import designs_frame, designs_of
 
 CONFIGURATION: dict[str, Any] = {"problem": "rv_backlash", "parameters": {"reading": "printed"}}
 ROWS = 5 * GRAIN + 7
@@ -119,7 +119,7 @@ def test_after_a_break_only_what_is_missing_is_computed(
     for after in (0, 2, 5):
         out, first, second = tmp_path / f"{after}.csv", Ending(after), Ending(99)
         for executor in (first, second):
-            monkeypatch.setattr("tolevo.workflows.execution.executor_of", lambda *_, one=executor: one)
+            monkeypatch.setattr("tolevo.execution.executor_of", lambda *_, one=executor: one)
             arguments: dict[str, Any] = {"block_rows": GRAIN, "resume": executor is second}
             if executor is first:
                 with pytest.raises(RunError, match=rf"{after} of 6 blocks are saved.*--resume"):
@@ -136,7 +136,7 @@ def test_damaged_and_half_written_blocks_are_computed_again(
 ) -> None:
     """A byte of one block is another, one is gone, and the last line of the log is torn."""
     out, executor = tmp_path / "o.csv", Ending(5)
-    monkeypatch.setattr("tolevo.workflows.execution.executor_of", lambda *_: executor)
+    monkeypatch.setattr("tolevo.execution.executor_of", lambda *_: executor)
     with pytest.raises(RunError, match="5 of 6 blocks"):
         tolevo.evaluate(CONFIGURATION, table, out, block_rows=GRAIN)
     folder = tmp_path / "o.csv.blocks"
@@ -203,7 +203,7 @@ def test_faults_of_the_table_come_with_those_of_the_rest(
     table: Path, tmp_path: Path, execution: dict[str, Any], said: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    monkeypatch.setattr("tolevo.workflows.execution.dask_cluster.PATIENCE", 0.5)
+    monkeypatch.setattr("tolevo.dask_cluster.PATIENCE", 0.5)
     wrong = {**CONFIGURATION, "limits": {"nonsense": 1.0}, "execution": execution}
     with pytest.raises(InputError) as caught:
         tolevo.evaluate(wrong, table, tmp_path / "o.csv", block_rows=0, quality="best")
@@ -284,7 +284,7 @@ def test_cells_of_a_long_table_are_looked_at_before_anything_is_computed(
 
 def test_units_are_drawn_by_their_number(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Units of a batch model: the first rows of a long table are those of a short one."""
-    monkeypatch.setattr("tolevo.workflows.simulate.GRAIN", 500)
+    monkeypatch.setattr("tolevo.commands.simulate.GRAIN", 500)
     model = {"model": "rv_batch", "seed": 5}
     short = tolevo.simulate(model, pd.DataFrame({"unit": np.arange(500)}))
     long = tolevo.simulate(model, pd.DataFrame({"unit": np.arange(1700)}))

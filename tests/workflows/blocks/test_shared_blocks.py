@@ -12,12 +12,12 @@ import pytest
 
 import tolevo
 from tests.postgres import Server
+from tolevo import blocks as compute
+from tolevo.commands.evaluate import GRAIN
 from tolevo.errors import InputError
-from tolevo.problems.designs import designs_frame
 from tolevo.problems.rv_backlash import RvBacklash
-from tolevo.workflows.blocks import compute
-from tolevo.workflows.evaluate import GRAIN
-from tolevo.workflows.store import store as store_module
+from tolevo.problems.tolerance_problem import designs_frame
+from tolevo.store import store as store_module
 
 CONFIGURATION: dict[str, Any] = {"problem": "rv_backlash", "parameters": {"reading": "printed"}}
 BLOCKS = 6
@@ -134,7 +134,7 @@ def machine(table: Path, store: str, told: Told) -> None:
 def test_machines_and_the_server_are_killed_at_ten_moments(postgres: Server, schema: str, tmp_path: Path) -> None:
     """Ten evaluations by two machines: at some share of each the server and one of them die."""
     blocks, context, struck = 50, multiprocessing.get_context("forkserver"), list[int]()
-    context.set_forkserver_preload([__name__, "tolevo.api", "tolevo.workflows.blocks.table"])
+    context.set_forkserver_preload([__name__, "tolevo.api", "tolevo.blocks"])
     table = designs(tmp_path / "designs.csv", blocks)
     tolevo.evaluate(CONFIGURATION, table, tmp_path / "whole.csv")
     whole = (tmp_path / "whole.csv").read_bytes()

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from tolevo.declarations import Kind, Variable
+from tolevo.commands.run.tolerances import inspection, notation
+from tolevo.section import Kind, Variable
 from tolevo.units import drawing_number
-from tolevo.workflows.choice.notation import inspection, notation
 
 
 @pytest.mark.parametrize(

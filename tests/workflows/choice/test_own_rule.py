@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 import tolevo
+from tolevo.commands.run.choice import FIRST, chosen
+from tolevo.commands.run.choice import RULE_KINDS as RULES
 from tolevo.registry import names
-from tolevo.testing import RuleContract
-from tolevo.testing.rule import front
-from tolevo.workflows.choice.rules import FIRST, RULES, chosen
+from tolevo.testing import RuleContract, front
 
 PAGE = Path(__file__).parents[3] / "docs" / "plugins.md"
 CONTRACT = [name for name in dir(RuleContract) if name.startswith("test_")]

@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tolevo.commands.run.changes import rounded
+from tolevo.commands.run.prices import front_slopes, prices, slopes_of
+from tolevo.commands.run.promise import cheapest
+from tolevo.commands.run.tolerances import tolerances, values_of
 from tolevo.configuration import read
-from tolevo.workflows.choice.prices import front_slopes, prices
-from tolevo.workflows.choice.rounding import rounded
-from tolevo.workflows.choice.slopes import slopes_of
-from tolevo.workflows.choice.steps import values_of
-from tolevo.workflows.choice.tolerances import tolerances
-from tolevo.workflows.promise.least import cheapest
 
 HEAD = """
 problem = "stack"

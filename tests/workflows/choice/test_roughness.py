@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import tolevo
-from tolevo.workflows.choice.roughness import roughness
+from tolevo.commands.run.tolerances import roughness
 
 TURNED = """
 problem = "stack"

@@ -11,17 +11,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tolevo.commands.run.changes import rounded
+from tolevo.commands.run.choice import ChoiceSettings
+from tolevo.commands.run.decide import decide
+from tolevo.commands.run.prices import contributions, slopes_of
+from tolevo.commands.run.tolerances import R20, step_of, values_of
 from tolevo.configuration import read
 from tolevo.errors import InputError
 from tolevo.problems.pose_accuracy import PoseAccuracy
 from tolevo.problems.settings import Bound, Settings
 from tolevo.problems.tolerance_problem import ToleranceProblem
-from tolevo.workflows.choice import ChoiceSettings
-from tolevo.workflows.choice.contributions import contributions
-from tolevo.workflows.choice.decide import decide
-from tolevo.workflows.choice.rounding import rounded
-from tolevo.workflows.choice.slopes import slopes_of
-from tolevo.workflows.choice.steps import R20, step_of, values_of
 
 STACK = """
 problem = "stack"

@@ -5,11 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tolevo.workflows.choice.knees import best_trade_off, farthest_from_chord, largest_product, sharpest_bend
-from tolevo.workflows.choice.rule import Points
-from tolevo.workflows.choice.rules import chosen
-from tolevo.workflows.choice.sensitivity import sensitivity
-from tolevo.workflows.choice.weighted import by_pseudo_weights, by_topsis, closeness
+from tolevo.commands.run.choice import (
+    Points,
+    best_trade_off,
+    by_pseudo_weights,
+    by_topsis,
+    chosen,
+    closeness,
+    farthest_from_chord,
+    largest_product,
+    sensitivity,
+    sharpest_bend,
+)
 
 KNEES = (farthest_from_chord, sharpest_bend, best_trade_off, largest_product)
 

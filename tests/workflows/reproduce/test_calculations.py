@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from tolevo import registry
+from tolevo.commands.reproduce.recipes import Calculation, Computed
 from tolevo.errors import InputError
-from tolevo.workflows.reproduce.calculation import Calculation, Computed
 
 CHEAP = [name for name in registry.names("calculations") if name != "ga_settings"]
 

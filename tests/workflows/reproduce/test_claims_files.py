@@ -7,9 +7,9 @@ import pytest
 from typer.testing import CliRunner
 
 from tolevo.cli import app
-from tolevo.configuration.claims import read_claims, shipped
+from tolevo.commands.reproduce.claims import Claim
+from tolevo.commands.reproduce.configuration import read_claims, shipped
 from tolevo.errors import InputError
-from tolevo.workflows.reproduce.claims import Claim
 
 HEAD = 'document = "X"\ntitle = "A paper"\n'
 CLAIM = """

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tolevo import registry
-from tolevo.workflows.reproduce.calculation import Computed
+from tolevo.commands.reproduce.recipes import Computed
 
 K1 = 1.3 * 40 / 64
 RNG = np.random.default_rng(0)

@@ -5,13 +5,8 @@ import pytest
 from scipy import stats
 
 from tolevo import registry
-from tolevo.declarations import Value
-from tolevo.models.assembly.model import Assembly
-from tolevo.models.expressions import Formula
-from tolevo.models.rv_reducer.batch import RvBatch
-from tolevo.problems.rv_backlash import RvBacklash
-from tolevo.problems.settings import Settings
-from tolevo.workflows.reproduce.recipes import (
+from tolevo.commands.reproduce.claims import generator
+from tolevo.commands.reproduce.recipes import (
     ByCalculation,
     ByFormula,
     ByModel,
@@ -20,7 +15,12 @@ from tolevo.workflows.reproduce.recipes import (
     Derivative,
     Statistic,
 )
-from tolevo.workflows.reproduce.task import generator
+from tolevo.models.assembly.model import Assembly
+from tolevo.models.expressions import Formula
+from tolevo.models.rv_reducer.batch import RvBatch
+from tolevo.problems.rv_backlash import RvBacklash
+from tolevo.problems.settings import Settings
+from tolevo.section import Value
 
 
 def rng() -> np.random.Generator:

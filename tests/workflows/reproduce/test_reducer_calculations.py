@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from tolevo import registry
+from tolevo.commands.reproduce.recipes import Calculation, Computed
+from tolevo.commands.reproduce.records import ComputedTable
 from tolevo.errors import InputError
-from tolevo.workflows.reproduce.calculation import Calculation, Computed, ComputedTable
 
 NAMES = ("tooth_modification", "tolerance_zones", "reducer_monte_carlo", "staggered_assembly")
 

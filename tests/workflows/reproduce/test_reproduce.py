@@ -10,11 +10,11 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tolevo.cli import app
-from tolevo.configuration.claims import read_claims
+from tolevo.commands.reproduce import reproduce as command
+from tolevo.commands.reproduce.claims import Checked, ClaimTask, check
+from tolevo.commands.reproduce.configuration import read_claims
 from tolevo.directory import KINDS, MANIFEST, standing
-from tolevo.directory.names import present
-from tolevo.workflows.reproduce import reproduce as command
-from tolevo.workflows.reproduce.task import Checked, ClaimTask, check
+from tolevo.directory.standing import present
 
 PAPER = """
 document = "X"

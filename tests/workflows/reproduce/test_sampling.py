@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from tolevo.workflows.reproduce.calculations.ga_settings import _fraction
-from tolevo.workflows.reproduce.recipes.by_model import Statistic
-from tolevo.workflows.reproduce.sampling import share_error
+from tolevo.commands.reproduce.calculations.manipulator import _fraction
+from tolevo.commands.reproduce.recipes import Statistic, share_error
 
 
 @pytest.mark.parametrize("count", [10, 1000])

@@ -5,12 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tolevo.commands.reproduce.claims import Claim, ClaimTask, Interpretation, Word, check, outcome, verdict
+from tolevo.commands.reproduce.recipes import Constant, Quantity
 from tolevo.errors import ModelError
-from tolevo.workflows.reproduce.calculation import Quantity
-from tolevo.workflows.reproduce.claims import Claim, Interpretation
-from tolevo.workflows.reproduce.recipes import Constant
-from tolevo.workflows.reproduce.task import ClaimTask, check
-from tolevo.workflows.reproduce.verdict import Word, outcome, verdict
 
 PLAIN = Claim("a", "page 1", "length", "mm", (2.0,), tolerance=0.05)
 

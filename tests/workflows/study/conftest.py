@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 from numpy.typing import NDArray
 
-from tolevo.workflows.study.curves import Curves
-from tolevo.workflows.study.records import Design, Factor, Level, StudyData, StudySettings
+from tolevo.commands.study.plan import Design, Factor, Level, StudyData, StudySettings
+from tolevo.commands.study.trial import Curves
 
 Array = NDArray[np.float64]
 Effect = Callable[[pd.DataFrame], Array]

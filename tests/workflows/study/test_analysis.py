@@ -11,11 +11,11 @@ import pandas as pd
 import pytest
 
 from tests.blanks import blanks
-from tolevo.reports.study import study_page
-from tolevo.workflows.study.analysed import FILES, analysed
-from tolevo.workflows.study.designs import Factorial, LatinHypercube, Morris, OneAtATime, Sobol, Table
-from tolevo.workflows.study.records import Design, Factor, StudyData
-from tolevo.workflows.study.statistics import analyse
+from tolevo.commands.study.analysis import analyse
+from tolevo.commands.study.designs import Factorial, LatinHypercube, Morris, OneAtATime, Sobol, Table
+from tolevo.commands.study.page import study_page
+from tolevo.commands.study.plan import Design, Factor, StudyData
+from tolevo.commands.study.study import FILES, analysed
 
 FACTORS = (
     Factor("algorithm.population", (20, 40, 80)),

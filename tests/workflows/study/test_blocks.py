@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from tolevo.commands.study.trial import monte_carlo
+from tolevo.execution import Executor, InProcess, Processes
 from tolevo.models.inputs import Normal, Uniform
 from tolevo.models.propagation import ClippedSum, Propagated, Term
-from tolevo.workflows.execution import Executor, InProcess, Processes
-from tolevo.workflows.study.blocks import monte_carlo
 
 UNIT = Normal(cp=1.0 / 3.0)
 """The standard normal distribution."""

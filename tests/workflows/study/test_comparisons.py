@@ -9,17 +9,24 @@ from numpy.typing import NDArray
 from scipy.stats import binom, f, friedmanchisquare, ttest_rel, wilcoxon
 from statsmodels.stats.anova import AnovaRM
 
+from tolevo.commands.study.analysis import analyse, recommendation, verdicts
+from tolevo.commands.study.designs import Factorial, LatinHypercube, OneAtATime
+from tolevo.commands.study.plan import Factor, Hypothesis, StudyData, StudySettings
+from tolevo.commands.study.statistics import (
+    Contrast,
+    Runs,
+    contrasts,
+    friedman_tests,
+    interval_of_median,
+    least_p,
+    level_test,
+    medians,
+    pairs_needed,
+    runs_of,
+    surface_tests,
+    wilcoxon_tests,
+)
 from tolevo.records import Response
-from tolevo.workflows.study.designs import Factorial, LatinHypercube, OneAtATime
-from tolevo.workflows.study.records import Factor, Hypothesis, StudyData, StudySettings
-from tolevo.workflows.study.statistics import analyse
-from tolevo.workflows.study.statistics.anova import level_test, surface_tests
-from tolevo.workflows.study.statistics.contrasts import Contrast, contrasts
-from tolevo.workflows.study.statistics.hypotheses import verdicts
-from tolevo.workflows.study.statistics.medians import interval_of_median, medians
-from tolevo.workflows.study.statistics.pairs import friedman_tests, least_p, pairs_needed, wilcoxon_tests
-from tolevo.workflows.study.statistics.recommendation import recommendation
-from tolevo.workflows.study.statistics.runs import Runs, runs_of
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 

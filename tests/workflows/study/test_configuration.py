@@ -11,10 +11,10 @@ import pytest
 from typer.testing import CliRunner
 
 from tolevo.cli import app
-from tolevo.configuration.study import read_study
+from tolevo.commands.study import study
+from tolevo.commands.study.configuration import read_study
 from tolevo.errors import InputError
-from tolevo.workflows.execution import InProcess
-from tolevo.workflows.study import study
+from tolevo.execution import InProcess
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 

@@ -7,10 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tolevo.commands.study.designs import DESIGNS, PARTS, Factorial, LatinHypercube, Morris, OneAtATime, Sobol, Table
+from tolevo.commands.study.plan import Design, Factor, Level
 from tolevo.errors import InputError
-from tolevo.workflows.study.designs import DESIGNS, Factorial, LatinHypercube, Morris, OneAtATime, Sobol, Table
-from tolevo.workflows.study.designs.sobol import PARTS
-from tolevo.workflows.study.records import Design, Factor, Level
 
 SIZE = Factor("algorithm.population", levels=(20, 40, 60, 80))
 RATE = Factor("algorithm.mutation.probability", low=0.001, high=0.08, log=True, count=3)

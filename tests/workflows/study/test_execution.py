@@ -23,14 +23,14 @@ import pytest
 from typer.testing import CliRunner
 
 from tests.dask_daemons import LOOPBACK, cluster, wait_until
+from tolevo import dask_cluster
 from tolevo.cli import app
-from tolevo.configuration.study import read_study
+from tolevo.commands.study import StudyPlan, StudyProgress, study
+from tolevo.commands.study.configuration import read_study
+from tolevo.commands.study.storage import DATABASE
+from tolevo.commands.study.trial import Chunk
 from tolevo.errors import InputError, RunError
-from tolevo.workflows.execution import InProcess, Lost, Processes, dask_cluster, executor_of
-from tolevo.workflows.execution.executor import Result, TaskT
-from tolevo.workflows.study import StudyPlan, StudyProgress, study
-from tolevo.workflows.study.storage.names import DATABASE
-from tolevo.workflows.study.trial import Chunk
+from tolevo.execution import InProcess, Lost, Processes, Result, TaskT, executor_of
 
 pytestmark = [pytest.mark.long, pytest.mark.usefixtures("unrendered")]
 
@@ -183,7 +183,7 @@ def begun(process: BaseProcess, out: Path, before: int) -> bool:
 def server() -> multiprocessing.context.ForkServerContext:
     """Processes that have everything imported when they begin."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["tolevo.workflows.study.study", "tolevo.workflows.run.run",
+    context.set_forkserver_preload(["tolevo.commands.study.study", "tolevo.commands.run.run",
                                     "tolevo.problems.pose_accuracy", "tolevo.algorithms.ga",
                                     "pymoo.algorithms.soo.nonconvex.ga"])  # fmt: skip
     return context

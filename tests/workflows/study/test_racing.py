@@ -12,15 +12,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from tolevo.configuration.study import read_study
+from tolevo.commands.study import StudyPlan, study
+from tolevo.commands.study.configuration import read_study
+from tolevo.commands.study.storage import Database, Site
+from tolevo.commands.study.study import ALPHA, behind, looks, trailing_settings
+from tolevo.commands.study.trial import Surveying
 from tolevo.errors import InputError, RunError
-from tolevo.workflows.execution import InProcess, Lost
-from tolevo.workflows.execution.executor import Result, TaskT
-from tolevo.workflows.study import StudyPlan, study
-from tolevo.workflows.study.racing import ALPHA, behind, looks, trailing_settings
-from tolevo.workflows.study.storage.database import Database
-from tolevo.workflows.study.storage.site import Site
-from tolevo.workflows.study.trial import Surveying
+from tolevo.execution import InProcess, Lost, Result, TaskT
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 

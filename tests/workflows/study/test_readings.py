@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tolevo import configs
-from tolevo.configuration.study import read_study
+from tolevo.commands.study.configuration import read_study
 from tolevo.errors import InputError
 
 CASE = Path(configs.__path__[0]) / "document_ga_study.toml"

@@ -11,16 +11,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tolevo.algorithms.course import FEW, Box, Course, charted
+from tolevo.algorithms.archive import FEW, Box, Course, charted
 from tolevo.algorithms.search import search
+from tolevo.commands.run.proofs import exact_front
+from tolevo.commands.study import StudyOutcome, StudyPlan, study
+from tolevo.commands.study.configuration import read_study
 from tolevo.configuration import read
-from tolevo.configuration.study import read_study
 from tolevo.errors import RunError
+from tolevo.execution import InProcess
 from tolevo.problems.pose_accuracy import PoseAccuracy
 from tolevo.problems.tolerance_problem import ToleranceProblem
-from tolevo.workflows.execution import InProcess
-from tolevo.workflows.run.proofs import exact_front
-from tolevo.workflows.study import StudyOutcome, StudyPlan, study
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 
@@ -191,7 +191,7 @@ def test_a_long_course_is_bounded_and_the_same(monkeypatch: pytest.MonkeyPatch) 
     points = np.sort(rng.random((400, 2)), axis=0)[::-1] + 0.1 * rng.random((400, 2))
     courses = []
     for block in (50, 10_000):
-        monkeypatch.setattr("tolevo.algorithms.course.BLOCK", block)
+        monkeypatch.setattr("tolevo.algorithms.archive.BLOCK", block)
         course = Course(Box((0.0, 0.0), (1.0, 1.0)), 0.9)
         for start in range(0, 400, 10):
             course.add(points[start : start + 10], np.ones(10, dtype=bool), 0.0)

@@ -12,13 +12,12 @@ from SALib.analyze import morris as salib_morris
 from SALib.analyze import sobol as salib_sobol
 from scipy.stats import binom, norm
 
-from tolevo.workflows.study.designs import Factorial, LatinHypercube, Morris, OneAtATime, Sobol
-from tolevo.workflows.study.records import Design, Factor, StudyData, StudySettings
-from tolevo.workflows.study.statistics import resampling, sobol
-from tolevo.workflows.study.statistics.contrasts import contrasts
-from tolevo.workflows.study.statistics.resampling import crossed
-from tolevo.workflows.study.statistics.runs import runs_of
-from tolevo.workflows.study.statistics.sensitivity import sensitivity
+from tolevo.commands.study import sensitivity as sobol
+from tolevo.commands.study import statistics as resampling
+from tolevo.commands.study.designs import Factorial, LatinHypercube, Morris, OneAtATime, Sobol
+from tolevo.commands.study.plan import Design, Factor, StudyData, StudySettings
+from tolevo.commands.study.sensitivity import sensitivity
+from tolevo.commands.study.statistics import contrasts, crossed, runs_of
 
 pytestmark = pytest.mark.long
 

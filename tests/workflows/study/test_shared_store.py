@@ -18,18 +18,15 @@ from typer.testing import CliRunner, Result
 
 from tests.postgres import Server, server
 from tolevo.cli import app
-from tolevo.configuration.study import read_study
+from tolevo.commands.study import StudyPlan, StudyProgress, study
+from tolevo.commands.study.configuration import read_study
+from tolevo.commands.study.storage import DATABASE, Database, Site
+from tolevo.commands.study.trial import Chunk
 from tolevo.errors import RunError
-from tolevo.workflows.execution import InProcess, Lost, Processes
-from tolevo.workflows.execution.executor import Result as Done
-from tolevo.workflows.execution.executor import TaskT
-from tolevo.workflows.store import store as store_module
-from tolevo.workflows.store.tables import FORMAT
-from tolevo.workflows.study import StudyPlan, StudyProgress, study
-from tolevo.workflows.study.storage.database import Database
-from tolevo.workflows.study.storage.names import DATABASE
-from tolevo.workflows.study.storage.site import Site
-from tolevo.workflows.study.trial import Chunk
+from tolevo.execution import InProcess, Lost, Processes, TaskT
+from tolevo.execution import Result as Done
+from tolevo.store import store as store_module
+from tolevo.store.tables import FORMAT
 
 RUN = """
 problem = "pose_accuracy"

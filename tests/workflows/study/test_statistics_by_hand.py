@@ -11,17 +11,25 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import t
 
-from tolevo.workflows.study.designs import Factorial
-from tolevo.workflows.study.records import Factor, Hypothesis
-from tolevo.workflows.study.statistics import analyse, morris, resampling
-from tolevo.workflows.study.statistics.anova import level_test, model
-from tolevo.workflows.study.statistics.contrasts import Contrast
-from tolevo.workflows.study.statistics.courses import COLUMNS, courses
-from tolevo.workflows.study.statistics.hypotheses import verdicts
-from tolevo.workflows.study.statistics.pairs import friedman_tests, wilcoxon_tests
-from tolevo.workflows.study.statistics.resampling import DRAWS, _spread, over_settings, random_settings
-from tolevo.workflows.study.statistics.runs import Runs, runs_of
-from tolevo.workflows.study.statistics.sensitivity import sensitivity
+from tolevo.commands.study import sensitivity as morris
+from tolevo.commands.study import statistics as resampling
+from tolevo.commands.study.analysis import COLUMNS, analyse, courses, verdicts
+from tolevo.commands.study.designs import Factorial
+from tolevo.commands.study.plan import Factor, Hypothesis
+from tolevo.commands.study.sensitivity import sensitivity
+from tolevo.commands.study.statistics import (
+    DRAWS,
+    Contrast,
+    Runs,
+    _spread,
+    friedman_tests,
+    level_test,
+    model,
+    over_settings,
+    random_settings,
+    runs_of,
+    wilcoxon_tests,
+)
 
 Array = NDArray[np.float64]
 

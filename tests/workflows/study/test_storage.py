@@ -17,14 +17,14 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tolevo.cli import app
-from tolevo.configuration.study import read_study
+from tolevo.commands.study import StudyOutcome, study
+from tolevo.commands.study.configuration import read_study
+from tolevo.commands.study.storage import DATABASE
 from tolevo.directory import KINDS, MANIFEST, owned, standing
-from tolevo.directory.names import present
+from tolevo.directory.standing import present
 from tolevo.errors import InputError
-from tolevo.workflows.execution import InProcess
-from tolevo.workflows.store.tables import FORMAT
-from tolevo.workflows.study import StudyOutcome, study
-from tolevo.workflows.study.storage.names import DATABASE
+from tolevo.execution import InProcess
+from tolevo.store.tables import FORMAT
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 

@@ -1,0 +1,419 @@
+"""Reads a `measured` table: the posterior of a process or a machine from measured parts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import scipy
+
+from ...section import POSITIVE, Array, Range, Section
+from ...units import converted, fits, unit_hint
+from ..inputs import Normal
+from .knowledge import Gauge, Knowledge, Prior, knowledge_of
+
+# Capability and performance indices of a characteristic, with confidence limits.
+
+
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Index:
+    """An index and its two-sided confidence limits."""
+
+    value: float
+    low: float
+    high: float
+
+
+def capability(values: Array, lower: float | None, upper: float | None) -> dict[str, Index]:
+    """Cp and Cpk (those that the limits allow) of normal values (n,), n >= 2.
+
+    Limits of Cp are exact (chi-square); those of Cpk are approximate.
+
+    Reference: ISO 22514-2:2017, clause 6; Bissell (1990), How reliable is your capability index?,
+    Applied Statistics 39(3), 331-340.
+    """
+    n, mean, std = len(values), float(np.mean(values)), float(np.std(values, ddof=1))
+    if std <= 0.0:
+        return {}
+    indices: dict[str, Index] = {}
+    if lower is not None and upper is not None:
+        cp = (upper - lower) / (6.0 * std)
+        levels = [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2]
+        ends = np.sqrt(scipy.stats.chi2.ppf(levels, n - 1) / (n - 1))
+        indices["Cp"] = Index(cp, cp * float(ends[0]), cp * float(ends[1]))
+    distances = ([] if upper is None else [upper - mean]) + ([] if lower is None else [mean - lower])
+    if distances:
+        cpk = min(distances) / (3.0 * std)
+        error = float(scipy.stats.norm.ppf(0.5 + CONFIDENCE / 2)) * np.sqrt(1.0 / (9.0 * n) + cpk**2 / (2.0 * (n - 1)))
+        indices["Cpk"] = Index(cpk, cpk - error, cpk + error)
+    return indices
+
+
+# Tests for departures from a single stable normal process: drift, lots, outliers, shape.
+
+
+LEVEL = 0.01
+"""Probability of a false finding in a sample of a stable normal process, all tests together."""
+FEW = 8
+"""Number of values from which the shape of a distribution can be tested."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A departure: its kind (`drift`, `lots`, `scatter`, `outlier`, `shape`), a description, and
+    the probability of a departure as large by chance.
+    """
+
+    kind: str
+    text: str
+    probability: float
+
+
+def findings(values: Array, lots: Sequence[str] = ()) -> list[Finding]:
+    """Departures of `values` (n,), in the order of production, beyond chance (Holm's procedure).
+
+    `lots` (n,) name the lot of each value, empty where none is known: then lots are detected by
+    consecutive values that are more alike than by chance (von Neumann's ratio).
+
+    Reference: Holm (1979), Scandinavian J. Statistics 6(2), 65-70; Grubbs (1969), Technometrics
+    11(1), 1-21; Shapiro and Wilk (1965), Biometrika 52(3-4), 591-611; Brown and Forsythe (1974),
+    J. American Statistical Association 69(346), 364-367; von Neumann (1941), Annals of Mathematical
+    Statistics 12(4), 367-395.
+    """
+    tests = [_drift(values), _outlier(values), *_lots(values, lots)]
+    if len(values) >= FEW:
+        tests.append(_shape(values))
+    significant: list[Finding] = []
+    for at, finding in enumerate(sorted(tests, key=lambda finding: finding.probability)):
+        if finding.probability > LEVEL / (len(tests) - at):
+            break
+        significant.append(finding)
+    if any(test.kind == "outlier" for test in significant):  # the shape is tested without it
+        remaining = np.delete(values, np.argmax(np.abs(values - values.mean())))
+        if len(remaining) >= FEW and _shape(remaining).probability > LEVEL:
+            significant = [test for test in significant if test.kind != "shape"]
+    return significant
+
+
+def distribution_type(departures: Sequence[Finding]) -> str:
+    """The distribution model of ISO 22514-2: A1, A2 (stable), B (scatter moves), C1, C3 (the mean
+    moves, by lots or along a trend) or D (both), as far as the tests show.
+
+    Reference: ISO 22514-2:2017, clause 5, table 1.
+    """
+    kinds = {finding.kind for finding in departures}
+    if "scatter" in kinds:
+        return "D" if kinds & {"drift", "lots"} else "B"
+    if "drift" in kinds:
+        return "C3"
+    if "lots" in kinds:
+        return "C1"
+    return "A2" if "shape" in kinds else "A1"
+
+
+def _drift(values: Array) -> Finding:
+    trend = scipy.stats.linregress(np.arange(len(values), dtype=float), values)
+    total = float(trend.slope) * (len(values) - 1)
+    return Finding("drift", f"drifts by {total:.3g} from the first part to the last", float(trend.pvalue))
+
+
+def _lots(values: Array, lots: Sequence[str]) -> list[Finding]:
+    groups = [values[[at for at, lot in enumerate(lots) if lot == name]] for name in dict.fromkeys(lots)]
+    groups = [group for group in groups if len(group) > 1]
+    if len(groups) < 2:
+        return [_succession(values)] if len(values) >= FEW else []
+    spread = float(np.ptp([group.mean() for group in groups]))
+    of_means = float(scipy.stats.f_oneway(*groups).pvalue)
+    of_scatter = float(scipy.stats.levene(*groups, center="median").pvalue)
+    return [
+        Finding("lots", f"has lots whose means differ by up to {spread:.3g}", of_means),
+        Finding("scatter", "has lots that scatter differently", of_scatter),
+    ]
+
+
+def _succession(values: Array) -> Finding:
+    """Mean square of the steps from part to part over the variance, about a straight line: 2 where
+    parts do not depend on those before (a little more, for the line is fitted).
+    """
+    n, at = len(values), np.arange(len(values), dtype=float)
+    residual = values - np.polyval(np.polyfit(at, values, 1), at)
+    total = float(np.sum(residual**2))
+    ratio = float(np.sum(np.diff(residual) ** 2)) / total if total > 0.0 else 2.0
+    z = (0.5 * ratio - 1.0) * np.sqrt((n**2 - 1.0) / (n - 2.0))
+    text = (
+        f"has parts that depend on the parts before them (steps of {ratio:.2g} variances in the mean "
+        "square, 2 by chance): lots or settings that are not named"
+    )
+    return Finding("lots", text, float(scipy.special.ndtr(z)))
+
+
+def _outlier(values: Array) -> Finding:
+    """Grubbs' test of the value furthest from the mean."""
+    n, far = len(values), int(np.argmax(np.abs(values - values.mean())))
+    g = float(abs(values[far] - values.mean()) / values.std(ddof=1))
+    denominator = (n - 1) ** 2 - n * g**2
+    t = np.inf if denominator <= 0.0 else np.sqrt(n * (n - 2) * g**2 / denominator)
+    p = min(1.0, 2.0 * n * float(scipy.stats.t.sf(t, n - 2)))
+    text = f"has an outlier: {values[far]:.6g} (part {far + 1}), {g:.1f} standard deviations off"
+    return Finding("outlier", text, p)
+
+
+def _shape(values: Array) -> Finding:
+    skew, excess = float(scipy.stats.skew(values)), float(scipy.stats.kurtosis(values))
+    words = "heavy tails, " if excess > abs(skew) else "skew, " if abs(skew) > 0.5 else ""
+    text = f"is not normal ({words}skewness {skew:.2f}, excess kurtosis {excess:.2f})"
+    return Finding("shape", text, float(scipy.stats.shapiro(values).pvalue))
+
+
+MEANS = ("as_found", "corrected")
+SAME_MEAN = "the mean of later parts is that of the sample; the configuration does not state that it is corrected"
+"""The assumption where a table is silent about the mean."""
+AS_FOUND = "the mean of later parts is that of the sample"
+CORRECTED = 'must be "as_found": a characteristic with one limit has no mid-limit that a mean is corrected to'
+FIXED = "fixed"
+NOT_FIXED = "cannot be fixed where the tolerance is searched, as tighter limits would change nothing: state a machine"
+NOT_STATED = "is missing: the half-width that the measured parts were made to, as their scatter is proportional to it"
+NEAR_NOMINAL = 1e-9
+BEYOND = 20.0
+"""Deviation, in half-widths that parts were made to, above which the unit is taken to be wrong."""
+CAPABLE = 100.0
+"""A Cp that no process has: above it parts and half-width are taken to be in different units."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PartSample:
+    """Measured parts of a characteristic: deviations (n,) from the mid-limit, in the part's unit.
+
+    `knowledge` is the posterior of the process, `made_to` the half-width that the parts were made
+    to (0 where it is not known), `offset` the deviation of the mean of all later parts. `limits`
+    are deviations as well, None where there is none or a natural one: a coaxiality ends at 0.
+    """
+
+    deviations: Array
+    knowledge: Knowledge
+    made_to: float
+    offset: float
+    findings: tuple[Finding, ...]
+    indices: Mapping[str, Index]
+    stated: Mapping[str, Any] = field(default_factory=dict)
+    assumed: Mapping[str, str] = field(default_factory=dict)
+    limits: tuple[float | None, float | None] = (None, None)
+    mid: float = 0.0
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether it has a single limit: its zone has no middle."""
+        return (self.limits[0] is None) != (self.limits[1] is None)
+
+    @property
+    def mean(self) -> float:
+        """Deviation of the mean from the mid-limit; from the nominal where there is no mid-limit."""
+        return self.knowledge.mean + (self.mid if self.one_sided else 0.0)
+
+    @property
+    def distribution(self) -> Normal:
+        """Distribution of deviations over the half-width, with the sample's standard deviation."""
+        return Normal(cp=self.made_to / (3.0 * self.knowledge.std))
+
+    @property
+    def type(self) -> str:
+        """The distribution model of ISO 22514-2."""
+        return distribution_type(self.findings)
+
+    def departures(self, owner: str) -> tuple[str, ...]:
+        """Departures from a single stable normal process; `owner` names what was measured."""
+        return tuple(f"{owner}, measured: {f.text} (by chance: {f.probability:.2g})" for f in self.findings)
+
+    def statement(self, unit: str) -> str:
+        """The sample and its capability, in one line."""
+        mean, std = f"{self.mean:+.4g} {unit}", f"{self.knowledge.std:.4g} {unit}"
+        indices = [f"{name} {i.value:.2f} ({i.low:.2f} to {i.high:.2f})" for name, i in self.indices.items()]
+        origin = "nominal" if self.one_sided else "mid-limit"
+        first = f"{len(self.deviations)} parts: mean {mean} from the {origin}, s = {std}"
+        return ", ".join([first, *indices, f"distribution {self.type} (ISO 22514-2)"])
+
+
+def read_sample(
+    owner: Section,
+    unit: str,
+    nominal: float | None,
+    mid: float,
+    t: float | None = None,
+    follows: bool = True,
+    natural: int = 0,
+) -> PartSample | None:
+    """The `measured` table of a part or machine, in its unit; None and faults where it is wrong.
+
+    `t` is the half-width of a part with a fixed one. Where the scatter `follows` the tolerance, the
+    half-width that the parts were made to must be known. Without a nominal that of a Q-DAS file is
+    used. `natural` is -1 where the lower limit of its zone is a natural one, 1 where the upper is.
+    """
+    section = owner.section("measured")
+    stated_unit = _unit(section, unit)
+    numbers, lots = section.numbers("values"), section.take("lots") or []
+    mean = section.text("mean", MEANS)
+    gauge = _gauge(section, stated_unit or unit, unit)
+    made_to = _made_to(section, stated_unit or unit, unit, t, follows)
+    of_file = section.number("nominal", stated_unit or unit)
+    single = _single_limit(section, stated_unit or unit, unit)
+    section.accept(("characteristic",))
+    prior = _prior(section, made_to or 0.0, unit)
+    if "values" not in section:
+        section.fault("file", "is missing: name a table or Q-DAS file of measured parts, or give values")
+    section.finish()
+    if numbers is None or made_to is None or stated_unit is None:
+        return None
+    values = np.asarray(converted(np.array(numbers), stated_unit, unit), dtype=float)
+    if of_file is not None:
+        file_nominal = float(converted(of_file, stated_unit, unit))
+        nominal = file_nominal if nominal is None else nominal
+        if not _is_nominal(section, unit, file_nominal, nominal):
+            return None
+    origin = _origin(values, nominal) + mid
+    deviations = values - origin
+    limits = _limits(single, origin, made_to, natural)
+    one_sided = (limits[0] is None) != (limits[1] is None)
+    if one_sided and mean == "corrected":
+        section.fault("mean", CORRECTED)
+        return None
+    try:
+        knowledge = knowledge_of(deviations, prior, gauge)
+    except ValueError as error:
+        section.fault("values", str(error))
+        return None
+    if not _near(section, unit, deviations, made_to):
+        return None
+    return PartSample(
+        deviations=deviations,
+        knowledge=knowledge,
+        made_to=made_to,
+        offset=0.0 if mean == "corrected" else knowledge.mean,
+        findings=tuple(findings(deviations, [str(lot) for lot in lots])),
+        indices=capability(deviations, *limits),
+        stated=dict(owner.take("measured")),
+        assumed={} if mean else {"measured.mean": AS_FOUND if one_sided else SAME_MEAN},
+        limits=limits,
+        mid=mid,
+    )
+
+
+def _near(section: Section, unit: str, deviations: Array, made_to: float) -> bool:
+    """Whether deviations have the size of a tolerance; a fault is reported where they do not."""
+    far, std = float(np.max(np.abs(deviations))), float(np.std(deviations, ddof=1))
+    width = made_to or 3.0 * std
+    if made_to > CAPABLE * 3.0 * std:
+        hint = unit_hint(std, unit, made_to / 30.0, made_to)
+        problem = f"scatter by {std:.4g} {unit} (Cp = {made_to / (3.0 * std):.4g})"
+    elif far > BEYOND * width:
+        hint = unit_hint(far, unit, 0.0, width)
+        problem = f"lie up to {far:.4g} {unit} off the mid-limit"
+    else:
+        return True
+    comparison = (
+        f"but were made to {made_to:g} {unit}{hint}: check their unit and made_to"
+        if made_to
+        else f"but three times their scatter is {width:.4g} {unit}{hint}: state measured.nominal, or check their unit"
+    )
+    section.fault("values", f"{problem}, {comparison}")
+    return False
+
+
+def _origin(values: Array, nominal: float | None) -> float:
+    """What deviations from the nominal count from; `values` are sizes, or deviations already."""
+    middle = float(np.median(values)) if len(values) else 0.0
+    return 0.0 if nominal is None or abs(middle) < abs(middle - nominal) else nominal
+
+
+def _is_nominal(section: Section, unit: str, of_file: float, nominal: float) -> bool:
+    """Whether a file is of the nominal of the part; a fault is reported where it is not."""
+    same = abs(of_file - nominal) <= NEAR_NOMINAL * max(abs(nominal), 1.0)
+    if not same:
+        other = f"is of a nominal of {of_file:g} {unit}, the part has {nominal:g} {unit}"
+        section.fault("file", f"{other}: another revision of the drawing?")
+    return same
+
+
+def _limits(
+    single: tuple[str, float] | None, origin: float, made_to: float, natural: int
+) -> tuple[float | None, float | None]:
+    """The limits of deviations from `origin`; None where there is none, or a natural one."""
+    if single is not None:
+        return (single[1] - origin, None) if single[0] == "lower" else (None, single[1] - origin)
+    if not made_to:
+        return None, None
+    return None if natural < 0 else -made_to, None if natural > 0 else made_to
+
+
+def _single_limit(section: Section, stated_unit: str, unit: str) -> tuple[str, float] | None:
+    """`lower` or `upper`, the limit of a characteristic that has one alone, in the unit of the part."""
+    limits = {key: section.number(key, stated_unit) for key in ("lower", "upper")}
+    if "lower" in section and "upper" in section:
+        section.fault("upper", "is stated in addition to lower: of two limits state made_to, half their distance")
+        return None
+    single = next(((key, limit) for key, limit in limits.items() if limit is not None), None)
+    return None if single is None else (single[0], float(converted(single[1], stated_unit, unit)))
+
+
+def _unit(section: Section, unit: str) -> str | None:
+    """The unit of the values, that of the part where none is stated; None after a fault."""
+    stated = section.text("unit")
+    if not stated:
+        return unit
+    try:
+        if fits(stated, unit):
+            return stated
+        section.fault("unit", f'"{stated}" cannot be stated in {unit}, the unit of the part')
+    except ValueError as error:
+        section.fault("unit", str(error))
+    return None
+
+
+def _made_to(section: Section, stated_unit: str, unit: str, t: float | None, follows: bool) -> float | None:
+    """Half-width that the measured parts were made to, in the unit of the part; 0: not known."""
+    fixed = section.take("made_to") == FIXED
+    if "made_to" in section and not fixed:
+        half_width = section.number("made_to", stated_unit, POSITIVE)
+        return None if half_width is None else float(converted(half_width, stated_unit, unit))
+    unread = "values" in section and section.take("values") is None  # its own fault is reported already
+    if t is None and follows and not unread:
+        section.fault("made_to", NOT_FIXED if fixed else NOT_STATED)
+    return t if follows else 0.0
+
+
+def _gauge(section: Section, stated_unit: str, unit: str) -> Gauge | None:
+    if "gauge" not in section:
+        return None
+    table = section.section("gauge")
+    sigma = table.number("sigma", stated_unit, POSITIVE)
+    df = table.number("df", within=Range(low=1.0))
+    if "sigma" not in table:
+        table.fault("sigma", "is missing: the standard deviation of repeated measurements of a part")
+    table.finish()
+    if sigma is None:
+        return None
+    return Gauge(float(converted(sigma, stated_unit, unit)), np.inf if df is None else df)
+
+
+def _prior(section: Section, made_to: float, unit: str) -> Prior | None:
+    """`prior = { cp, parts }`, or sigma in place of cp."""
+    if "prior" not in section:
+        return None
+    table = section.section("prior")
+    cp, sigma = table.number("cp", within=POSITIVE), table.number("sigma", unit, POSITIVE)
+    parts = table.number("parts", within=POSITIVE)
+    if "cp" in table and "sigma" in table:
+        table.fault("sigma", "is stated in addition to cp: remove one of them")
+    elif "cp" not in table and "sigma" not in table:
+        table.fault("cp", "is missing: the expected capability, or sigma")
+    elif cp is not None and not made_to:
+        table.fault("cp", "needs made_to, the half-width that it refers to: state made_to, or sigma instead of cp")
+    if "parts" not in table:
+        table.fault("parts", "is missing: the number of measured parts whose weight the prior has")
+    table.finish()
+    expected = sigma if cp is None else made_to / (3.0 * cp)
+    return None if not expected or parts is None else Prior(expected, parts)

@@ -1,0 +1,626 @@
+"""Formulas: parsed to an expression tree, evaluated and differentiated over batches."""
+
+from __future__ import annotations
+
+import math
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, reduce
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from ..errors import nearest
+from ..section import Array
+
+__all__ = ["CONSTANTS", "FUNCTIONS", "Formula", "FormulaError", "domain_margin"]
+
+# The functions that a formula may call: value, slopes, and where they are not defined.
+
+
+def _everywhere(*_: Array) -> str:
+    return ""
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """A function of `least` to `most` arguments.
+
+    `value` and `slopes` (one partial derivative per argument) are vectorised. `trouble` returns
+    why the function is not defined or jumps somewhere on a connected set that the arguments are
+    sampled from; empty where it is defined and continuous.
+    """
+
+    value: Callable[..., Array]
+    slopes: Callable[..., tuple[Array, ...]]
+    trouble: Callable[..., str] = _everywhere
+    least: int = 1
+    most: int = 1
+
+
+def crosses_zero(x: Array) -> bool:
+    """Whether values of a continuous function show that it is zero somewhere between them."""
+    return bool(np.min(x) <= 0.0 <= np.max(x))
+
+
+def span(x: Array) -> str:
+    """The values as text: one number, or from the least to the largest."""
+    low, high = float(np.min(x)), float(np.max(x))
+    return f"{low:.6g}" if low == high else f"{low:.6g} to {high:.6g}"
+
+
+def _domain(contains: Callable[[Array], Any], requirement: str) -> Callable[[Array], str]:
+    return lambda x: "" if np.all(contains(x)) else f"{requirement}, its argument is {span(x)}"
+
+
+_within_one = _domain(lambda x: np.abs(x) <= 1.0, "is defined on [-1, 1]")
+_not_negative = _domain(lambda x: x >= 0.0, "needs a value of at least 0")
+_positive = _domain(lambda x: x > 0.0, "needs a value above 0")
+
+
+def _no_pole(x: Array) -> str:
+    """A pole of the tangent lies between two samples in different periods."""
+    period = np.floor(np.asarray(x) / np.pi + 0.5)
+    return "" if np.all(period == np.ravel(period)[0]) else f"has a pole within {span(x)} rad"
+
+
+def _off_the_cut(y: Array, x: Array) -> str:
+    """atan2 jumps by 2 pi where y changes its sign at negative x."""
+    y, x = np.broadcast_arrays(y, x)
+    y_left = y[x <= 0.0]
+    jumps = y_left.size > 0 and crosses_zero(y_left)
+    return "jumps by 2 pi: its first argument crosses 0 while the second is negative" if jumps else ""
+
+
+def _over_arguments(reduce: Callable[..., Array]) -> Callable[..., Array]:
+    return lambda *x: reduce(np.stack(np.broadcast_arrays(*x)), axis=0)
+
+
+def _extremum_slopes(place: Callable[..., Array]) -> Callable[..., tuple[Array, ...]]:
+    """Slope 1 for the first argument that is the extremum, 0 for the others."""
+    place_of = _over_arguments(place)
+    return lambda *x: tuple(np.where(place_of(*x) == at, 1.0, 0.0) for at in range(len(x)))
+
+
+FUNCTIONS: Mapping[str, Function] = MappingProxyType(
+    {
+        "sin": Function(np.sin, lambda x: (np.cos(x),)),
+        "cos": Function(np.cos, lambda x: (-np.sin(x),)),
+        "tan": Function(np.tan, lambda x: (1.0 / np.cos(x) ** 2,), _no_pole),
+        "asin": Function(np.arcsin, lambda x: (1.0 / np.sqrt(1.0 - x * x),), _within_one),
+        "acos": Function(np.arccos, lambda x: (-1.0 / np.sqrt(1.0 - x * x),), _within_one),
+        "atan": Function(np.arctan, lambda x: (1.0 / (1.0 + x * x),)),
+        "atan2": Function(
+            np.arctan2, lambda y, x: (x / (x * x + y * y), -y / (x * x + y * y)), _off_the_cut, least=2, most=2
+        ),
+        "sqrt": Function(np.sqrt, lambda x: (0.5 / np.sqrt(x),), _not_negative),
+        "exp": Function(np.exp, lambda x: (np.exp(x),)),
+        "log": Function(np.log, lambda x: (1.0 / x,), _positive),
+        "abs": Function(np.abs, lambda x: (np.sign(x),)),
+        "min": Function(_over_arguments(np.min), _extremum_slopes(np.argmin), least=2, most=16),
+        "max": Function(_over_arguments(np.max), _extremum_slopes(np.argmax), least=2, most=16),
+    }
+)
+KINKED = ("abs", "min", "max")
+"""Functions whose slopes jump somewhere."""
+CONSTANTS: Mapping[str, float] = MappingProxyType({"pi": float(np.pi)})
+
+
+# The nodes of an expression tree, each with its value, its slopes and its domain.
+
+
+Values = Sequence[Array]
+"""Values of the nodes below a node; arrays that broadcast."""
+
+
+@dataclass(frozen=True, slots=True)
+class Expression(ABC):
+    """A node of the tree; `at` is the column of the formula (from 1) where it stands."""
+
+    at: int
+
+    @property
+    def parts(self) -> tuple[Expression, ...]:
+        """The nodes below this one."""
+        return ()
+
+    @abstractmethod
+    def value(self, below: Values, x: Mapping[str, Array]) -> Array:
+        """The value from those of the parts; a name looks it up in `x`."""
+
+    def slopes(self, below: Values) -> Sequence[Array]:
+        """Partial derivatives of the value with respect to those of the parts."""
+        return ()
+
+    def trouble(self, below: Values) -> str:
+        """Why the node has no value somewhere, else empty."""
+        return ""
+
+    @property
+    def depth(self) -> int:
+        """Nodes on the longest path from here to a leaf."""
+        return 1 + max((part.depth for part in self.parts), default=0)
+
+    @property
+    def degree(self) -> float:
+        """Degree as a polynomial of the names, inf where it may be none."""
+        return 0.0 if all(part.degree == 0.0 for part in self.parts) else np.inf
+
+    def nodes(self) -> Iterator[Expression]:
+        """Every node, each after those below it."""
+        for part in self.parts:
+            yield from part.nodes()
+        yield self
+
+
+@dataclass(frozen=True, slots=True)
+class Number(Expression):
+    """A constant."""
+
+    number: float
+
+    def value(self, below: Values, x: Mapping[str, Array]) -> Array:
+        return np.asarray(self.number)
+
+
+@dataclass(frozen=True, slots=True)
+class Name(Expression):
+    """A quantity that the formula depends on."""
+
+    name: str
+
+    @property
+    def degree(self) -> float:
+        return 1.0
+
+    def value(self, below: Values, x: Mapping[str, Array]) -> Array:
+        return np.asarray(x[self.name])
+
+
+@dataclass(frozen=True, slots=True)
+class Negative(Expression):
+    """-operand."""
+
+    operand: Expression
+
+    @property
+    def parts(self) -> tuple[Expression, ...]:
+        return (self.operand,)
+
+    @property
+    def degree(self) -> float:
+        return self.operand.degree
+
+    def value(self, below: Values, x: Mapping[str, Array]) -> Array:
+        return -below[0]
+
+    def slopes(self, below: Values) -> Sequence[Array]:
+        return (np.asarray(-1.0),)
+
+
+@dataclass(frozen=True, slots=True)
+class Operation(Expression):
+    """left `sign` right, where the sign is +, -, *, / or **."""
+
+    sign: str
+    left: Expression
+    right: Expression
+
+    @property
+    def parts(self) -> tuple[Expression, ...]:
+        return self.left, self.right
+
+    @property
+    def degree(self) -> float:
+        left, right = self.left.degree, self.right.degree
+        match self.sign:
+            case "+" | "-":
+                return max(left, right)
+            case "*":
+                return left + right
+            case "/" if right == 0.0:
+                return left
+        return 0.0 if left == right == 0.0 else np.inf
+
+    def value(self, below: Values, x: Mapping[str, Array]) -> Array:
+        a, b = below
+        match self.sign:
+            case "+":
+                return a + b
+            case "-":
+                return a - b
+            case "*":
+                return a * b
+            case "/":
+                return a / b
+        return np.asarray(a**b)
+
+    def slopes(self, below: Values) -> Sequence[Array]:
+        a, b = below
+        match self.sign:
+            case "+":
+                return np.asarray(1.0), np.asarray(1.0)
+            case "-":
+                return np.asarray(1.0), np.asarray(-1.0)
+            case "*":
+                return b, a
+            case "/":
+                return 1.0 / b, -a / b**2
+        return b * a ** (b - 1.0), a**b * np.log(a)
+
+    def trouble(self, below: Values) -> str:
+        a, b = below
+        if self.sign == "/" and crosses_zero(b):
+            return f"division by zero: the divisor is {span(b)}"
+        if self.sign == "**":
+            if np.any(a < 0.0) and not np.all(b == np.rint(b)):
+                return f"a power with a fractional exponent needs a base of at least 0, it is {span(a)}"
+            if np.any(b < 0.0) and crosses_zero(a):
+                return f"division by zero: the base of a negative power is {span(a)}"
+        return ""
+
+
+@dataclass(frozen=True, slots=True)
+class Call(Expression):
+    """A function of arguments."""
+
+    function: str
+    arguments: tuple[Expression, ...]
+
+    @property
+    def parts(self) -> tuple[Expression, ...]:
+        return self.arguments
+
+    def value(self, below: Values, x: Mapping[str, Array]) -> Array:
+        return FUNCTIONS[self.function].value(*below)
+
+    def slopes(self, below: Values) -> Sequence[Array]:
+        return FUNCTIONS[self.function].slopes(*below)
+
+    def trouble(self, below: Values) -> str:
+        reason = FUNCTIONS[self.function].trouble(*below)
+        return f"{self.function} {reason}" if reason else ""
+
+
+# From the text of a formula to its tree. Nothing is ever executed.
+#
+# The grammar:
+#
+# sum     = product {("+" | "-") product}
+# product = sign {("*" | "/") sign}
+# sign    = ("-" | "+") sign | power
+# power   = atom ["**" sign]
+# atom    = number | name | function "(" sum {"," sum} ")" | "(" sum ")"
+
+
+LONGEST = 4000
+"""Characters of a formula."""
+NESTED = 60
+"""Levels of parentheses, signs and powers within each other."""
+DEEPEST = 200
+"""Nodes of the tree on its longest path (a sum of 200 terms)."""
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*)"
+    r"|(?P<sign>\*\*|[-+*/(),])|(?P<end>$)|(?P<other>\S))",
+    re.ASCII,
+)
+_REMEDIES = {
+    "^": "write a power as **",
+    ".": "attributes are not part of a formula",
+    "'": "text is not part of a formula",
+    '"': "text is not part of a formula",
+    "=": "a formula is the right-hand side alone",
+    "[": "indices are not part of a formula",
+}
+
+
+class FormulaError(ValueError):
+    """A text that is not a formula: the column (from 1) and what is wrong there."""
+
+    def __init__(self, column: int, message: str) -> None:
+        self.column = column
+        super().__init__(f"column {column}: {message}")
+
+
+@dataclass(frozen=True, slots=True)
+class _Token:
+    kind: str
+    text: str
+    at: int
+
+
+def parse(text: str) -> Expression:
+    """The tree of a formula. Raises FormulaError."""
+    if len(text) > LONGEST:
+        raise FormulaError(LONGEST + 1, f"a formula has at most {LONGEST} characters")
+    parser = _Parser(_tokens(text))
+    tree = parser.sum()
+    if parser.now.kind != "end":
+        raise FormulaError(parser.now.at, _unexpected(parser.now))
+    if tree.depth > DEEPEST:
+        raise FormulaError(1, f"a formula has at most {DEEPEST} operations in a row")
+    return tree
+
+
+def _tokens(text: str) -> list[_Token]:
+    tokens: list[_Token] = []
+    position = 0
+    while not tokens or tokens[-1].kind != "end":
+        match = _TOKEN.match(text, position)
+        assert match is not None  # "other" matches anything else
+        kind = str(match.lastgroup)
+        token = _Token(kind, match[kind], match.start(kind) + 1)
+        if kind == "other":
+            remedy = _REMEDIES.get(token.text, "it is not part of a formula")
+            raise FormulaError(token.at, f"unexpected `{token.text}`: {remedy}")
+        tokens.append(token)
+        position = match.end()
+    return tokens
+
+
+def _unexpected(token: _Token) -> str:
+    if token.kind == "end":
+        return "ends too early"
+    return f"unexpected `{token.text}`: an operator or the end is expected here"
+
+
+class _Parser:
+    """Recursive descent over a list of tokens; `sum` parses a whole formula."""
+
+    def __init__(self, tokens: list[_Token]) -> None:
+        self._tokens = tokens
+        self._next = 0
+        self._level = 0
+
+    @property
+    def now(self) -> _Token:
+        """The next token."""
+        return self._tokens[self._next]
+
+    def _accepted(self, *signs: str) -> _Token | None:
+        """The next token, which is consumed, if it is one of `signs`; else None."""
+        token = self.now
+        if token.kind != "sign" or token.text not in signs:
+            return None
+        self._next += 1
+        return token
+
+    def _chain(self, read: Callable[[], Expression], *signs: str) -> Expression:
+        expression, length = read(), 1
+        while token := self._accepted(*signs):
+            length += 1
+            if length > DEEPEST:
+                raise FormulaError(token.at, f"at most {DEEPEST} operations in a row")
+            expression = Operation(token.at, token.text, expression, read())
+        return expression
+
+    def sum(self) -> Expression:
+        return self._chain(self._product, "+", "-")
+
+    def _product(self) -> Expression:
+        return self._chain(self._sign, "*", "/")
+
+    def _sign(self) -> Expression:
+        self._level += 1
+        if self._level > NESTED:
+            raise FormulaError(self.now.at, f"is nested too deeply: at most {NESTED} levels")
+        token = self._accepted("-", "+")
+        if token is None:
+            expression = self._power()
+        else:
+            operand = self._sign()
+            expression = Negative(token.at, operand) if token.text == "-" else operand
+        self._level -= 1
+        return expression
+
+    def _power(self) -> Expression:
+        base = self._atom()
+        token = self._accepted("**")
+        return base if token is None else Operation(token.at, "**", base, self._sign())
+
+    def _atom(self) -> Expression:
+        token = self.now
+        if self._accepted("("):
+            expression = self.sum()
+            self._close(token)
+            return expression
+        if token.kind not in ("number", "name"):
+            problem = "ends too early" if token.kind == "end" else f"unexpected `{token.text}`"
+            raise FormulaError(token.at, f"{problem}: a number, a name or ( is expected here")
+        self._next += 1
+        if token.kind == "name":
+            return self._name_or_call(token)
+        number = float(token.text)
+        if not math.isfinite(number):
+            raise FormulaError(token.at, f"{token.text} is too large")
+        return Number(token.at, number)
+
+    def _name_or_call(self, token: _Token) -> Expression:
+        opening = self.now
+        if self._accepted("("):
+            if token.text not in FUNCTIONS:
+                known = f"{nearest(token.text, FUNCTIONS)}; one of {', '.join(FUNCTIONS)}"
+                raise FormulaError(token.at, f"`{token.text}` is not a function of formulas{known}")
+            return self._call(token, opening)
+        if token.text in FUNCTIONS:
+            raise FormulaError(token.at, f"{token.text} is a function: write {token.text}(...)")
+        if token.text in CONSTANTS:
+            return Number(token.at, CONSTANTS[token.text])
+        return Name(token.at, token.text)
+
+    def _call(self, token: _Token, opening: _Token) -> Expression:
+        arguments = [self.sum()]
+        while self._accepted(","):
+            arguments.append(self.sum())
+        self._close(opening)
+        kind = FUNCTIONS[token.text]
+        if not kind.least <= len(arguments) <= kind.most:
+            count = str(kind.least) if kind.least == kind.most else f"{kind.least} to {kind.most}"
+            raise FormulaError(token.at, f"{token.text} takes {count} arguments, got {len(arguments)}")
+        return Call(token.at, token.text, tuple(arguments))
+
+    def _close(self, opening: _Token) -> None:
+        if not self._accepted(")"):
+            if self.now.kind == "end":
+                raise FormulaError(opening.at, "this parenthesis is never closed")
+            raise FormulaError(self.now.at, f"unexpected `{self.now.text}`: ) is expected here")
+
+
+# A formula: its text and its tree, evaluated over whole batches.
+
+
+@dataclass(frozen=True)
+class Formula:
+    """An expression in named quantities, parsed and never executed.
+
+    It may hold + - * / **, parentheses, numbers, pi, names and the functions of `FUNCTIONS`.
+    Raises FormulaError (a ValueError) with the column where the text is something else.
+    """
+
+    text: str
+    tree: Expression = field(init=False, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "tree", parse(self.text))
+
+    @cached_property
+    def names(self) -> dict[str, int]:
+        """The quantities that the formula depends on, each with the column of its first use."""
+        positions: dict[str, int] = {}
+        for node in self.tree.nodes():
+            if isinstance(node, Name):
+                positions[node.name] = min(node.at, positions.get(node.name, node.at))
+        return positions
+
+    @property
+    def kinked(self) -> bool:
+        """Whether it calls a function that has a kink."""
+        return any(isinstance(node, Call) and node.function in KINKED for node in self.tree.nodes())
+
+    @property
+    def linear(self) -> bool:
+        """Whether it is linear in its names as written: simplifications do not count."""
+        return self.tree.degree <= 1.0
+
+    def value(self, x: Mapping[str, Array]) -> Array:
+        """The value at quantities that broadcast; NaN or infinite where it is not defined."""
+        with np.errstate(all="ignore"):
+            return _value(self.tree, x)
+
+    def gradient(self, x: Mapping[str, Array]) -> dict[str, Array]:
+        """Partial derivatives by name, exact to rounding (forward mode), at one or many points."""
+        with np.errstate(all="ignore"):
+            value, slopes = _dual(self.tree, x)
+        return {name: np.broadcast_to(slope, value.shape) for name, slope in slopes.items()}
+
+    def trouble(self, x: Mapping[str, Array]) -> str:
+        """Where and why the formula has no value, empty where it has one everywhere.
+
+        The quantities (m,) sample a connected set: between two samples of different sign a divisor
+        is zero somewhere, even if no sample hits it.
+        """
+        with np.errstate(all="ignore"):
+            return _trouble(self.tree, x)[1]
+
+
+def _value(node: Expression, x: Mapping[str, Array]) -> Array:
+    return node.value([_value(part, x) for part in node.parts], x)
+
+
+def _dual(node: Expression, x: Mapping[str, Array]) -> tuple[Array, dict[str, Array]]:
+    """Value and partial derivatives of a node; an omitted name has the derivative 0."""
+    if isinstance(node, Name):
+        return node.value((), x), {node.name: np.asarray(1.0)}
+    below = [_dual(part, x) for part in node.parts]
+    values = [value for value, _ in below]
+    derivatives: dict[str, Array] = {}
+    if any(inner for _, inner in below):
+        for outer, (_, inner) in zip(node.slopes(values), below, strict=True):
+            for name, slope in inner.items():
+                derivatives[name] = derivatives.get(name, np.asarray(0.0)) + outer * slope
+    return node.value(values, x), derivatives
+
+
+def _trouble(node: Expression, x: Mapping[str, Array]) -> tuple[Array, str]:
+    """Value of a node, and why it or a node below it has no value; empty where all have one."""
+    below = []
+    for part in node.parts:
+        value, reason = _trouble(part, x)
+        if reason:
+            return value, reason
+        below.append(value)
+    value, reason = node.value(below, x), node.trouble(below)
+    if not reason and not np.all(np.isfinite(value)):
+        reason = "the value is not finite"
+    return value, f"column {node.at}: {reason}" if reason else ""
+
+
+# Distance of a formula from the edge of its domain.
+#
+# The margin of a function is the distance of its argument from the edge of its domain, above 0
+# inside:
+#
+#     asin, acos   1 - |x|             sqrt, log   x
+#     a/b          b, by its sign at the middle
+#     a**b         a for a fractional b, a by its sign at the middle for a negative b
+#     tan          distance from the nearest pole of the period of the middle
+#     atan2        distance from the half line on which it jumps, by the side of the middle
+
+
+ValuesWithDomain = list[Array]
+
+
+def domain_margin(formula: Formula, x: Mapping[str, Array], middle: Mapping[str, Array]) -> Array:
+    """The least margin at quantities `x` over all functions, each relative to that at the `middle`.
+
+    1 at the middle, 0 at the edge of the domain, below 0 outside of it; infinite where
+    the formula has a value everywhere. `x` broadcasts to the shape of the result, `middle` holds
+    single numbers.
+    """
+    with np.errstate(all="ignore"):
+        return _least(formula.tree, x, middle)[2]
+
+
+def _least(node: Expression, x: Mapping[str, Array], middle: Mapping[str, Array]) -> tuple[Array, Array, Array]:
+    """Value and value at the middle of a node, and the least margin at or below it."""
+    below = [_least(part, x, middle) for part in node.parts]
+    values, centres = [value for value, _, _ in below], [centre for _, centre, _ in below]
+    margin = reduce(np.fmin, (margin for _, _, margin in below), np.asarray(np.inf))
+    distance, at_middle = _distance(node, values, centres), _distance(node, centres, centres)
+    if distance is not None and at_middle is not None:
+        margin = np.fmin(margin, distance / np.where(at_middle > 0.0, at_middle, np.nan))
+    return node.value(values, x), node.value(centres, middle), margin
+
+
+def _distance(node: Expression, values: ValuesWithDomain, centres: ValuesWithDomain) -> Array | None:
+    """Distance from the edge of the domain of a node; None where it is defined everywhere."""
+    if isinstance(node, Operation):
+        return _distance_of_operation(node.sign, values, centres)
+    if not isinstance(node, Call):
+        return None
+    match node.function:
+        case "asin" | "acos":
+            return np.asarray(1.0 - np.abs(values[0]))
+        case "sqrt" | "log":
+            return values[0]
+        case "tan":
+            period = np.pi * np.floor(centres[0] / np.pi + 0.5)
+            return np.asarray(0.5 * np.pi - np.abs(values[0] - period))
+        case "atan2":
+            y, x = np.broadcast_arrays(*values)
+            return np.where(x > 0.0, np.hypot(y, x), y * np.where(centres[0] < 0.0, -1.0, 1.0))
+    return None
+
+
+def _distance_of_operation(sign: str, values: ValuesWithDomain, centres: ValuesWithDomain) -> Array | None:
+    left, right = values
+    if sign == "/":
+        return np.asarray(right * np.sign(centres[1]))
+    if sign == "**" and not np.all(centres[1] == np.rint(centres[1])):
+        return left
+    if sign == "**" and np.any(centres[1] < 0.0):
+        return np.asarray(left * np.sign(centres[0]))
+    return None

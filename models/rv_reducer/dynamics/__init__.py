@@ -1,1 +1,0 @@
-"""Transmission error: spectrum by order and torsional vibration over a mesh."""

@@ -1,0 +1,228 @@
+"""First contact of rigid units at every position of a turn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from importlib import import_module
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....section import Array, Complex, Single
+from ....units import ARCMIN, UM
+from ..contact.contact import Engine, uses_numba
+from ..contact.geometry import ContactGeometry, unit
+from .errors import COLUMNS, Lattice, Scaled, Table, bore_axes, crank_lines, pitch_turn, sides, turn_lattice
+from .units import ERRORS, BaseSample, Hierarchy, UnitDesign
+
+Contacts = NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Touch:
+    """Where units touch: turns of the disc against the mesh [arcmin], (positions, units).
+
+    `high` is first contact forward, `low` backward; `ahead` and `behind` are the contacts of the
+    lattice that make it.
+    """
+
+    high: Single
+    low: Single
+    ahead: Contacts
+    behind: Contacts
+
+    def cycloid(self, output_ratio: float) -> Single:
+        """Backlash y of the cycloid stage at the carrier [arcmin]; below zero: interference."""
+        return np.asarray((self.high - self.low) * np.float32(1.0 / output_ratio))
+
+
+def touch(lattice: Lattice, table: Table, units: Scaled, engine: Engine = "auto") -> Touch:
+    """First contact of all units at all positions."""
+    shape = (lattice.shape[0], units.units)
+    contact = Touch(
+        np.empty(shape, np.float32), np.empty(shape, np.float32), np.zeros(shape, np.int32), np.zeros(shape, np.int32)
+    )
+    name = ".compiled" if uses_numba(engine) else ".arrays"
+    import_module(name, __package__).touch(
+        (table.values, lattice.pin, lattice.start, lattice.stop, lattice.directions),
+        packed(units),
+        (contact.high, contact.low, contact.ahead, contact.behind),
+    )
+    return contact
+
+
+def packed(units: Scaled) -> tuple[Single, ...]:
+    """Errors across and along pins (pins, n), of discs (discs, 12, n) and of the circle (2, n)."""
+    columns = [units.normal, units.radial, units.play, units.ahead]
+    for errors in (units.turning, units.offset, units.around, units.pitch):
+        columns += [errors.real, errors.imag]
+    wide = np.broadcast_shapes(*(column.shape for column in columns))
+    discs = np.stack([np.broadcast_to(column, wide) for column in columns], axis=1)
+    circle = np.stack([units.circle.real, units.circle.imag])
+    arrays = (units.across, units.along, discs, circle)
+    return tuple(np.ascontiguousarray(values, dtype=np.float32) for values in arrays)
+
+
+# Derivatives of the backlash of rigid units, by the contacts that touch.
+#
+# The turns at first contact are the least of functions that are linear in the tolerances, so that
+# their derivatives are those of the contacts that make them.
+
+
+NAMES = (*ERRORS, "stagger", "dr_rp", "dr_p")
+"""Variables of a gradient: zones [arcmin/um], of crank_phase [arcmin/mrad], stagger, and both
+modifications [arcmin/mm]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Slopes:
+    """Standardised errors of a base sample, as `pull_back` takes them; they hold for any design."""
+
+    of_unit: Single
+    of_discs: Single
+    of_pins: Single
+
+    @classmethod
+    def of(cls, geometry: ContactGeometry, sample: BaseSample) -> Slopes:
+        """The slopes of a base sample."""
+        z = sample.z
+        arm = UM / geometry.nominal.centre_distance / ARCMIN
+        ahead = 1e-3 * geometry.nominal.eccentricity / UM
+        circle = z["circle_offset"] * unit(sample.phase["circle_offset"])
+        lines = crank_lines(geometry)
+        bearing = 0.5 * arm * 0.5 * (1.0 + z["crank_bearing"]).mean(axis=0)
+        pitch = pitch_turn(geometry) * z["pitch"] * unit(sample.phase["pitch"])
+        runout = 0.5 * z["runout"] * unit(sample.phase["runout"])
+        bore = (z["bore_radial"] + 1j * z["bore_tangential"]) * bore_axes(geometry)
+        by_disc: list[Array | Complex] = [
+            z["equidistance"],
+            z["shift"],
+            pitch,
+            runout,
+            z["eccentricity"].mean(axis=0),
+            arm * (z["eccentricity"] * lines).mean(axis=0),
+            bearing,
+            bore.mean(axis=0),
+            arm * z["bore_tangential"].mean(axis=0),
+            ahead * z["crank_phase"].mean(axis=0),
+            arm * ahead * (1j * z["crank_phase"] * lines).mean(axis=0),
+            np.broadcast_to(sides(geometry)[:, None], z["shift"].shape),
+        ]
+        columns = [part for errors in by_disc for part in _parts(errors)]
+        return cls(
+            _single(np.stack([z["pin_circle_radius"], circle.real, circle.imag])),
+            _single(np.stack(columns, axis=1)),
+            _single(np.stack([z["pin_position"], z["pin_hole_radius"], z["pin_radius"]])),
+        )
+
+
+def _parts(value: Array | Complex) -> tuple[Array, ...]:
+    whole = np.asarray(value, dtype=np.complex128)
+    return (whole.real, whole.imag) if np.iscomplexobj(value) else (whole.real,)
+
+
+def _single(value: Array) -> Single:
+    return np.ascontiguousarray(value, dtype=np.float32)
+
+
+def pull_back(
+    lattice: Lattice, table: Table, touch: Touch, slopes: Slopes, weight: Array, engine: Engine = "auto"
+) -> Array:
+    """Derivatives (names,) of sum(weight y) by `NAMES`, for weights (positions, units).
+
+    y is the backlash of the cycloid stage at the carrier [arcmin], interference below zero.
+    """
+    ratio = lattice.geometry.output_ratio
+    rows = np.flatnonzero(np.any(weight != 0.0, axis=1))
+    total = np.zeros(len(NAMES))
+    name = ".compiled" if uses_numba(engine) else ".arrays"
+    import_module(name, __package__).pull_back(
+        _single(weight[rows] / ratio),
+        (touch.ahead[rows], touch.behind[rows]),
+        (table.values, lattice.pin, lattice.disc, lattice.directions[rows]),
+        (slopes.of_unit, slopes.of_discs, slopes.of_pins),
+        total,
+    )
+    total[NAMES.index("dr_rp")] *= 1e3  # from micrometres to millimetres
+    return total
+
+
+# A turn of rigid units of one design: the backlash of the cycloid stage at every position.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Population:
+    """Positions of a turn, a base sample and its slopes, which all designs have in common."""
+
+    lattice: Lattice
+    sample: BaseSample
+    slopes: Slopes
+    engine: Engine = "auto"
+
+    @classmethod
+    def draw(
+        cls,
+        geometry: ContactGeometry,
+        positions: int,
+        units: int,
+        rng: np.random.Generator,
+        hierarchy: Hierarchy | None = None,
+        engine: Engine = "auto",
+    ) -> Population:
+        """A population of `units` at `positions` of a turn of the output."""
+        lattice = Lattice.of(geometry, turn_lattice(positions, geometry.nominal.cycloid_teeth))
+        sample = BaseSample.draw(geometry, units, rng, hierarchy)
+        return cls(lattice, sample, Slopes.of(geometry, sample), engine)
+
+    @property
+    def units(self) -> int:
+        """Number of units."""
+        return self.sample.units
+
+    def alike(self) -> Slopes:
+        """Slopes by errors that are the same in all units: every standardised error is 1."""
+        sample = self.sample
+        ones = {name: np.ones_like(z) for name, z in sample.z.items()}
+        return Slopes.of(self.lattice.geometry, replace(sample, z=ones))
+
+    def turn(self, design: UnitDesign) -> Turn:
+        """Units built to a design, over the turn."""
+        geometry = self.lattice.geometry
+        table = Table.of(self.lattice, design.dr_rp, design.dr_p)
+        units = Scaled.of(geometry, self.sample, design)
+        contact = touch(self.lattice, table, units, self.engine)
+        return Turn(self, design, table, units, contact, contact.cycloid(geometry.output_ratio))
+
+
+@dataclass(frozen=True, eq=False)
+class Turn:
+    """Units of one design over a turn.
+
+    `play` (positions, units) [arcmin] is the backlash y of the cycloid stage at the carrier, play
+    of the crank bearings included; below zero the unit interferes there.
+    """
+
+    population: Population
+    design: UnitDesign
+    table: Table
+    units: Scaled
+    touch: Touch
+    play: Single
+
+    @cached_property
+    def by_circle(self) -> Single:
+        """Derivative of `play` by the pin-circle radius [arcmin/um], (positions, units): that of
+        the contacts that touch.
+        """
+        radial = self.table.values[:, COLUMNS.index("radial")] / self.population.lattice.geometry.output_ratio
+        return np.asarray(radial[self.touch.ahead] - radial[self.touch.behind], dtype=np.float32)
+
+    def slopes(self, weight: Array, errors: Slopes | None = None) -> Array:
+        """Derivatives of sum(weight y), weight (positions, units), by `gradient.NAMES`.
+
+        `errors` replace the standardised errors of the population.
+        """
+        drawn = self.population
+        standardised = errors or drawn.slopes
+        return pull_back(drawn.lattice, self.table, self.touch, standardised, weight, drawn.engine)

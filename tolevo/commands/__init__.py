@@ -1,0 +1,1 @@
+"""The commands: each with its configuration, calculation, records and page."""

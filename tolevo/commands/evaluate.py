@@ -1,0 +1,157 @@
+"""`tolevo evaluate`: a problem at given designs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from .. import tables
+from ..blocks import ArrayRows, Computed
+from ..errors import nearest, raise_all
+from ..problems.interfaces import Checks
+from ..problems.settings import slip
+from ..problems.tolerance_problem import ToleranceProblem
+from ..section import Array, Variable
+from ..units import unit_hint
+
+WITHIN = 1e-9
+"""Fraction of a range by which a design may leave it: the last digits of a table."""
+GRAIN = 64
+"""Designs that are evaluated at once."""
+REPORTED, SEARCH = "reported", "search"
+QUALITIES = (REPORTED, SEARCH)
+"""Accuracy: as points of a result are reported, or as a search evaluates them."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Every variable, output and limit margin of full designs, a grain of them at a time."""
+
+    problem: ToleranceProblem
+    searching: bool = False
+
+    def __call__(self, designs: Array, number: int) -> pd.DataFrame:
+        return self.problem.frame(designs, searching=self.searching)
+
+
+def evaluation(problem: ToleranceProblem, designs: Array, configuration: str = "", quality: str = REPORTED) -> Computed:
+    """The table of a problem at full designs (n, all variables), to be computed in blocks."""
+    compute = Evaluation(problem, quality == SEARCH)
+    return Computed("evaluate", compute, configuration, ArrayRows(designs), GRAIN, quality)
+
+
+def designs_in(
+    problem: ToleranceProblem,
+    table: tables.Table,
+    place: str,
+    understood: tables.Tell = tables.silent,
+    searched: bool = False,
+) -> Array:
+    """Full designs (n, all variables) in a table that faults call `place`.
+
+    A column may be left out where the problem fixes that variable; where it is given, it counts.
+    `[columns]` of the configuration says what columns of the file are.
+    A tolerance of 0 is evaluated as a limit: its cost may be infinite (`inf`).
+    A design outside of the ranges that are searched is a fault where it is to be `searched`, else
+    it is reported. Raises InputError with every fault of the table.
+    """
+    names = [variable.name for variable in problem.variables]
+    needed = [name for name in names if name not in problem.fixed]
+    labelled = [variable.name for variable in problem.variables if variable.labels]
+    known = {variable.name: variable.unit for variable in problem.variables}
+    fitted = tables.fitted(table, place, known, problem.settings.columns)
+    cells, unused = tables.without_unused(fitted.cells, names)
+    frame, faults = tables.parsed(cells, place, needed, names, labelled)
+    faults += fitted.faults
+    for variable in problem.variables:
+        if variable.name in frame:
+            if variable.labels:
+                frame[variable.name], bad = _numbered(variable, frame[variable.name])
+            else:
+                bad = _outside(variable, frame[variable.name])
+            faults += tables.cell_faults(place, variable.name, bad)
+    raise_all(faults)
+    understood([*_slips(problem, frame), *table.lines(place), *fitted.notes, *unused])
+    frame = frame.assign(**{n: v for n, v in problem.fixed.items() if n not in frame})
+    designs = frame[names].to_numpy(dtype=float)
+    for name, bad_rows in Checks.of(problem).misplaced(designs).items():
+        bad = {frame.index[row]: reason for row, reason in bad_rows.items()}
+        faults += tables.cell_faults(place, name, bad)
+    left = _beyond(problem, designs, frame.index)
+    for name, rows in left.items() if searched else ():
+        faults += tables.cell_faults(place, name, rows)
+    raise_all(faults)
+    understood(_left(left))
+    return designs
+
+
+def _beyond(problem: ToleranceProblem, designs: Array, index: pd.Index[Any]) -> dict[str, dict[object, str]]:
+    """Where full designs (n, all variables) leave what is searched: reasons by row, by variable."""
+    reasons: dict[str, dict[object, str]] = {}
+    ranges = {v.name: (low, high) for v, low, high in zip(problem.free, problem.xl, problem.xu, strict=True)}
+    ranges |= {name: (value, value) for name, value in problem.fixed.items()}
+    for variable in problem.variables:
+        low, high = ranges[variable.name]
+        unit, room = f" {variable.unit}".rstrip(), WITHIN * max(high - low, abs(high), abs(low))
+        for at, value in zip(index, problem.column(designs, variable.name).tolist(), strict=True):
+            if low - room <= value <= high + room:
+                continue
+            if low == high:
+                why = f"is fixed at {low:g}{unit}"
+            else:
+                why = f"must be at least {low:g}{unit}" if value < low else f"must be at most {high:g}{unit}"
+            reasons.setdefault(variable.name, {})[at] = f"{why}, got {value:g}"
+    return reasons
+
+
+def _left(reasons: dict[str, dict[object, str]]) -> list[str]:
+    """Which designs leave the ranges of the problem, a line per variable."""
+    lines = []
+    for name, rows in reasons.items():
+        row, why = next(iter(rows.items()))
+        more = {1: "", 2: "; another row as well"}.get(len(rows), f"; {len(rows) - 1} more rows as well")
+        lines.append(f"row {row} leaves what the problem searches: {name} {why}{more}")
+    return lines
+
+
+def _slips(problem: ToleranceProblem, frame: pd.DataFrame) -> list[str]:
+    """Tolerances that lie all but 0 far from the range that is searched, as in another unit."""
+    questions = []
+    for variable in problem.free:
+        if not variable.tolerance or variable.labels or variable.name not in frame:
+            continue
+        values = frame[variable.name].to_numpy(dtype=float)
+        if len(values := values[values != 0.0]):
+            texts = [slip(end, variable.unit, variable.low, variable.high) for end in (values.min(), values.max())]
+            if all(texts):
+                questions.append(f"is column {variable.name} in another unit? {texts[0]}")
+    return questions
+
+
+def _numbered(variable: Variable, column: pd.Series[str]) -> tuple[pd.Series[float], dict[object, str]]:
+    """The numbers that the names of a choice stand for, and what is wrong with them, by row."""
+    numbers = column.map({label: float(at) for at, label in enumerate(variable.labels)})
+    valid = ", ".join(variable.labels)
+    bad: dict[object, str] = {
+        at: f'must be one of {valid}, got "{name}"{nearest(str(name), variable.labels)}'
+        for at, name in column[numbers.isna()].items()
+        if name
+    }
+    return numbers, bad
+
+
+def _outside(variable: Variable, column: pd.Series[float]) -> dict[object, str]:
+    """What is wrong with the values of a variable, by row."""
+    low, high, unit = variable.valid_low, variable.valid_high, f" {variable.unit}".rstrip()
+    bad: dict[object, str] = {}
+    for at, value in column.items():
+        hint = unit_hint(value, variable.unit, variable.low, variable.high)
+        if value < low:
+            bad[at] = f"must be at least {low:g}{unit}, got {value:g}{hint}"
+        elif value > high:
+            bad[at] = f"must be at most {high:g}{unit}, got {value:g}{hint}"
+        elif variable.integer and value == value and value != round(value):
+            bad[at] = f"must be a whole number, got {value:g}"
+    return bad

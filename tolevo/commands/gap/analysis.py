@@ -1,0 +1,625 @@
+"""The whole loop on one record: noise, thresholds, selected effects, rivals and the residual."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+from operator import attrgetter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.effects.measurements import acting, changes_of
+from ...models.effects.unresolved import Term, Unresolved
+from ...models.measurable import Role
+from ...section import Array
+from .abstain import Identified, NullModel, acts_in, displaced, identified, more_numbers, significant_forms, structured
+from .blocks import HeldOut, improvement
+from .close import corrected
+from .data import GapData
+from .fit import Fit, Fitter, Member, Space, is_term
+from .generic import LEVELS, stacked
+from .linear import basis, projected_out
+from .population import Misfit, Scatter, misfit, scatter
+from .scan import GenericResidual, Remaining, dictionary, generic_residual
+from .searching import alike, as_read, contributions, in_noise, noise_of, read_again, searching, spread_of
+from .selection import (
+    Other,
+    Search,
+    Selection,
+    concluding,
+    first_of_confounded,
+    rivals,
+    same_columns,
+    select,
+    with_identified_by_likelihood,
+)
+from .setup import Setup, moved_to
+from .unresolved import label, member_of, member_with, term_of, whole_of
+
+# The contribution of an effect as a generic curve: the part of a larger effect without formula.
+
+
+KNOTS = 60
+"""Knots of a curve, at most."""
+EXACT = 1e-3
+"""Deviation at which no more knots are added, as a fraction of the largest value."""
+NO_CURVE = 0.02
+"""Deviation from which a contribution is no function of one variable, as a fraction of its rms."""
+
+
+def as_curve(fitter: Fitter, fit: Fit, small: int, large: int, data: GapData) -> Member | None:
+    """The contribution of a small member of a fit that a large one cannot explain, as a term over
+    its variable; None where it has several variables, or acts on several outputs.
+
+    The part that the large member can explain, with equal weights, is attributed to that member,
+    whose parameters are then those of its formula alone.
+    """
+    small_member, large_member = fit.members[small], fit.members[large]
+    contribution, large_columns = (fitter.columns.of(m.candidate, m.shape) for m in (small_member, large_member))
+    contribution, q = contribution @ fit.coefficients[small], basis(fitter.raw_base)
+    shared = np.linalg.lstsq(projected_out(large_columns, q), projected_out(contribution, q), rcond=1e-9)[0]
+    parts = np.split(contribution - large_columns @ shared, len(data.outputs))
+    acting = [at for at, part in enumerate(parts) if np.any(part)]
+    variables = acts_in(small_member.candidate.effect.needs) - {Role.DIRECTION}
+    inputs = [c.name for c in data.inputs if c.role in variables]
+    if len(acting) != 1 or len(inputs) != 1:
+        return None
+    output, part = data.outputs[acting[0]].name, parts[acting[0]]
+    turns = Role.DIRECTION in small_member.candidate.effect.needs
+    y = part * np.asarray(data.measurements[Role.DIRECTION], dtype=float) if turns else part
+    knots, heights, off = _through(data.values(inputs[0]), y)
+    if off > NO_CURVE:
+        return None
+    effect = Unresolved(Term(output, inputs[0], "curve", knots=knots, heights=heights, turns=turns))
+    return member_with(effect, data)
+
+
+def _through(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ...], float]:
+    """Knots and heights of a broken line through points (n,), of magnitude 1 at most, and its rms
+    error relative to the points. Knots are added one by one where the error is largest (Douglas and
+    Peucker, Cartographica 10, 1973).
+    """
+    order = np.argsort(x, kind="stable")
+    x, first = np.unique(x[order], return_index=True)
+    y = y[order][first] / max(float(np.abs(y).max()), 1e-300)
+    at = [0, len(x) - 1]
+    while True:
+        deviations = y - np.interp(x, x[at], y[at])
+        worst = int(np.argmax(np.abs(deviations)))
+        if abs(deviations[worst]) < EXACT or len(at) >= KNOTS:
+            break
+        at = sorted([*at, worst])
+    off = float(np.sqrt(np.mean(deviations**2) / max(float(np.mean(y**2)), 1e-300)))
+    return tuple(x[at].tolist()), tuple(y[at].tolist()), off
+
+
+# The final answer: identified effects and generic terms, fitted together and tested together.
+#
+# After each removal, exchange or addition everything is fitted and tested again. A form that lowers
+# the held-out error and fits no effect stays as a generic term, so that its omission does not bias
+# the parameters of the effects.
+
+
+TERMS = 8
+"""Largest number of generic terms."""
+TRIED = 4
+"""Number of forms and effects that are tried at each step, the likeliest first."""
+SETTLE_ROUNDS = 40
+FORMS_MORE = 2
+"""Number of forms that may be added although not significant, to predict as well as each step."""
+ENOUGH = 0.1
+"""Gain of a form given an effect, as a fraction of the effect's gain given everything else, above
+which the effect is not trusted: the form explains the same and much more.
+"""
+MINOR = 0.1
+"""Gain of all effects, as a fraction of the gain of the terms given the effects, below which the
+effects may only correct the terms: no form of one or two variables is the whole law.
+"""
+MARGIN = 5.0
+"""Score by which an answer without the displaced effects must be better than the one with them."""
+
+
+@dataclass(frozen=True)
+class Settled:
+    """The final fit, effects first; the effects that were removed, and the forms tested against the
+    residual.
+    """
+
+    fit: Fit
+    removed: tuple[str, ...]
+    residual_forms: GenericResidual
+    significant: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Settling:
+    """The search for a final answer. `accepted` are fits with their held-out rows, `trusted`
+    effects whose formula may be off by the generic terms in the fit.
+    """
+
+    search: Search
+    generic: Remaining
+    data: GapData
+    null_fit: Fit
+    accepted: Sequence[tuple[Fit, HeldOut]]
+    trusted: frozenset[str] = frozenset()
+
+    def settled(self, fit: Fit) -> Settled:
+        """The answer that follows from the effects of a selection."""
+        answers = [self.grown(fit, frozenset())]
+        if at := displaced(self.search, fit, self.generic):
+            names = frozenset(fit.names[k] for k in at)
+            answers.append(self.grown(self.search.fitter.refined(fit.without(*at)), names))
+            if answers[1].score < answers[0].score - MARGIN:
+                answers.reverse()
+        best = self._chosen(answers, frozenset())
+        return self._record(best, tuple(name for name in fit.names if name not in best.names))
+
+    def again(self, fit: Fit, excluded: frozenset[str], more: Sequence[Member] = ()) -> Settled:
+        """The answer without the effects in `excluded`, with more terms to begin with."""
+        kept = [*(member for member in fit.members if member.name not in excluded), *more]
+        return self._record(self._chosen([self.grown(self.search.fitter.refined(kept), excluded)], excluded), ())
+
+    def _record(self, fit: Fit, removed: tuple[str, ...]) -> Settled:
+        remaining = generic_residual(fit, self.search.fitter, self.generic)
+        return Settled(fit, removed, remaining, significant_forms(self.search, remaining))
+
+    def _chosen(self, answers: Sequence[Fit], excluded: frozenset[str]) -> Fit:
+        """The first answer that holds. Where its effects explain almost nothing compared with its
+        terms, all effects are excluded: others would imitate the same in their place.
+        """
+        best = self._first_that_holds(answers, excluded)
+        if not self._effects_are_minor(best):
+            return best
+        excluded |= {*self.search.dictionary.places}
+        alone = self.grown(self.search.fitter.refined(best.terms), excluded)
+        return self._first_that_holds([alone], excluded)
+
+    def _effects_are_minor(self, fit: Fit) -> bool:
+        """Whether a fit has effects, and they explain almost nothing compared with its terms."""
+        if not (fit.terms and fit.effects):
+            return False
+        without, only = self.search.fitter.fit(fit.terms).rss, self.search.fitter.fit(fit.effects).rss
+        explained = max(without - fit.rss, self.null_fit.rss - only)
+        return explained < MINOR * (only - fit.rss)
+
+    def holds(self, fit: Fit) -> bool:
+        """Whether held-out rows are predicted as well as by every accepted step, up to its standard
+        error, and no worse than by the null fit.
+        """
+        return self._predicts_as_well(self.search.tested(fit))
+
+    def _predicts_as_well(self, tested: HeldOut) -> bool:
+        return predicts_as_well(tested, [held_out for _, held_out in self.accepted], self.search.labels)
+
+    def _first_that_holds(self, answers: Sequence[Fit], excluded: frozenset[str]) -> Fit:
+        """The first answer that holds, effects first, then terms, perhaps with forms that were not
+        significant; else the one that predicts best, among the accepted steps without excluded
+        effects too.
+        """
+        attempts = [attempt for attempt in self.accepted if not excluded & {*attempt[0].names}]
+        for answer in answers:
+            fit = self.search.fitter.refined(sorted(answer.members, key=is_term))
+            for _ in range(FORMS_MORE + 1):
+                tested = self.search.tested(fit)
+                if self._predicts_as_well(tested):
+                    return fit
+                attempts.append((fit, tested))
+                fit = self._with_best_form(fit, tested, excluded) or fit
+        return min(attempts, key=lambda attempt: attempt[1].rss)[0]
+
+    def _with_best_form(self, fit: Fit, tested: HeldOut, excluded: frozenset[str]) -> Fit | None:
+        """The fit with the additional form that predicts best; None where none predicts better."""
+        remaining = generic_residual(fit, self.search.fitter, self.generic)
+        larger_fits = list(self._with_forms(fit, excluded, remaining, remaining.best.tolist()))
+        best = min(larger_fits, key=lambda larger: self.search.tested(larger).rss, default=fit)
+        return best if self.search.tested(best).rss < tested.rss else None
+
+    def grown(self, fit: Fit, never: frozenset[str]) -> Fit:
+        """The fit with all that is significant in addition: an effect where one fits as well as any
+        form. What is no longer significant given the others is removed again.
+        """
+        excluded = set(never)
+        for _ in range(SETTLE_ROUNDS):
+            after = self._weaker(fit, excluded) or self._larger(fit, excluded)
+            if after is None:
+                return fit
+            fit = after
+        return fit
+
+    def _weaker(self, fit: Fit, excluded: set[str]) -> Fit | None:
+        """The fit without the effect or term that is least significant given the others; None where
+        all are significant. A removed one is excluded from then on.
+        """
+        fitter, limit = self.search.fitter, self.search.thresholds.library
+        worst: tuple[float, int] = (0.0, -1)
+        for at, member in enumerate(fit.members):
+            gain = fitter.fit(fit.without(at)).rss - fit.rss
+            needed = member.candidate.price(fitter.penalty) if is_term(member) else limit
+            needed = max(needed, self.search.least_gain)
+            if gain < needed and (worst[1] < 0 or gain - needed < worst[0]):
+                worst = (gain - needed, at)
+        at = worst[1] if worst[1] >= 0 else self._explained_by_terms(fit)
+        if at < 0:
+            return None
+        excluded.add(fit.names[at])
+        return fitter.refined(fit.without(at))
+
+    def _explained_by_terms(self, fit: Fit) -> int:
+        """The index of an effect whose contribution a term explains, with much more; else -1."""
+        fitter = self.search.fitter
+        for at in fit.identified:
+            if fit.names[at] in self.trusted:
+                continue
+            forms = [k for k, member in enumerate(fit.members) if is_term(member) and self._spans(fit, k, at)]
+            if not forms:
+                continue
+            without, alone = fitter.fit(fit.without(at)), fitter.fit(fit.without(*forms))
+            none = fitter.fit(fit.without(at, *forms))
+            if alone.rss - fit.rss > ENOUGH * (none.rss - alone.rss) and without.rss > fit.rss:
+                return at
+        return -1
+
+    def _spans(self, fit: Fit, term: int, effect: int) -> bool:
+        """Whether the whole form of a term spans nearly all of an effect's contribution."""
+        fitter = self.search.fitter
+        q = basis(projected_out(fitter.white(whole_of(fit.members[term], self.data)), fitter.q))
+        contribution = fitter.contribution(fit, effect)
+        return float(np.sum((q.T @ contribution) ** 2)) > 0.9 * float(contribution @ contribution)
+
+    def _larger(self, fit: Fit, excluded: set[str]) -> Fit | None:
+        """The fit with one more effect or form that fits best and predicts better; an effect
+        precedes forms that fit no better. None where there is none.
+        """
+        tested, labels = self.search.tested, self.search.labels
+        fits = sorted([*self._with_effects(fit, excluded), *self._forms(fit, excluded)], key=attrgetter("score"))
+        return next((f for f in fits[: 2 * TRIED] if improvement(tested(fit), tested(f), labels).real), None)
+
+    def _with_effects(self, fit: Fit, excluded: set[str]) -> Iterator[Fit]:
+        """Fits with one more effect, or with one in place of a term."""
+        search, limit = self.search, self.search.thresholds.library
+        if len(fit.effects) >= search.settings.effects_at_most:
+            return
+        terms = [k for k, member in enumerate(fit.members) if is_term(member)]
+        for start in (fit, *(search.fitter.fit(fit.without(k)) for k in terms)):
+            candidates = [
+                candidate
+                for candidate in search.open(start.members)
+                if candidate.gain > limit and candidate.member.name not in excluded
+            ]
+            for larger in search.refined(start.members, candidates)[:TRIED]:
+                if start.rss - larger.rss > max(limit, search.least_gain) and larger.score < fit.score - 1e-3:
+                    yield larger
+
+    def _forms(self, fit: Fit, excluded: set[str]) -> Iterator[Fit]:
+        """Fits with one more term, from the significant forms, the likeliest first."""
+        if len(fit.terms) < TERMS:
+            remaining = generic_residual(fit, self.search.fitter, self.generic)
+            yield from self._with_forms(fit, excluded, remaining, significant_forms(self.search, remaining))
+
+    def _with_forms(
+        self, fit: Fit, excluded: Collection[str], remaining: GenericResidual, at: Sequence[int]
+    ) -> Iterator[Fit]:
+        """Fits with one of these forms in addition, the likeliest first, at most TRIED of them."""
+        penalty, sizes = self.search.fitter.penalty, self.generic.white.sizes
+        count, outputs = 0, self.data.outputs
+        price = {k: penalty * (sizes[k] + more_numbers(self.generic.forms[k])) for k in at}
+        for k in sorted(at, key=lambda k: price[k] - remaining.gains[k]):
+            term = term_of(self.generic.forms[k], self.data, outputs[self.generic.outputs[k]].name)
+            if term is None:
+                continue
+            member = member_of(term, self.data, self.search.fitter, fit.effects)
+            if member is None or member.name in excluded or member.name in fit.names:
+                continue
+            larger = self.search.fitter.fit((*fit.members, member))
+            if larger.score < fit.score and fit.rss - larger.rss > self.search.least_gain:
+                yield larger
+                count += 1
+            if count >= TRIED or (count < 2 and term.shape == LEVELS):
+                return  # any other form would only imitate the offsets of sessions
+
+
+def predicts_as_well(tested: HeldOut, steps: Sequence[HeldOut], labels: NDArray[np.int64]) -> bool:
+    """Whether an answer is no worse on held-out rows than the null fit, the first of the steps, and
+    than every other step up to its standard error.
+    """
+    first, *others = (improvement(step, tested, labels) for step in steps)
+    return first.gain >= 0.0 and all(better.gain >= -better.error for better in others)
+
+
+AUTOCORRELATED = 0.4
+"""Autocorrelation from which it is tested whether the noise is a missing effect."""
+SETTLED = 3
+"""How often the final set is searched, the noise estimated again given the set."""
+ROUNDS = 2
+"""How often the noise is estimated again given the selected effects."""
+BETTER = 1.0
+"""By how much a rival must fit better than the selected set to replace it."""
+OUTLIER_SPREAD = 4000.0
+"""Reciprocal density of an outlier, in standard deviations: 1 unit in 200, anywhere within 10
+standard deviations."""
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """The result of the loop, before it is put into records.
+
+    `initial_null_model` is that at the start of the loop, `null_model` the one at its end. They
+    differ only by an effect on the scatter of a population, which the latter contains.
+    """
+
+    initial_null_model: NullModel
+    null_model: NullModel
+    selection: Selection
+    identified: Identified
+    rivals: tuple[Other, ...]
+    significant: bool
+    scatter: tuple[Scatter, ...] = ()
+    misfit: Misfit | None = None
+    removed: tuple[str, ...] = ()
+    excluded: frozenset[str] = frozenset()
+    trusted: frozenset[str] = frozenset()
+
+    @property
+    def fit(self) -> Fit:
+        """The fit with every accepted effect; of a batch with those that were withdrawn as well."""
+        return self.selection.fit
+
+    @property
+    def setup(self) -> Setup:
+        """The setup of the final null model."""
+        return self.null_model.setup
+
+    @property
+    def search(self) -> Search:
+        """The search given the final null model."""
+        return self.null_model.search
+
+    def without_effects(self) -> Analysis:
+        """The analysis of a batch without any identified effect."""
+        null = self.initial_null_model
+        selection = replace(self.selection, fit=null.null_fit)
+        odd = misfit(null.batch, null.null_fit, None)
+        return Analysis(null, null, selection, identified(null, null.null_fit), (), self.significant, (), odd)
+
+    @property
+    def score(self) -> float:
+        """Of a batch: minus twice the log likelihood of its units, plus the effects' price."""
+        batch = self.initial_null_model.batch
+        if not self.scatter:
+            return batch.score_without_effect(self.fit)
+        return self.scatter[0].score + batch.price(self.fit)
+
+
+def analysed(setup: Setup) -> Analysis:
+    """Run the loop, the noise estimated again given the selected effects."""
+    setup = as_read(setup)
+    noises = noise_of(setup, ())
+    effects = dictionary(setup.library, setup.columns, spread_of(noises))
+    null_model = searching(setup, noises, effects, *stacked(setup.generic, len(setup.data.outputs)), None)
+    selection = select(null_model.search)
+    if max(noise.rho for noise in noises) > AUTOCORRELATED:
+        selection, null_model = _not_noise(selection, null_model)
+    for _ in range(ROUNDS if selection.fit.members else 0):
+        search = null_model.search
+        moved = as_read(_about(setup, search, selection.fit) if setup.free else setup, selection.fit)
+        if moved is not setup:
+            setup, fit = read_again(moved, Space(null_model.noises, moved.prior), selection.fit)
+            effects = dictionary(setup.library, setup.columns, spread_of(null_model.noises))
+            selection = replace(selection, fit=fit)
+        noises = noise_of(setup, contributions(setup, selection.fit))
+        forms = null_model.forms, null_model.generic.outputs
+        null_model = searching(setup, noises, effects, *forms, search.thresholds)
+        previous_names, kept_fit = selection.fit.names, null_model.search.fitter.refined(selection.fit.members)
+        selection = select(null_model.search)
+        if kept_fit.score < selection.fit.score - BETTER:  # another path from the null fit
+            selection = selection.ending_with(kept_fit, null_model.search.tested(kept_fit))
+        if selection.fit.names == previous_names:
+            break
+    return (_of_batch if setup.data.target.population else _settled)(selection, null_model)
+
+
+def _of_batch(selection: Selection, null_model: NullModel) -> Analysis:
+    """The final result of a batch. Outliers do not count, unless an effect on the scatter explains
+    them and all units are then likelier than the others are without it.
+    """
+    without_outliers = concluded(null_model, selection)
+    outlier_count = null_model.noises[0].outliers
+    if not outlier_count or not null_model.setup.on_scatter:
+        return without_outliers
+    all_units = in_noise(null_model, tuple(replace(noise, good=None) for noise in null_model.noises))
+    with_outliers = concluded(all_units, select(all_units.search))
+    penalty_per_unit = 2.0 * np.log(OUTLIER_SPREAD * null_model.batch.law.std)
+    better = without_outliers.score + penalty_per_unit * outlier_count - with_outliers.score
+    return with_outliers if with_outliers.scatter and better > 0.0 else without_outliers
+
+
+def _settled(selection: Selection, null_model: NullModel) -> Analysis:
+    """The final result of rows, in the noise that is estimated given its whole fit."""
+    setup, settling = null_model.setup, _settling(null_model, selection)
+    settled = settling.settled(selection.fit)
+    for _ in range(SETTLED - 1):
+        if not settled.fit.members:  # the noise of the null fit is known
+            break
+        noises = noise_of(setup, contributions(setup, settled.fit))
+        if alike(null_model.noises, noises):
+            break
+        null_model = in_noise(null_model, noises)
+        search = null_model.search
+        accepted = [search.fitter.fit(fit.members) for fit, _ in selection.accepted]
+        selection = replace(selection, accepted=tuple((fit, search.tested(fit)) for fit in accepted))
+        settling = _settling(null_model, selection)
+        settled = settling.settled(search.fitter.refined(settled.fit.members))
+    return _answer(null_model, settling, selection, settled)
+
+
+def _settling(null_model: NullModel, selection: Selection, trusted: frozenset[str] = frozenset()) -> Settling:
+    data, null_fit = null_model.setup.data, null_model.null_fit
+    return Settling(null_model.search, null_model.generic, data, null_fit, selection.accepted, trusted)
+
+
+def without(analysis: Analysis, name: str, trusted: str = "") -> Analysis:
+    """The analysis of rows without the effect `name` and those with the same columns, the remaining
+    ones fitted and tested again. What is excluded stays excluded. The contribution of `name` may
+    belong to the form of the effect `trusted`; it stays as a generic curve.
+    """
+    null_model, selection, fit = analysis.null_model, analysis.selection, analysis.fit
+    curve, sure = None, analysis.trusted
+    if trusted:
+        sure |= {trusted}
+        members = fit.names.index(name), fit.names.index(trusted)
+        curve = as_curve(null_model.search.fitter, fit, *members, analysis.setup.data)
+    settling = _settling(null_model, selection, sure)
+    names = {name, *same_columns(name, analysis.rivals)}
+    excluded = analysis.excluded | names
+    settled = settling.again(fit, excluded, () if curve is None else (curve,))
+    settled = replace(settled, removed=(*analysis.removed, *(names & {*selection.identified})))
+    answer = _answer(null_model, settling, selection, settled, excluded)
+    return replace(answer, excluded=excluded, trusted=sure)
+
+
+def _answer(
+    null_model: NullModel,
+    settling: Settling,
+    selection: Selection,
+    settled: Settled,
+    excluded: frozenset[str] = frozenset(),
+) -> Analysis:
+    """The analysis that ends with a settled fit; the instrument is preferred at equal columns, but
+    no effect that is excluded.
+    """
+    search, fit = null_model.search, settled.fit
+    others = rivals(search, fit, fit.identified)
+    if others and others[0].distance < -BETTER and not excluded & {*others[0].names}:
+        rival_fit = search.fitter.refined(sorted(others[0].fit.members, key=is_term))
+        if settling.holds(rival_fit):
+            fit, others = rival_fit, rivals(search, rival_fit, rival_fit.identified)
+    named = fit.identified
+    allowed = [other for other in others if not excluded & {*other.names}]
+    if (preferred := first_of_confounded(fit, allowed, False)) is not None:
+        fit = search.fitter.fit(sorted(preferred.members, key=is_term))
+        others = rivals(search, fit, named)
+    steps = concluding(search, selection, fit, {member.name: label(member) for member in fit.terms})
+    return Analysis(
+        null_model,
+        null_model,
+        replace(selection, fit=fit, steps=steps),
+        Identified(named, (), settled.residual_forms, settled.significant),
+        tuple(others),
+        bool(fit.members or selection.identified) or null_model.detected,
+        removed=tuple(name for name in selection.identified if name in settled.removed),
+    )
+
+
+def _about(setup: Setup, search: Search, fit: Fit) -> Setup:
+    """The setup linearised about the joint fit in the full model: the columns depend on it."""
+    model = corrected(setup, search.fitter.space, fit)
+    changes = changes_of(acting(model.active, setup.data.measurements, setup.data.target))
+    return moved_to(setup, {**setup.at, **model.free()}, changes)
+
+
+def _not_noise(selection: Selection, null_model: NullModel) -> tuple[Selection, NullModel]:
+    """The state with effects selected as if the noise were white, where that is much likelier.
+
+    A strong effect along the path of the measurement looks like autocorrelated noise.
+    """
+    white = in_noise(null_model, tuple(replace(noise, rho=0.0) for noise in null_model.noises))
+    white_fit = select(white.search, quick=True).fit
+    if not white_fit.members:
+        return selection, null_model
+    setup = null_model.setup
+    new = in_noise(null_model, noise_of(setup, contributions(setup, white_fit)))
+    fit = new.search.fitter.refined(white_fit.members)
+    gain = _minus_log(selection.fit, null_model.search) - _minus_log(fit, new.search)
+    if gain < new.search.thresholds.library:
+        return selection, null_model
+    return select(new.search), new
+
+
+def _minus_log(fit: Fit, search: Search) -> float:
+    """Minus twice the log likelihood, plus the price of the effects."""
+    total = fit.score - fit.rss
+    n = search.fitter.space.rows_per_output
+    for at, noise in enumerate(search.fitter.space.noises):
+        r = fit.residual[at * n : (at + 1) * n]
+        total += n * np.log(float(r @ r) / n) + 2.0 * float(np.sum(np.log(noise.sigma)))
+        total += (n - 1) * np.log(1.0 - noise.rho**2)
+    return total
+
+
+def concluded(initial: NullModel, selection: Selection) -> Analysis:
+    """The analysis that ends with a selection: effects on the scatter, rivals, generic forms that
+    displace effects, and the forms that remain.
+    """
+    null_model, selection, scatter_effects = _given_scatter(initial, selection)
+    verdict, others = _tested(null_model, selection.fit)
+    preferred = first_of_confounded(selection.fit, others, initial.setup.data.target.population)
+    if preferred is not None:
+        selection = replace(selection, fit=preferred)
+        verdict, others = _tested(null_model, preferred)
+    batch_misfit = misfit(initial.batch, selection.fit, next(iter(scatter_effects), None))
+    if batch_misfit is not None and batch_misfit.bent:
+        null_model, scatter_effects = initial, ()
+        selection = replace(selection, fit=initial.batch.unmoved(selection.fit))
+        verdict, others = _tested(initial, selection.fit)
+    return Analysis(
+        initial,
+        null_model,
+        selection,
+        verdict,
+        tuple(others),
+        bool(selection.fit.members or scatter_effects or batch_misfit) or initial.detected,
+        scatter_effects,
+        batch_misfit,
+    )
+
+
+def _tested(null_model: NullModel, fit: Fit) -> tuple[Identified, list[Other]]:
+    verdict = identified(null_model, fit)
+    return verdict, rivals(null_model.search, fit, verdict.confirmed)
+
+
+def _given_scatter(initial: NullModel, selection: Selection) -> tuple[NullModel, Selection, tuple[Scatter, ...]]:
+    """Select again given the effects on the scatter: a mixture moves the mean itself."""
+    null_model, original = initial, selection
+    if not initial.setup.laws or structured(initial, selection.fit):
+        return initial, selection, ()  # units with a structure do not scatter
+    fit, scatter_effects = _likeliest_scatter(initial, initial, selection.fit)
+    for _ in range(ROUNDS if scatter_effects else 0):
+        null_model = initial.with_scatter(scatter_effects[0])
+        names, selection = selection.fit.names, select(null_model.search)
+        fit, scatter_effects = _likeliest_scatter(initial, null_model, selection.fit)
+        selection = replace(selection, fit=fit)
+        if not scatter_effects:  # an effect that is no longer selected had widened them
+            return initial, original, ()
+        if fit.names == names:
+            break
+    if scatter_effects:
+        null_model, best = initial.with_scatter(scatter_effects[0]), scatter_effects[0]
+        selection = replace(selection, fit=null_model.search.fitter.refined(selection.fit.members))
+        selection = with_identified_by_likelihood(
+            null_model.search, original, selection, best.candidate.name, best.gain, best.threshold, best.held_out
+        )
+    return null_model, selection, scatter_effects
+
+
+def _likeliest_scatter(initial: NullModel, null_model: NullModel, fit: Fit) -> tuple[Fit, tuple[Scatter, ...]]:
+    """The likeliest effects on the scatter given all selected effects, all but one, or none.
+
+    An effect that has absorbed the mean of a mixture hides the mixture.
+    """
+    reduced_sets = [fit.without(at) for at in range(len(fit.members))]
+    candidate_fits = [fit, *(null_model.search.fitter.fit(reduced) for reduced in reduced_sets)]
+    candidate_fits += [null_model.null_fit] if len(reduced_sets) > 1 else []
+    score = initial.batch.score_without_effect(fit)
+    best: tuple[float, Fit, tuple[Scatter, ...]] = (score, fit, ())
+    for candidate_fit in candidate_fits:
+        effects = scatter(initial.batch, candidate_fit)
+        score = effects[0].score + initial.batch.price(candidate_fit) if effects else np.inf
+        if score < best[0]:
+            best = (score, candidate_fit, effects)
+    _, fit, effects = best
+    if effects and (members := initial.batch.with_level(fit, effects[0])) != fit.members:
+        fit = null_model.search.fitter.fit(members)
+    return fit, effects

@@ -1,0 +1,306 @@
+"""Joint fits of the model's free parameters and any effects, in whitened space."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field, replace
+from operator import itemgetter
+
+import numpy as np
+from scipy import optimize
+
+from ...models.effects import EffectParameter
+from ...models.effects.unresolved import Unresolved
+from ...section import Array
+from .library import Candidate, Columns
+from .linear import ConditionalGroups, Groups, basis, projected_out, unit
+from .noise import Noise
+
+# Whitened space: the outputs one below the other, each divided by its own noise.
+
+
+@dataclass(frozen=True)
+class Space:
+    """Rows (N,) of q outputs with n measurements each, and one row for each tolerance (prior,).
+
+    A free parameter that moves by its tolerance costs as much as a measurement that is off by one
+    standard deviation: the tolerance is the standard deviation of its prior.
+    """
+
+    noises: tuple[Noise, ...]
+    prior: int = 0
+
+    @property
+    def rows_per_output(self) -> int:
+        """Rows of one output."""
+        return len(self.noises[0].sigma)
+
+    @property
+    def count(self) -> int:
+        """The number of measurements that count."""
+        return self.rows_per_output * len(self.noises) - sum(noise.outliers for noise in self.noises)
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether every measurement of an output counts the same."""
+        return all(noise.is_plain for noise in self.noises)
+
+    def unweighted(self) -> Space:
+        """A space in which every measurement of an output counts the same."""
+        return Space(tuple(noise.independent() for noise in self.noises), self.prior)
+
+    def whiten(self, columns: Array) -> Array:
+        """Columns (N,) or (N, m) whitened, with zeros in the rows of the prior."""
+        if len(self.noises) == 1 and not self.prior:
+            return self.noises[0].whiten(columns)
+        parts = np.split(columns, len(self.noises))
+        white = [noise.whiten(part) for noise, part in zip(self.noises, parts, strict=True)]
+        tail = np.zeros((self.prior, *columns.shape[1:]))
+        return np.concatenate([*white, tail])
+
+    def with_prior(self, free: Array) -> Array:
+        """Columns (N, prior + zeros) of the free parameters, each for its whole tolerance; the last
+        ones are zeros of outputs, which have no tolerance.
+        """
+        white = self.whiten(free)
+        white[len(white) - self.prior :, : self.prior] = np.eye(self.prior)
+        return white
+
+    def level(self) -> Array:
+        """Noise level (q,) of each output, in its unit."""
+        return np.array([noise.level for noise in self.noises])
+
+
+REMEMBERED = 400
+"""Members whose columns, or products with groups, are kept at most."""
+
+
+@dataclass(frozen=True)
+class Member:
+    """An effect in a fit, with its nonlinear parameters."""
+
+    candidate: Candidate
+    shape: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """The effect's name."""
+        return self.candidate.name
+
+    @property
+    def forms(self) -> tuple[Member, ...]:
+        """The member in each of its two forms, or alone where it has a single form."""
+        two_choices = next((parameter for parameter in self.candidate.shape if len(parameter.choices) == 2), None)
+        if two_choices is None:
+            return (self,)
+        return tuple(replace(self, shape={**self.shape, two_choices.name: choice}) for choice in two_choices.choices)
+
+    @property
+    def key(self) -> tuple[str, tuple[float, ...]]:
+        """The key of its columns in a cache."""
+        return self.name, tuple(self.shape.values())
+
+
+def is_term(member: Member) -> bool:
+    """Whether a member of a fit is a generic term."""
+    return isinstance(member.candidate.effect, Unresolved)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A joint fit: squared whitened residual `rss`, and the coefficients of each member.
+
+    `score` is rss plus the price of the parameters. `residual` is whitened, with the prior.
+    """
+
+    members: tuple[Member, ...]
+    rss: float
+    score: float
+    coefficients: tuple[Array, ...]
+    free: Array
+    residual: Array = field(repr=False)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of its effects."""
+        return tuple(member.name for member in self.members)
+
+    @property
+    def terms(self) -> list[Member]:
+        """The members that are generic terms."""
+        return [member for member in self.members if is_term(member)]
+
+    @property
+    def effects(self) -> list[Member]:
+        """The members that are identified effects."""
+        return [member for member in self.members if not is_term(member)]
+
+    @property
+    def identified(self) -> tuple[int, ...]:
+        """The indices of the members that are identified effects."""
+        return tuple(k for k, member in enumerate(self.members) if not is_term(member))
+
+    def without(self, *removed: int) -> tuple[Member, ...]:
+        """All members but those at these indices."""
+        return tuple(member for k, member in enumerate(self.members) if k not in removed)
+
+
+class Fitter:
+    """Fits in one space, with a cache of the columns of effects."""
+
+    def __init__(self, space: Space, y: Array, base: Array, columns: Columns, offset: Array) -> None:
+        self.space = space
+        self.columns = columns
+        self.y = space.whiten(y)
+        self.y[len(self.y) - space.prior :] = offset
+        self.raw_base = base
+        self.base = space.with_prior(base)
+        self.q = basis(self.base)
+        self._white: dict[tuple[str, tuple[float, ...]], Array] = {}
+        self._products: dict[int, tuple[Groups, dict[tuple[object, ...], Array]]] = {}
+        self._refined: dict[tuple[object, ...], Fit] = {}
+
+    def of_record(self, y: Array) -> Fitter:
+        """The fitter for another whitened record (N,)."""
+        fitter = copy(self)
+        fitter.y, fitter._refined, fitter._products = y, {}, {}
+        return fitter
+
+    @property
+    def penalty(self) -> float:
+        """ln n, the least gain of a further parameter."""
+        return float(np.log(self.space.count))
+
+    def spanned(self, members: Sequence[Member]) -> Array:
+        """An orthonormal basis (N, r) of the free parameters and these members."""
+        parts = [self.white(member) for member in members]
+        return basis(np.hstack([self.base, *parts])) if parts else self.q
+
+    def gains(self, groups: Groups, members: Sequence[Member]) -> Array:
+        """Gain (g,) of each group of whitened columns given the free parameters and these members.
+
+        Its products with each member are computed once: a search evaluates the same groups given
+        many sets of members.
+        """
+        parts = [self.q, *(unit(self.white(member)) for member in members)]
+        keys = [("free",), *(member.key for member in members)]
+        with_groups = np.vstack([self._product(groups, *pair) for pair in zip(keys, parts, strict=True)])
+        z = np.hstack(parts)
+        with_y = self._product(groups, ("record",), self.y[:, None])[0]
+        return ConditionalGroups.of(z.T @ z, z.T @ self.y).gains(groups, with_groups, with_y)
+
+    def _product(self, groups: Groups, key: tuple[object, ...], columns: Array) -> Array:
+        """Products (k, C) of the columns (N, k) of a key with those of groups."""
+        _, known = self._products.setdefault(id(groups), (groups, {}))
+        if key not in known:
+            if len(known) > REMEMBERED:
+                known.clear()
+            known[key] = columns.T @ groups.columns
+        return known[key]
+
+    def white(self, member: Member) -> Array:
+        """Whitened columns (N, m) of a member."""
+        if member.key not in self._white:
+            if len(self._white) > REMEMBERED:
+                self._white.clear()
+            self._white[member.key] = self.space.whiten(self.columns.of(member.candidate, member.shape))
+        return self._white[member.key]
+
+    def contribution(self, fit: Fit, at: int) -> Array:
+        """The whitened contribution (N,) of a member that the free parameters cannot explain."""
+        return projected_out(self.white(fit.members[at]) @ fit.coefficients[at], self.q)
+
+    def fit(self, members: Sequence[Member]) -> Fit:
+        """The fit of these members, their nonlinear parameters as they are."""
+        parts = [self.white(member) for member in members]
+        x = np.hstack([self.base, *parts])
+        size = np.maximum(np.linalg.norm(x, axis=0), 1e-300)
+        low, high = self._bounds(members)
+        coefficients, *_ = np.linalg.lstsq(x / size, self.y, rcond=1e-9)
+        coefficients = coefficients / size
+        if (coefficients < low).any() or (coefficients > high).any():
+            q, r = np.linalg.qr(x / size)
+            ends = (low * size, high * size)
+            coefficients = optimize.lsq_linear(r, q.T @ self.y, ends, method="bvls").x / size
+        residual = self.y - x @ coefficients
+        sizes = [part.shape[1] for part in parts]
+        split = np.split(coefficients, np.cumsum([self.base.shape[1], *sizes])[:-1])
+        rss = float(residual @ residual)
+        price = sum(member.candidate.price(self.penalty) for member in members)
+        return Fit(tuple(members), rss, rss + price, tuple(split[1:]), split[0], residual)
+
+    def _bounds(self, members: Sequence[Member]) -> tuple[Array, Array]:
+        free = np.full(self.base.shape[1], np.inf)
+        ends = [member.candidate.bounds for member in members]
+        low = np.concatenate([-free, *(low for low, _ in ends)])
+        return low, np.concatenate([free, *(high for _, high in ends)])
+
+    def refined(self, members: Sequence[Member]) -> Fit:
+        """The fit with the nonlinear parameters of each member fitted as well, in turn, twice."""
+        key = tuple(member.key for member in members)
+        if key not in self._refined:
+            refined = list(members)
+            for _ in range(2 if len(refined) > 1 else 1):
+                for at, member in enumerate(refined):
+                    if member.shape:
+                        refined[at] = self.shaped(refined, at)
+            self._refined[key] = self.fit(refined)
+        return self._refined[key]
+
+    def shaped(self, members: Sequence[Member], at: int) -> Member:
+        """A member with its nonlinear parameters fitted given the others; the better of two forms."""
+        q = self.spanned([member for k, member in enumerate(members) if k != at])
+        residual = projected_out(self.y, q)
+        return max((self._shaped(form, q, residual) for form in members[at].forms), key=itemgetter(1))[0]
+
+    def _shaped(self, member: Member, q: Array, residual: Array) -> tuple[Member, float]:
+        """A member with its nonlinear parameters fitted to a residual (N,) orthogonal to q (N, r),
+        and the decrease of its sum of squares.
+        """
+        candidate = member.candidate
+        free = [parameter for parameter in candidate.shape if not parameter.choices]
+        if not free:
+            return member, 0.0
+        start = np.array([member.shape[parameter.name] for parameter in free])
+        scale = np.array([_width(parameter, value) for parameter, value in zip(free, start, strict=True)])
+        low, high = np.array([(parameter.low, parameter.high) for parameter in free]).T
+
+        def shape(x: Array) -> dict[str, float]:
+            values = np.clip(start + x * scale, low, high)
+            named = {parameter.name: float(v) for parameter, v in zip(free, values, strict=True)}
+            return {**member.shape, **named}
+
+        def loss(x: Array) -> float:
+            columns = self.space.whiten(self.columns.of(candidate, shape(x)))
+            projected = q.T @ columns
+            losses.append(-_gain(candidate, columns.T @ columns - projected.T @ projected, columns.T @ residual))
+            return losses[-1]
+
+        losses: list[float] = []
+        simplex = np.vstack([np.zeros(len(free)), 0.5 * np.eye(len(free))])  # half a cell of the grid
+        best = optimize.minimize(
+            loss,
+            simplex[0],
+            method="Nelder-Mead",
+            options={"maxiter": 40 * len(free), "xatol": 0.01, "fatol": 0.01, "initial_simplex": simplex},
+        )
+        if best.fun >= losses[0]:  # no better than the start
+            return member, -losses[0]
+        return Member(candidate, shape(best.x)), -float(best.fun)
+
+
+def _width(parameter: EffectParameter, value: float) -> float:
+    """The scale of a nonlinear parameter: about one cell of the grid."""
+    if parameter.phase:
+        return 15.0
+    return 0.3 * abs(value) if value else 1.0
+
+
+def _gain(candidate: Candidate, gram: Array, product: Array) -> float:
+    """Decrease of a squared residual by bounded columns with these products (m, m) and (m,)."""
+    if candidate.is_nonlinear:
+        return float(2.0 * product[0] - gram[0, 0])
+    ridge = 1e-9 * np.trace(gram) + 1e-300
+    coefficients = np.clip(np.linalg.solve(gram + ridge * np.eye(len(gram)), product), *candidate.bounds)
+    return float(2.0 * coefficients @ product - coefficients @ gram @ coefficients)

@@ -1,0 +1,253 @@
+"""The ending of an analysis: the final fit of the identified effects, and its verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...models.effects import EffectParameter
+from ...section import Array
+from .abstain import acts_in
+from .analysis import Analysis, predicts_as_well, without
+from .blocks import HeldOut
+from .close import Corrected, corrected
+from .fit import Fit, Fitter, Member, is_term
+from .linear import basis, projected_out
+from .setup import Setup
+from .unresolved import whole_of
+
+# The bias of an effect's parameter due to the form of the generic terms that are fitted with it.
+#
+# A generic term is one of many forms that the record allows. Where a form contains the column of an
+# effect, their common part is attributed to the effect; the form's squared size is spread evenly over
+# its dimensions, and the common dimension is assumed to have had as much. With g the column of a
+# parameter given all others, E the squared norm of the term r in noise units and m its dimensions,
+# the variance is then sigma^2 / |g|^2 (1 + E/m). A term that is fitted jointly may have absorbed g' r
+# / |g|^2 of the parameter, between none and all of it: the standard deviation is taken as 0.6 of it.
+
+
+LITTLE = 0.01
+"""Fraction of a parameter's column within a form below which they have nothing in common."""
+STEP = 1e-4
+"""Relative step of a derivative."""
+EITHER = 0.36
+"""Variance of a value between two ends, over the square of their distance, such that an interval of
+90 % about one end contains the other."""
+SURE = 2.0
+"""Standard errors from which two fits differ by more than noise."""
+LEAST_CHANCE = 0.05
+"""Least variance of their difference, as a fraction of that of the wider fit."""
+
+
+def misfit_of(analysis: Analysis, fit: Fit) -> dict[tuple[str, str], float]:
+    """Added variance of the effects' parameters, by owner and name, due to the generic terms."""
+    fitter = analysis.search.fitter
+    terms = [k for k, member in enumerate(fit.members) if is_term(member)]
+    named = fit.identified if terms else ()
+    columns = {at: _columns(fitter, fit, at) for at in named}
+    variances: dict[tuple[str, str], float] = {}
+    for at in named:
+        member = fit.members[at]
+        numbers = [parameter.name for parameter in (*member.candidate.linear, *_fitted(member))]
+        others = [columns[k] for k in named if k != at]
+        for k, number in enumerate(numbers):
+            given_columns = [fitter.base, np.delete(columns[at], k, axis=1), *others]
+            g = projected_out(columns[at][:, k], basis(np.hstack(given_columns)))
+            size = float(g @ g)
+            variance = sum(_part(analysis, fit, term, g) for term in terms) if size > 0.0 else 0.0
+            if variance > 0.0:
+                variances[member.name, number] = variance / size
+    return variances
+
+
+def of_weights(model: Corrected, plain: Corrected) -> dict[tuple[str, str], float]:
+    """Added variance of numbers that differ between the weighted fit and one with equal weights: if
+    the form is right they differ by noise alone.
+
+    Reference: DuMouchel and Duncan, J. Am. Stat. Assoc. 78, 1983.
+    """
+    away = plain.values - model.values
+    variance, plain_variance = (np.diag(fitted_model.covariance) for fitted_model in (model, plain))
+    chance = np.maximum(plain_variance - variance, LEAST_CHANCE * plain_variance)
+    sure = away**2 > SURE**2 * chance
+    return {
+        (number.owner, number.name): EITHER * float(square)
+        for number, square, significant in zip(model.numbers, away**2, sure, strict=True)
+        if significant and np.isfinite(square)
+    }
+
+
+def _fitted(member: Member) -> list[EffectParameter]:
+    """The nonlinear parameters that are fitted."""
+    return [parameter for parameter in member.candidate.shape if not parameter.choices and member.candidate.linear]
+
+
+def _columns(fitter: Fitter, fit: Fit, at: int) -> Array:
+    """Whitened derivatives (N, k) of the outputs with respect to each parameter of a member."""
+    member, columns = fit.members[at], [fitter.white(fit.members[at])]
+    for parameter in _fitted(member):
+        here = member.shape[parameter.name]
+        step = STEP * (abs(here) or 1.0) * (-1.0 if here >= parameter.high else 1.0)
+        moved = {**member.shape, parameter.name: here + step}
+        raw = fitter.columns.of(member.candidate, moved)
+        change = (fitter.space.whiten(raw) - columns[0]) @ fit.coefficients[at]
+        columns.append(change[:, None] / step)
+    return np.hstack(columns)
+
+
+def _part(analysis: Analysis, fit: Fit, term: int, g: Array) -> float:
+    """E/m of a term, times the fraction of g that lies in its whole form."""
+    member, fitter = fit.members[term], analysis.search.fitter
+    added = fitter.contribution(fit, term)
+    bias = float(g @ added) ** 2 / float(g @ g)
+    q = basis(projected_out(fitter.white(whole_of(member, analysis.setup.data)), fitter.q))
+    fraction = float(np.sum((q.T @ g) ** 2)) / float(g @ g)
+    if fraction < LITTLE:
+        return 0.0
+    if q.shape[1] == fitter.white(member).shape[1]:
+        return EITHER * bias
+    return max(EITHER * bias, float(added @ added) / len(fit.coefficients[term]) * fraction)
+
+
+FORM_OFF, FORM_ALIKE = 0.05, 0.3
+"""Limits of the part of an effect that is orthogonal to a larger effect of its variables, as a
+fraction of the latter, and of their correlation. Below the first and above the second, the effect
+may be an error of the larger one's form, which no formula has exactly.
+"""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """An analysis with the final fit of its identified effects."""
+
+    analysis: Analysis
+    fit: Fit
+    model: Corrected
+    before: HeldOut
+    after: HeldOut
+
+    @property
+    def setup(self) -> Setup:
+        """The setup of the final null model."""
+        return self.analysis.setup
+
+    @property
+    def verdict(self) -> str:
+        """The verdict."""
+        if not self.analysis.significant:
+            return "no_gap"
+        if not self.identified and not self.analysis.scatter:
+            return "unnamed"
+        if self.remains:
+            return "partial"
+        rivals = self.analysis.rivals or len(self.analysis.scatter) > 1 or self.may_be_a_second_supplier
+        return "ambiguous" if rivals else "named"
+
+    @property
+    def identified(self) -> tuple[int, ...]:
+        """The indices of the members that are identified effects."""
+        return self.fit.identified
+
+    @property
+    def rows(self) -> bool:
+        """Whether each row is a measurement, not a unit of a population."""
+        return not self.setup.data.target.population
+
+    @property
+    def remains(self) -> bool:
+        """Whether a residual or a scatter of units beyond the identified effects is significant."""
+        forms_remain = self.rows and bool(self.analysis.identified.significant)
+        return bool(self.fit.terms) or forms_remain or self.analysis.misfit is not None
+
+    @property
+    def may_be_a_second_supplier(self) -> bool:
+        """Whether offsets of lots were identified that a second supplier would explain as well."""
+        names = {candidate.name for candidate in self.setup.on_scatter}
+        return "lot_offset" in self.fit.names and "lot_mixture" in names
+
+
+def ended(analysis: Analysis) -> Ending:
+    """The final fit of the identified effects, in the full model. An effect is removed, and the
+    others are fitted and tested again, where the joint interval of its parameters given the others
+    contains 0. The same holds for an effect that may be an error of a larger one's form, unless
+    held-out rows are then predicted worse.
+
+    Every turn excludes an effect for good, or keeps one in `needed`: there are at most two turns
+    for each effect of the library.
+    """
+    ending, needed = _ended(analysis), set[str]()
+    while ending.rows and (weak := _weak(ending, needed)) is not None:
+        name, larger = weak
+        reduced = without(analysis, name, larger)
+        after = _ended(reduced)
+        if larger and not _predicts_as_well(after):
+            needed.add(name)
+        else:
+            analysis, ending = reduced, after
+    return ending
+
+
+def _weak(end: Ending, needed: Collection[str]) -> tuple[str, str] | None:
+    """The first effect to be removed, and the larger effect whose form it may belong to (empty
+    where its parameters may be 0); None where all stay. An effect in `needed` belongs to no other
+    form.
+    """
+    for at in end.identified:
+        name = end.fit.names[at]
+        if name in end.analysis.excluded:
+            continue
+        larger = "" if name in needed else _form_of(end, at)
+        if larger or end.model.nothing(end.fit.members[at]):
+            return name, larger
+    return None
+
+
+def _predicts_as_well(end: Ending) -> bool:
+    """Whether held-out rows are predicted as well as by each accepted step."""
+    steps = [held_out for _, held_out in end.analysis.selection.accepted]
+    return predicts_as_well(end.after, steps, end.analysis.search.labels)
+
+
+def _form_of(end: Ending, at: int) -> str:
+    """The larger effect of the same variables of whose form this effect may be an error, or ""."""
+    members = end.fit.members
+    variables = acts_in(members[at].candidate.effect.needs)
+    candidates = [
+        k for k in end.identified if variables and k != at and variables <= acts_in(members[k].candidate.effect.needs)
+    ]
+    return next((members[k].name for k in candidates if _is_form(end, at, k)), "")
+
+
+def _is_form(end: Ending, small: int, large: int) -> bool:
+    """Whether the small member's contribution may be an error of the large member's form."""
+    fitter, fit = end.analysis.search.fitter, end.fit
+    a, b = (fitter.contribution(fit, k) for k in (small, large))
+    small_norm, large_norm = float(np.linalg.norm(a)), float(np.linalg.norm(b))
+    alike = abs(float(a @ b)) / max(small_norm * large_norm, 1e-300)
+    apart = small_norm * np.sqrt(max(1.0 - alike**2, 0.0))
+    return bool(small_norm < large_norm and alike > FORM_ALIKE and apart < FORM_OFF * large_norm)
+
+
+def _ended(analysis: Analysis) -> Ending:
+    search = analysis.search
+    withdrawn = analysis.identified.withdrawn
+    kept = analysis.fit.without(*withdrawn)
+    fit = search.fitter.refined(kept) if kept else analysis.null_model.null_fit
+    if not withdrawn and not analysis.scatter and not analysis.setup.data.target.population:
+        fit = analysis.fit  # as it was tested
+    model = corrected(analysis.setup, search.fitter.space, fit)
+    null_model = analysis.initial_null_model
+    end = Ending(analysis, fit, model, null_model.search.tested(null_model.null_fit), search.tested(fit))
+    extra_widths = misfit_of(analysis, fit)
+    if end.identified and end.rows and not analysis.setup.free and not search.fitter.space.is_plain:
+        weighed = of_weights(model, corrected(analysis.setup, search.fitter.space, fit, plain=True))
+        extra_widths = {key: extra_widths.get(key, 0.0) + weighed.get(key, 0.0) for key in {**extra_widths, **weighed}}
+    return replace(end, model=model.widened(extra_widths))
+
+
+def rmse(values: Array, good: object = None) -> float:
+    """Root mean square without outliers."""
+    inside = values if good is None else values[np.asarray(good, dtype=bool)]
+    return float(np.sqrt(np.mean(inside**2)))

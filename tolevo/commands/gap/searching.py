@@ -1,0 +1,360 @@
+"""The space of a search: the noise given the selected effects, and columns whitened by it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.effects.instrument import step_of
+from ...models.measurable import Role
+from ...section import Array, Output
+from .abstain import NullModel
+from .blocks import block_labels
+from .fit import Fit, Fitter, Space
+from .library import Candidate, Columns
+from .linear import Groups, basis, products, projected_out
+from .noise import Noise, autocorrelation, outliers, residual_scale, robust_scale, size_follows
+from .scan import Dictionary, Remaining, Thresholds, evidence, thresholds
+from .selection import Search
+from .setup import Setup, values_of
+
+# Estimates the noise of each output given the model, the effects and any smooth remainder.
+
+
+CERTAIN = 14.0
+"""Evidence from which a generic form is removed before the noise is estimated."""
+FEW = 0.03
+"""Fraction of the units of a batch up to which extreme ones count as outliers."""
+MANY = 0.06
+"""Fraction of the measurements up to which extreme ones are outliers; more are a missing effect."""
+PASSES = 2
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """One output: its residual (n,), the columns (n, k) that may explain it and are kept, generic
+    forms and whether each is slow, the inputs by name, labels of repeats, and the noise where it is
+    known. `law` is the standard deviation of the units of a population in the model, 0 for
+    measurements; `resolution` the scatter due to rounded measurements alone, 0 without rounding.
+    """
+
+    residual: Array
+    certain_columns: Array
+    generic: Groups
+    inputs: Mapping[str, Array]
+    slow: tuple[bool, ...]
+    repeats: NDArray[np.int64] | None = None
+    known_sigma: Array | None = None
+    source: str = "estimated"
+    law: float = 0.0
+    resolution: float = 0.0
+
+    def least(self, sigma: Array) -> float:
+        """The least level of noise of these sizes (n,), as a fraction of them."""
+        return max(max(self.law, self.resolution) / float(np.median(sigma)), 1e-12)
+
+    def good(self, residual: Array, sigma: Array) -> NDArray[np.bool_]:
+        """False (n,) for outliers; all True where too many are extreme: a separate group."""
+        inliers = outliers(residual, sigma, self.least(sigma))
+        return np.ones_like(inliers) if np.mean(~inliers) > (FEW if self.law else MANY) else inliers
+
+
+def estimated(remainder: Remainder) -> Noise:
+    """The noise of one output."""
+    n = len(remainder.residual)
+    kept = np.column_stack([remainder.certain_columns, _slow(n)])
+    sigma = np.ones(n) if remainder.known_sigma is None else remainder.known_sigma
+    noise = Noise(sigma * _first_scale(remainder, kept, sigma), remainder.source)
+    chosen = kept
+    for _ in range(PASSES):
+        noise, chosen = _improved(remainder, kept, noise)
+    return _scaled(remainder, chosen, noise)
+
+
+def _slow(n: int) -> Array:
+    """Columns (n, 4) of a slow curve along the order of measuring."""
+    x = np.linspace(-1.0, 1.0, n)
+    return np.column_stack([np.ones(n), x, x * x, x**3])
+
+
+def _first_scale(remainder: Remainder, kept: Array, sigma: Array) -> float:
+    q = basis(kept / sigma[:, None])
+    return max(robust_scale(projected_out(remainder.residual / sigma, q)), remainder.law, remainder.resolution, 1e-300)
+
+
+def _improved(remainder: Remainder, kept: Array, noise: Noise) -> tuple[Noise, Array]:
+    """One pass: remove forms, then estimate outliers, size and autocorrelation of the residual."""
+    start = _start(remainder, kept, noise)
+    whole, trend = _with_forms(remainder, start, np.ones(len(remainder.slow), dtype=bool))
+    tried = [(_noise_given(remainder, whole, noise), whole)]
+    if trend:  # a trend or autocorrelated noise: the likelier
+        plain, _ = _with_forms(remainder, start, ~np.array(remainder.slow))
+        tried.append((_noise_given(remainder, plain, noise), plain))
+    scores = [_likelihood(remainder.residual, chosen, tried_noise) for tried_noise, chosen in tried]
+    return tried[int(np.argmax(scores))]
+
+
+def _noise_given(remainder: Remainder, chosen: Array, noise: Noise) -> Noise:
+    white = replace(noise, rho=0.0, good=None)
+    residual = remainder.residual - _fitted(remainder, chosen, white)
+    good = remainder.good(residual, noise.sigma)
+    estimate = replace(white, good=None if good.all() else good)
+    if remainder.known_sigma is None:
+        follows = size_follows(residual, remainder.inputs, good)
+        if follows is not None:
+            estimate = replace(estimate, varies_with=follows[0], sigma=follows[1])
+        count = max(int(good.sum()) - basis(white.whiten(chosen)).shape[1], 1)
+        size = np.sqrt(np.sum((residual[good] / estimate.sigma[good]) ** 2) / count)
+        estimate = replace(estimate, sigma=estimate.sigma * size)
+    return replace(estimate, rho=autocorrelation(remainder.residual, chosen, estimate))
+
+
+def _fitted(remainder: Remainder, chosen: Array, noise: Noise) -> Array:
+    """A fit (n,) that is robust against outliers: they are clipped, and the fit is repeated."""
+    y = whole = noise.whiten(remainder.residual)
+    q = basis(noise.whiten(chosen))
+    for _ in range(4):
+        fit = q @ (q.T @ y)
+        limit = 2.5 * max(robust_scale(whole - fit), remainder.least(noise.sigma))
+        y = fit + np.clip(whole - fit, -limit, limit)
+    return np.asarray(q @ (q.T @ y) * noise.sigma)
+
+
+@dataclass(frozen=True)
+class Start:
+    """The state before forms are removed: columns that are kept (n, k), their whitened basis q
+    (n, r), the whitened residual (n,) orthogonal to it, and the whitened forms with their products
+    with both. In uniform noise the forms are not scaled: no gain depends on their lengths.
+    """
+
+    certain_columns: Array
+    q: Array
+    residual: Array
+    white: Groups
+    projected: Array
+    product: Array
+
+
+def _start(remainder: Remainder, kept: Array, noise: Noise) -> Start:
+    groups = remainder.generic
+    if not noise.is_plain or noise.good is not None:
+        groups = groups.white(noise)
+    q = basis(noise.whiten(kept))
+    residual = projected_out(noise.whiten(remainder.residual), q)
+    return Start(kept, q, residual, groups, *products(groups, q, residual))
+
+
+def _with_forms(remainder: Remainder, start: Start, allowed: NDArray[np.bool_]) -> tuple[Array, bool]:
+    """The kept columns and those of `allowed` forms (g,) with certain evidence; and if any is slow."""
+    if not allowed.any():
+        return start.certain_columns, False
+    chosen, q, residual, white = start.certain_columns, start.q, start.residual, start.white
+    allowed = allowed.copy()
+    projected, product, trend = start.projected, start.product, False
+    while chosen.shape[1] < max(len(residual) // 5, start.certain_columns.shape[1] + 2):
+        scale = residual @ residual / (len(residual) - q.shape[1])
+        level = evidence(white, white.conditional_gains(projected, product) / scale)
+        best = int(np.argmax(np.where(allowed, level, -np.inf)))
+        if not allowed[best] or level[best] < CERTAIN:
+            break
+        allowed[best] = False
+        chosen = np.column_stack([chosen, remainder.generic.of(best)])
+        new = basis(projected_out(projected_out(white.of(best), q), q))
+        residual, q = projected_out(residual, new), np.hstack([q, new])
+        more, product = products(white, new, residual)
+        projected = np.vstack([projected, more])
+        trend |= remainder.slow[best]
+    return chosen, trend
+
+
+def _likelihood(residual: Array, chosen: Array, noise: Noise) -> float:
+    """Log likelihood less half ln n per column, up to a constant."""
+    q = basis(noise.whiten(chosen))
+    whitened = projected_out(noise.whiten(residual), q)
+    n = len(residual)
+    spread = -0.5 * (n - 1) * np.log(1.0 - noise.rho**2) - float(np.sum(np.log(noise.sigma)))
+    return float(spread - 0.5 * n * np.log(whitened @ whitened / n) - 0.5 * np.log(n) * q.shape[1])
+
+
+def _scaled(remainder: Remainder, chosen: Array, noise: Noise) -> Noise:
+    """The noise at its final size, from repeats where there are any."""
+    if remainder.known_sigma is not None:
+        return replace(noise, sigma=remainder.known_sigma)
+    pure = _pure(remainder)
+    if pure is not None:
+        level = np.sqrt(np.mean(noise.sigma**2))
+        return replace(noise, sigma=noise.sigma * pure / level, source="repeats")
+    q = basis(noise.whiten(chosen))
+    whitened = projected_out(noise.whiten(remainder.residual), q)
+    scale = max(residual_scale(whitened, q.shape[1]), remainder.resolution / noise.level)
+    return replace(noise, sigma=noise.sigma * scale)
+
+
+def _pure(remainder: Remainder) -> float | None:
+    """Standard deviation between repeats of the same inputs, where there are ten or more."""
+    if remainder.repeats is None:
+        return None
+    _, number, count = np.unique(remainder.repeats, return_inverse=True, return_counts=True)
+    freedom = int(np.sum(count - 1))
+    if freedom < 10:
+        return None
+    means = np.bincount(number, remainder.residual) / count
+    return float(np.sqrt(np.sum((remainder.residual - means[number]) ** 2) / freedom))
+
+
+# The quantity that an instrument measures: the prediction with all effects added to it.
+
+
+COARSE = 0.25
+"""Fraction of the residual's scatter from which the steps of measurements are noted."""
+
+ITERATIONS, CLOSER = 8, 0.01
+"""Largest number of iterations, and the fraction of the squares that a further one must save."""
+
+
+def as_read(setup: Setup, fit: Fit | None = None) -> Setup:
+    """The setup in which an instrument measures the zeros and the effects of a fit as well.
+
+    Without a fit the zero of an output is the median of its residual. The setup is unchanged where
+    no effect of its library acts on the measurement itself.
+    """
+    if not any(_reads(setup, candidate) for candidate in setup.library):
+        return setup
+    outputs = setup.data.outputs
+    if fit is None:
+        parts = np.split(setup.residual, len(outputs))
+        notes = [_coarse(setup, o, x) for o, x in zip(outputs, parts, strict=True)]
+        setup = replace(setup, notes=(*setup.notes, *(note for note in notes if note)))
+        more = {
+            o.name: np.full(len(x), np.median(x) if o.name in setup.data.zeros else 0.0)
+            for o, x in zip(outputs, parts, strict=True)
+        }
+    else:
+        total = setup.base[:, setup.prior :] @ fit.free[setup.prior :]
+        for member, size in zip(fit.members, fit.coefficients, strict=True):
+            if not _reads(setup, member.candidate):
+                total = total + setup.columns.of(member.candidate, member.shape) @ size
+        more = dict(zip((o.name for o in outputs), np.split(total, len(outputs)), strict=True))
+    return replace(setup, columns=Columns(setup.data, setup.columns.predict, more))
+
+
+def read_again(setup: Setup, space: Space, fit: Fit) -> tuple[Setup, Fit]:
+    """The setup in which the instrument measures what the members of a fit add, and their fit in
+    it; iterated to convergence where a member acts on the measurement itself.
+    """
+    before = np.inf
+    for _ in range(ITERATIONS):
+        fitter = Fitter(space, setup.residual, setup.base, setup.columns, setup.offset)
+        fit = fitter.refined(fit.members)
+        if before - fit.rss < CLOSER * fit.rss or not any(_reads(setup, member.candidate) for member in fit.members):
+            break
+        setup, before = as_read(setup, fit), fit.rss
+    return setup, fit
+
+
+def resolution(setup: Setup, output: str) -> float:
+    """The standard deviation due to the steps of an output's measurements, 0 without steps."""
+    return float((step_of(setup.data.measured[output]) or 0.0) / np.sqrt(12.0))
+
+
+def _coarse(setup: Setup, output: Output, residual: Array) -> str:
+    """The note on measurements whose steps are a large part of their residual (n,), else ""."""
+    scatter, whole = resolution(setup, output.name), float(np.std(residual))
+    if scatter <= COARSE * whole:
+        return ""
+    step, percent = scatter * np.sqrt(12.0), 100.0 * min(scatter / whole, 1.0)
+    return (
+        f"{output.name} is measured in steps of {step:.4g} {output.unit}: their scatter alone is "
+        f"{percent:.0f} % of the residual"
+    )
+
+
+def _reads(setup: Setup, candidate: Candidate) -> bool:
+    """Whether a candidate acts on the measurement itself."""
+    values, data = {number.name: max(number.choices, default=1.0) for number in candidate.shape}, setup.data
+    return candidate.is_nonlinear and bool(candidate.effect.act(data.measurements, values, data.target).reading)
+
+
+SAME = 0.02
+"""Change of the noise's level and autocorrelation below which they count as unchanged."""
+
+
+def searching(
+    setup: Setup,
+    noises: tuple[Noise, ...],
+    effects: Dictionary,
+    forms: Groups,
+    outputs: NDArray[np.int64],
+    known: Thresholds | None,
+) -> NullModel:
+    """The null model in the space of this noise; `forms` (N, C) are generic columns, `outputs` (g,)
+    the output of each group of them.
+    """
+    plan = setup.plan
+    space = Space(noises, setup.prior)
+    fitter = Fitter(space, setup.residual, setup.base, setup.columns, setup.offset)
+    white, generic = effects.white(space), forms.white(space)
+    if known is None:
+        rng = np.random.default_rng([plan.seed, 2])
+        known = thresholds(white, generic, fitter.q, plan.settings.simulations, plan.settings.false_rate, rng)
+    labels = np.tile(block_labels(setup.data), len(setup.data.outputs))
+    search = Search(fitter, effects, white, known, labels, plan.settings)
+    roles = {c.name: c.role for c in setup.data.target.columns}
+    remaining = Remaining(generic, setup.forms * len(setup.data.outputs), outputs, roles)
+    return NullModel(setup, noises, search, remaining, forms)
+
+
+def in_noise(null_model: NullModel, noises: tuple[Noise, ...]) -> NullModel:
+    """The same null model in the space of another noise, with the same thresholds."""
+    search, outputs = null_model.search, null_model.generic.outputs
+    return searching(null_model.setup, noises, search.dictionary, null_model.forms, outputs, search.thresholds)
+
+
+def noise_of(setup: Setup, contributions: Sequence[Array]) -> tuple[Noise, ...]:
+    """The noise of each output given the model and the effects' columns (N, m)."""
+    data = setup.data
+    split = [np.split(x, len(data.outputs)) for x in (setup.residual, setup.base, *contributions)]
+    clocks = [c.name for c in data.inputs if c.role is Role.TIME]
+    slow, inputs = tuple(form.variable in clocks for form in setup.forms), values_of(data)
+    noises = []
+    for output, residual, *columns in zip(data.outputs, *split, strict=True):
+        known, source = _stated_noise(setup, output.name)
+        law = setup.laws[output.name].std if setup.laws else 0.0
+        rounding = 0.0 if setup.laws else resolution(setup, output.name)
+        kept = np.column_stack(columns)
+        remainder = Remainder(residual, kept, setup.generic, inputs, slow, data.repeats, known, source, law, rounding)
+        noises.append(estimated(remainder))
+    return tuple(noises)
+
+
+def _stated_noise(setup: Setup, name: str) -> tuple[Array | None, str]:
+    """The noise (n,) that the table or the configuration states, and which of the two."""
+    if name in setup.data.std:
+        return setup.data.std[name], "column"
+    if name in setup.plan.noise:
+        return np.full(len(setup.data), setup.plan.noise[name]), "configuration"
+    return None, "estimated"
+
+
+def contributions(setup: Setup, fit: Fit) -> list[Array]:
+    """Columns of the members in the outputs' units."""
+    return [setup.columns.of(member.candidate, member.shape) for member in fit.members]
+
+
+def spread_of(noises: Sequence[Noise]) -> float:
+    """The largest level of the noise of the outputs."""
+    return float(max(noise.level for noise in noises))
+
+
+def alike(first: Sequence[Noise], second: Sequence[Noise]) -> bool:
+    """Whether two estimates of the noise are practically the same."""
+    return all(
+        abs(a.level / b.level - 1.0) < SAME
+        and abs(a.rho - b.rho) < SAME
+        and a.outliers == b.outliers
+        and a.varies_with == b.varies_with
+        for a, b in zip(first, second, strict=True)
+    )

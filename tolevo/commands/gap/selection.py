@@ -1,0 +1,404 @@
+"""The selection of effects: add, refit and test all again until no candidate is significant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import combinations
+from operator import attrgetter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .blocks import HeldOut, Improvement, Training, held_out, improvement
+from .fit import Fit, Fitter, Member
+from .linear import Groups, projected_out
+from .plan import GapSettings
+from .records import Step
+from .scan import Dictionary, ScanResult, Thresholds, scan
+
+REFINED = 8
+"""Number of candidates whose nonlinear parameters are fitted at each step."""
+WITHIN = 40.0
+"""Gain behind the best on the grid, beyond which a candidate is not refined."""
+
+BOTH = "significant, and held-out rows are predicted better"
+UNITS = "units scatter significantly in this form, held-out units as well"
+NO_BETTER = "held-out rows are not predicted better"
+SMALL = "its contribution is below the practical limit"
+NO_FORM = "its form is not that of the data: it is not significant given the other terms"
+AS_WELL = "fits at least as well as any generic form, given the others"
+TERM = "held-out rows are predicted better, and no effect of the library has this form"
+VISITED = 6
+"""Number of sets that a selection visits, per effect that it may have; the longest of 240 records
+visited 10 sets in all."""
+MASKED = 12
+"""Number of candidates that are tried in pairs where none is significant alone."""
+PAIRS = 2
+"""Number of pairs whose nonlinear parameters are fitted."""
+TWO = 1.6
+"""Gain that two effects must reach together, in thresholds of a single one."""
+
+
+@dataclass(frozen=True)
+class Search:
+    """What a selection works with: fitter, candidates, their thresholds and the blocks of rows."""
+
+    fitter: Fitter
+    dictionary: Dictionary
+    white: Groups
+    thresholds: Thresholds
+    labels: NDArray[np.int64]
+    settings: GapSettings
+    _open: dict[tuple[object, ...], list[ScanResult]] = field(init=False, default_factory=dict)
+    _tested: dict[tuple[object, ...], HeldOut] = field(init=False, default_factory=dict)
+
+    def open(self, members: Sequence[Member]) -> list[ScanResult]:
+        """The candidates that may be added to `members`, best first."""
+        key = tuple(member.key for member in members)
+        if key not in self._open:
+            candidates = scan(self.fitter, self.white, self.dictionary, members)
+            self._open[key] = [candidate for candidate in candidates if not candidate.member.candidate.unread]
+        return self._open[key]
+
+    def refined(self, members: Sequence[Member], candidates: Sequence[ScanResult]) -> list[Fit]:
+        """Fits with one more candidate each, its nonlinear parameters fitted, best first."""
+        least = max(self._reached(members, candidates[:REFINED]) - WITHIN, 0.0)
+        near = [candidate.member for candidate in candidates[:REFINED] if candidate.gain > least]
+        return sorted((self._grown(members, member) for member in near), key=attrgetter("score"))
+
+    def _reached(self, members: Sequence[Member], candidates: Sequence[ScanResult]) -> float:
+        """The largest gain with admissible signs; a scan respects those of single columns only."""
+        before, best = 0.0, -np.inf
+        for scanned in candidates:
+            if scanned.gain <= best:
+                break
+            gain, candidate = scanned.gain, scanned.member.candidate
+            if len(candidate.linear) > 1 and np.isfinite(candidate.bounds[0]).any():
+                before = before or self.fitter.fit(members).rss
+                gain = before - self.fitter.fit((*members, scanned.member)).rss
+            best = max(best, gain)
+        return best
+
+    def _grown(self, members: Sequence[Member], new: Member) -> Fit:
+        """A fit with a new member, whose nonlinear parameters are fitted."""
+        whole = [*members, new]
+        if new.shape:
+            whole[-1] = self.fitter.shaped(whole, len(whole) - 1)
+        return self.fitter.fit(whole)
+
+    def tested(self, fit: Fit) -> HeldOut:
+        """Held-out residuals of a fit."""
+        key = tuple(member.key for member in fit.members)
+        if key not in self._tested:
+            self._tested[key] = held_out(self._training, fit.members)
+        return self._tested[key]
+
+    @cached_property
+    def _training(self) -> Training:
+        return Training(self.fitter, self.labels, self.dictionary, self.white)
+
+    def held_out_error(self, tested: HeldOut) -> float:
+        """The RMSE of held-out rows, all outputs together, in noise units."""
+        return float(np.sqrt(tested.rss / max(self.fitter.space.count, 1)))
+
+    @property
+    def least_gain(self) -> float:
+        """The gain that the practical limit demands."""
+        return self.fitter.space.count * self.settings.practical_limit**2
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The final fit of a selection and its path. `accepted` are the fits of the accepted steps with
+    their held-out residuals, the null fit first; `identified` are the effects in the final fit.
+    """
+
+    fit: Fit
+    steps: tuple[Step, ...]
+    rejected: tuple[str, ...] = ()
+    accepted: tuple[tuple[Fit, HeldOut], ...] = ()
+    identified: tuple[str, ...] = ()
+
+    def ending_with(self, fit: Fit, tested: HeldOut) -> Selection:
+        """The same path, with another fit accepted at its end."""
+        return replace(self, fit=fit, accepted=(*self.accepted, (fit, tested)))
+
+
+def select(search: Search, quick: bool = False) -> Selection:
+    """Effects that pass the threshold and the held-out test, added to the null fit one by one;
+    `quick` does not try effects that are significant only in pairs.
+
+    A turn that reaches no new set rejects one more effect or pair, and the number of sets is limited.
+    """
+    fit = search.fitter.fit(())
+    steps: list[Step] = []
+    rejected: set[frozenset[str]] = set()
+    before = search.tested(fit)
+    accepted = [(fit, before)]
+    visited = {frozenset(fit.names)}
+    _note(steps, search, fit, before, "start", "", "the model as recalibrated")
+    most = search.settings.effects_at_most
+    while len(fit.members) < most and len(visited) <= VISITED * most:
+        grown = _next(search, fit, rejected)
+        if grown is None and not quick:
+            grown = masked(search, fit, rejected)
+        if grown is None:
+            break
+        new = grown.names[len(fit.members) :]
+        name = " + ".join(new)
+        gain = fit.rss - grown.rss
+        if not _matters(search, gain, len(new)):
+            _note(steps, search, fit, before, "reject", name, SMALL, gain)
+            break
+        after = search.tested(grown)
+        better = improvement(before, after, search.labels)
+        if not better.real:
+            rejected.add(frozenset(new))
+            _note(steps, search, fit, after, "reject", name, NO_BETTER, gain, better)
+            continue
+        _note(steps, search, grown, after, "add", name, BOTH, gain, better)
+        fit = _retested(search, grown, steps, accepted)
+        accepted.append((grown, after))
+        if frozenset(fit.names) in visited:  # effects selected before: try another path from here
+            rejected.add(frozenset(new))
+        else:
+            rejected.clear()  # effects mask each other: one rejected before may pass now
+            visited.add(frozenset(fit.names))
+        before = search.tested(fit)
+    fit = search.fitter.refined(fit.members)
+    rejected_names = sorted(name for names in rejected for name in names)
+    return Selection(fit, tuple(steps), tuple(rejected_names), tuple(accepted), fit.names)
+
+
+def with_identified_by_likelihood(
+    search: Search, before: Selection, after: Selection, name: str, gain: float, limit: float, better: Improvement
+) -> Selection:
+    """The path of a selection, followed by an effect that was selected by likelihood and by the
+    changes of the other effects given that one.
+    """
+    steps = list(before.steps)
+    tested = search.tested(after.fit)
+    _note(steps, search, before.fit, tested, "add", name, UNITS, gain, better)
+    steps[-1] = replace(steps[-1], names=(*before.fit.names, name), threshold=limit)
+    for action, names in zip(("drop", "add"), _changes(before.fit.names, after.fit.names), strict=True):
+        if names:
+            _note(steps, search, after.fit, tested, action, ", ".join(names), f"fitted again given {name}")
+            steps[-1] = replace(steps[-1], names=(*after.fit.names, name))
+    return replace(after, steps=tuple(steps))
+
+
+def _changes(before: Sequence[str], after: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The names that were dropped, and those that were added."""
+    return [name for name in before if name not in after], [name for name in after if name not in before]
+
+
+def _matters(search: Search, gain: float, names: int) -> bool:
+    """Whether the rms explained per additional effect exceeds the practical limit."""
+    rms = np.sqrt(max(gain, 0.0) / names / max(search.fitter.space.count, 1))
+    return bool(rms > search.settings.practical_limit)
+
+
+def _next(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | None:
+    """The best fit with one more effect that passes the threshold; None where there is none."""
+    limit = search.thresholds.library
+    # the threshold is that of the grid: the gain of a finer fit is no evidence
+    alone = {name for names in rejected if len(names) == 1 for name in names}
+    candidates = [
+        candidate
+        for candidate in search.open(fit.members)
+        if candidate.member.name not in alone and candidate.gain > limit
+    ]
+    fits = search.refined(fit.members, candidates)
+    return next((larger for larger in fits if fit.rss - larger.rss > limit and larger.score < fit.score), None)
+
+
+def masked(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | None:
+    """The best fit with two more effects, each significant only with the other; else None.
+
+    An effect that was rejected alone may be one of them: without the other its fit was biased.
+    """
+    limit = search.thresholds.library
+    pairs: list[Fit] = []
+    for first in search.open(fit.members)[:MASKED]:
+        members = (*fit.members, first.member)
+        seconds = [
+            second
+            for second in search.open(members)
+            if frozenset([first.member.name, second.member.name]) not in rejected
+        ]
+        if not seconds or first.gain + seconds[0].gain < TWO * limit:
+            continue
+        pairs.append(search.fitter.fit([*members, seconds[0].member]))
+    nearest = sorted(pairs, key=attrgetter("score"))[:PAIRS]
+    fits = [search.fitter.refined(pair.members) for pair in nearest]
+    best = min(fits, key=attrgetter("score"), default=None)
+    if best is None or fit.rss - best.rss < TWO * limit or best.score > fit.score:
+        return None
+    alone = [search.fitter.fit(best.without(k)).rss - best.rss for k in range(len(fit.members), len(best.members))]
+    return best if min(alone) > limit else None
+
+
+def _retested(search: Search, fit: Fit, steps: list[Step], accepted: list[tuple[Fit, HeldOut]]) -> Fit:
+    """The fit after each effect was exchanged for every candidate, or dropped, if that is better."""
+    for _ in range(4):
+        better = _swapped(search, fit) or _dropped(search, fit)
+        if better is None:
+            return fit
+        if sorted(better.names) == sorted(fit.names):  # the same names, fitted better
+            fit = better
+            continue
+        action = "drop" if len(better.members) < len(fit.members) else "swap"
+        dropped, added = _changes(fit.names, better.names)
+        text = f"{', '.join(dropped)} for {', '.join(added)}" if added else ", ".join(dropped)
+        why = "fits better given the others" if added else "no longer significant"
+        fit = better
+        accepted.append((fit, search.tested(fit)))
+        _note(steps, search, fit, accepted[-1][1], action, text, why)
+    return fit
+
+
+def _swapped(search: Search, fit: Fit) -> Fit | None:
+    """A better fit with one effect exchanged; None where there is none."""
+    best = fit
+    for at in range(len(fit.members)):
+        other_members = fit.without(at)
+        for swapped in search.refined(other_members, search.open(other_members))[:1]:
+            if swapped.score < best.score - 1e-3:
+                best = swapped
+    return None if best is fit else best
+
+
+def _dropped(search: Search, fit: Fit) -> Fit | None:
+    """A fit without an effect that is not significant given the others; None where all are."""
+    smaller_fits = (search.fitter.fit(fit.without(at)) for at in range(len(fit.members) - 1))
+    return next((smaller for smaller in smaller_fits if smaller.rss - fit.rss < search.thresholds.library), None)
+
+
+def _note(
+    steps: list[Step],
+    search: Search,
+    fit: Fit,
+    tested: HeldOut,
+    action: str,
+    name: str,
+    reason: str,
+    gain: float = np.nan,
+    better: Improvement | None = None,
+) -> None:
+    """Add a step to the path."""
+    steps.append(
+        Step(
+            number=len(steps),
+            action=action,
+            name=name,
+            names=fit.names,
+            accepted=action != "reject",
+            reason=reason,
+            gain=gain,
+            threshold=search.thresholds.library,
+            held_out=search.held_out_error(tested),
+            held_out_gain=np.nan if better is None else better.gain,
+            held_out_error=np.nan if better is None else better.error,
+        )
+    )
+
+
+def concluding(search: Search, selection: Selection, fit: Fit, labels: Mapping[str, str]) -> tuple[Step, ...]:
+    """The path of a selection, and its changes in the final fit: effects dropped or added, and
+    generic terms (`labels` by their names). All held-out errors refer to the same noise.
+    """
+    errors = iter([search.held_out_error(tested) for _, tested in selection.accepted])
+    path = [step for step in selection.steps if step.reason not in (NO_FORM, AS_WELL, TERM)]
+    steps = [replace(step, held_out=next(errors)) if step.accepted else step for step in path]
+    named = tuple(name for name in fit.names if name not in labels)
+    dropped, added = _changes(selection.identified, named)
+    terms = [labels[name] for name in fit.names if name in labels]
+    for action, names, why in (("drop", dropped, NO_FORM), ("add", added, AS_WELL), ("add", terms, TERM)):
+        if names:
+            _note(steps, search, fit, search.tested(fit), action, ", ".join(names), why)
+            steps[-1] = replace(steps[-1], names=named)
+    return tuple(replace(step, number=at) for at, step in enumerate(steps))
+
+
+# Rivals: effects that the data cannot distinguish from those that were accepted.
+
+
+SAME_COLUMNS = 1e-3
+"""Difference in score below which two effects have the same columns."""
+INSTRUMENT = "instrument"
+
+
+@dataclass(frozen=True)
+class Other:
+    """Another fit that the data do not exclude: its effects `names` replace those `instead_of`."""
+
+    fit: Fit
+    names: tuple[str, ...]
+    instead_of: tuple[str, ...]
+    distance: float
+
+
+def rivals(search: Search, fit: Fit, identified: Sequence[int]) -> list[Other]:
+    """Fits within the set distance, in which an effect replaces one or two of the identified."""
+    alternatives: dict[tuple[tuple[str, ...], tuple[str, ...]], Other] = {}
+    reach = search.settings.set_distance
+    excluded = {member.name for member in fit.members}
+    for at in identified:
+        for rival in _near(search, fit.without(at)):
+            if rival.names[-1] != fit.names[at] and rival.score - fit.score <= reach:
+                key = ((rival.names[-1],), (fit.names[at],))
+                alternatives[key] = Other(rival, *key, rival.score - fit.score)
+    for pair in combinations(identified, 2):  # a single effect instead of two
+        names = tuple(fit.names[k] for k in pair)
+        for rival in _near(search, fit.without(*pair)):
+            new_name = rival.names[-1]
+            if new_name not in excluded and rival.score - fit.score <= reach:
+                alternatives[(new_name,), names] = Other(rival, (new_name,), names, rival.score - fit.score)
+    return sorted(alternatives.values(), key=attrgetter("distance"))
+
+
+def _near(search: Search, others: Sequence[Member]) -> list[Fit]:
+    """The best fits with one more effect in addition to `others`."""
+    return search.refined(others, scan(search.fitter, search.white, search.dictionary, others))
+
+
+def correlation(fitter: Fitter, fit: Fit, other: Other) -> float:
+    """Correlation of the contributions of the exchanged effects of a fit and of those that replace
+    them, given all else that is fitted.
+    """
+    replaced = [k for k, name in enumerate(fit.names) if name in other.instead_of]
+    substitutes = [k for k, name in enumerate(other.fit.names) if name in other.names]
+    q = fitter.spanned(fit.without(*replaced))
+    a, b = (
+        projected_out(
+            sum((fitter.white(source.members[k]) @ source.coefficients[k] for k in indices), np.zeros(len(fitter.y))), q
+        )
+        for source, indices in ((fit, replaced), (other.fit, substitutes))
+    )
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(a @ b) / size if size > 0.0 else float("nan")
+
+
+def same_columns(name: str, alternatives: Sequence[Other]) -> frozenset[str]:
+    """The effects that may replace `name` alone because they have the same columns."""
+    alike = (other for other in alternatives if other.instead_of == (name,) and abs(other.distance) < SAME_COLUMNS)
+    return frozenset(other.names[-1] for other in alike)
+
+
+def first_of_confounded(fit: Fit, alternatives: Sequence[Other], population: bool) -> Fit | None:
+    """The fit with the preferred effect where another effect has the same columns, else None.
+
+    What may be the instrument is not attributed to physics. Of an offset that is the same in every
+    unit of a batch the process is preferred: an allocation can answer it, a gauge cannot.
+    """
+    for alternative in alternatives:
+        new, replaced = alternative.fit.members[-1].candidate, alternative.instead_of
+        current = next(m.candidate for m in fit.members if m.name == replaced[0])
+        if abs(alternative.distance) >= SAME_COLUMNS or len(replaced) > 1 or new.unread:
+            continue
+        of_instrument = [c.effect.family == INSTRUMENT for c in (new, current)]
+        if of_instrument == ([False, True] if population else [True, False]):
+            return alternative.fit
+    return None

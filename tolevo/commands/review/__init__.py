@@ -1,0 +1,1 @@
+"""`tolevo review`: an order that has been placed, against the parts that came."""

@@ -1,0 +1,333 @@
+"""`tolevo review`: the problem of a run, reopened with parts that were made to its drawing."""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from ... import tables
+from ...configuration.cost_files import MeasuredFile, number_in, opened_parts, together
+from ...configuration.parameters import BOUNDS
+from ...configuration.reader import read_table
+from ...configuration.source import Table, load
+from ...errors import Fault, InputError, UnknownKey, nearest, raise_all
+from ...files import content, read_own_csv
+from ...problems.interfaces import Checks
+from ...problems.promise import WithPromise
+from ...problems.settings import ASSURED, PLUG_IN, PROMISED, YIELD
+from ...problems.stack import Stack
+from ...problems.tolerance_problem import ToleranceProblem
+from ...section import Kind
+from ...units import split_unit
+from .review import review
+
+REPLACED = ("distribution", "cp", "cpk", "shift", "measured")
+"""Keys of a part that are replaced by the measurements of parts that were made."""
+ALLOCATION = ("point", "variable", "rounded")
+GAP = "gap.json"
+YIELDS = (YIELD, "ring_yield_percent")
+"""Outputs whose limit means a promise."""
+
+
+@dataclass(frozen=True)
+class Reopened:
+    """The problem of a run, the design on its drawing, and the same problem with measured parts.
+
+    `now` takes the means of the parts as they were measured, `reset` as the run's configuration
+    does; `reset` is None where no allocation keeps the promise then. `since` uses earlier parts,
+    where there are any. `measured_parts` are the parts with new values, `earlier` those with values
+    among the earlier ones. `attributed` is the result of a gap analysis of the units themselves,
+    `notes` say what of the files was left out.
+    """
+
+    before: ToleranceProblem
+    design: dict[str, float]
+    now: ToleranceProblem
+    reset: ToleranceProblem | None
+    measured_parts: tuple[str, ...]
+    since: ToleranceProblem | None = None
+    attributed: str = ""
+    earlier: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def reopened(run: Path, parts: Sequence[Path], since: Sequence[Path], options: tables.ReadOptions) -> Reopened:
+    """The problem of the run in a directory with the parts of some files; raises InputError with
+    every fault. A directory among them is the result of `tolevo gap` on the units themselves.
+    """
+    faults: list[Fault] = []
+    table, allocated = _run(run, faults)
+    units = [path for path in parts if path.is_dir()]
+    files = [path for path in parts if not path.is_dir()]
+    attributed = "; ".join(_attributed(path, faults) for path in units)
+    if not files:
+        faults.append(Fault("PARTS", "names no file of measured parts"))
+    if table is None:
+        raise InputError(faults)
+    _with_promise(table, faults)
+    before = _problem(table, faults)
+    if before is None:
+        raise InputError(faults)
+    design = _design(before, allocated)
+    owners = _owners(table, before, design)
+    sizes = {label: (size, owner.unit) for owner in owners if (size := owner.nominal) for label in owner.names}
+    options = replace(options, sizes=sizes)
+    notes: list[str] = []
+    now = _anew(table, owners, _opened(files, options, faults), faults, notes)
+    earlier = _anew(table, owners, _opened(since, options, faults), faults, notes) if since else None
+    raise_all(faults)
+    shifting = {owner.name for owner in owners if owner.shifts}
+    anew = [_with_sample_means(now[0], shifting), now[0]]
+    anew += [_with_sample_means(earlier[0], shifting)] if earlier else []
+    problems = [_problem(tables_of_problem, faults) for tables_of_problem in anew]
+    raise_all(faults)
+    assert problems[0] is not None
+    assert problems[1] is not None
+    reset = None if Checks.of(problems[1]).out_of_reach() else problems[1]
+    since_problem, earlier_parts = (problems[2], earlier[1]) if earlier else (None, ())
+    notes = list(dict.fromkeys(notes))
+    return Reopened(before, design, problems[0], reset, now[1], since_problem, attributed, earlier_parts, tuple(notes))
+
+
+def reviewed(run: Path, parts: Sequence[Path], since: Sequence[Path], options: tables.ReadOptions) -> str:
+    """The text of `tolevo review`: sentences and the table of the parts. Raises InputError with
+    every fault.
+    """
+    opened = reopened(run, parts, since, options)
+    names = opened.measured_parts
+    again = [name for name in names if name in opened.earlier]
+    result = review(
+        opened.before, opened.design, opened.now, opened.reset, names, opened.since, opened.attributed, again
+    )
+    table = result.parts.dropna(axis="columns", how="all").to_string(index=False, float_format="%.4g", na_rep="-")
+    return "\n".join([*(f"note: {note}" for note in opened.notes), *result.lines, "", table])
+
+
+def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, Any]]:
+    """The resolved tables of a run and the rounded design of its first choice, as the files have it."""
+    table = load(run / "config.toml", faults)
+    try:
+        allocation = read_own_csv(run / "allocation.csv")
+        front = read_own_csv(run / "front.csv")
+    except (OSError, ValueError):
+        faults.append(Fault(str(run), "has no allocation.csv: it is not a complete run with a choice"))
+        return table, {}
+    if allocation.empty or not set(ALLOCATION) <= set(allocation):
+        faults.append(Fault(str(run), "has an allocation.csv without an allocation"))
+        return table, {}
+    point = int(allocation["point"].iloc[0])
+    chosen = allocation[allocation["point"] == point]
+    searched = front.iloc[point].to_dict() if point < len(front) else {}
+    rounded = zip(chosen["variable"], chosen["rounded"], strict=True)
+    return table, {str(name): value for name, value in (*searched.items(), *rounded) if not pd.isna(value)}
+
+
+def _design(problem: ToleranceProblem, allocated: Mapping[str, Any]) -> dict[str, float]:
+    """A design by variable, a process or grade as the place of its name among the choices."""
+    design = {}
+    for variable in problem.variables:
+        value, labels = allocated.get(variable.name), list(map(str, variable.labels))
+        if str(value) in labels:
+            design[variable.name] = float(labels.index(str(value)))
+        elif (number := number_in(str(value))) == number:
+            design[variable.name] = number
+    return design
+
+
+def _with_promise(table: Table, faults: list[Fault]) -> None:
+    """Give a run without a promise the yield of its limits as its promise."""
+    if "promise" in table:
+        table["limits"] = _without_promise(table.get("limits", {}))
+        return
+    limits = table.get("limits", {})
+    limit = next((limits.pop(name) for name in YIELDS if name in limits), None)
+    yield_percent = limit.get("min") if isinstance(limit, dict) else limit
+    if yield_percent is None:
+        faults.append(Fault("RUN", "promises no yield: it has neither [promise] nor a limit on yield_percent"))
+        return
+    table["promise"] = {YIELD: yield_percent, "statement": ASSURED}
+
+
+def _without_promise(limits: Table) -> Table:
+    """Limits without those that a promise sets, of every requirement."""
+    return {
+        name: _without_promise(bound) if isinstance(bound, dict) else bound
+        for name, bound in limits.items()
+        if name not in (*YIELDS, PROMISED)
+    }
+
+
+@dataclass(frozen=True)
+class Owner:
+    """A part of a stack or a variable that is measured: its table, unit and half-width.
+
+    `follows` means that its scatter follows the tolerance, `shifts` that its mean may be that of
+    the sample, `chosen` that it is made on machines or processes to choose from.
+    """
+
+    name: str
+    unit: str
+    table: Table
+    t: float
+    follows: bool = True
+    shifts: bool = True
+    chosen: bool = False
+
+    @property
+    def nominal(self) -> float:
+        """Its nominal size, 0 where none is stated."""
+        stated = self.table.get("nominal")
+        return float(stated) if isinstance(stated, int | float) else 0.0
+
+    @property
+    def names(self) -> set[str]:
+        """Names under which files may hold its measurements."""
+        known = self.table.get("measured") or {}
+        labels = self.name, self.table.get("characteristic"), known.get("characteristic")
+        return {str(name) for name in (*labels, split_unit(self.name)[0]) if name}
+
+    def anew(self, measured: Table) -> Table:
+        """Its table with the values of measured parts."""
+        replaced = REPLACED if self.follows else (*REPLACED, *BOUNDS)
+        kept = {key: value for key, value in self.table.items() if key not in replaced}
+        return kept | {"measured": measured}
+
+
+def _owners(table: Table, problem: ToleranceProblem, design: dict[str, float]) -> list[Owner]:
+    """The parts of a stack, or the variables of which parts can be measured."""
+    if isinstance(problem, Stack):
+        return [
+            Owner(
+                str(part["name"]),
+                part["unit"],
+                part,
+                design.get(f"{part['name']}_t", float(part.get("tolerance") or 0.0)),
+                chosen="machine" in part or "process" in part,
+            )
+            for part in table["part"]
+        ]
+    stated, owners = table.get("variables", {}), []
+    for v in problem.variables:
+        follows = v.random and v.kind is Kind.HALF_WIDTH
+        if follows or v.kind is Kind.STANDARD_DEVIATION:
+            table_of_variable = stated.get(v.name, {})
+            mid = problem.settings.variables[v.name].mid
+            t = problem.fixed.get(v.name, design.get(v.name, 0.0))
+            owners.append(
+                Owner(v.name, v.unit, table_of_variable, t, follows, mid is not None, "machine" in table_of_variable)
+            )
+    return owners
+
+
+def _opened(paths: Sequence[Path], options: tables.ReadOptions, faults: list[Fault]) -> list[MeasuredFile]:
+    """The opened files."""
+    opened = []
+    for path in paths:
+        try:
+            opened.append(opened_parts(path, options))
+        except InputError as error:
+            faults += [fault for fault in error.faults if fault not in faults]
+    return opened
+
+
+def _anew(
+    table: Table, owners: Sequence[Owner], files: Sequence[MeasuredFile], faults: list[Fault], notes: list[str]
+) -> tuple[Table, tuple[str, ...]]:
+    """The tables with the values of the files in place of earlier ones, and whose are new."""
+    anew = {
+        owner.name: measured for owner in owners if (measured := _measured(owner, files, faults, notes)) is not None
+    }
+    for file in files:
+        if unused := [name for name in file.labels if not any(_means(file, owner, name) for owner in owners)]:
+            notes.append(f"{file.place}: not used: {', '.join(unused)}")
+    if not anew and not faults:
+        names = ", ".join(owner.name for owner in owners)
+        text = "hold no characteristic of the run: name columns or characteristics like its parts"
+        faults.append(Fault("PARTS", f"{text} ({names})"))
+    reopened_table = copy.copy(table)
+    if "part" in table:
+        reopened_table["part"] = [anew.get(str(part["name"]), part) for part in table["part"]]
+    else:
+        reopened_table["variables"] = dict(table.get("variables", {})) | anew
+    return reopened_table, tuple(anew)
+
+
+def _means(file: MeasuredFile, owner: Owner, name: str) -> bool:
+    """Whether a characteristic of a file is that of an owner."""
+    return any(label in owner.names for label, characteristic in file.names.items() if characteristic == name)
+
+
+def _measured(owner: Owner, files: Sequence[MeasuredFile], faults: list[Fault], notes: list[str]) -> Table | None:
+    """The table of an owner with what the files hold of it; None where they hold nothing."""
+    samples, names = [], []
+    for file in files:
+        for name in dict.fromkeys(name for name in file.names.values() if _means(file, owner, name)):
+            try:
+                samples.append(file.values(name))
+                names.append(file.place)
+            except InputError as error:
+                faults += error.faults
+    notes += [note for sample in samples for note in sample.pop("notes", ())]
+    if not samples:
+        return None
+    place = f"PARTS ({owner.name})"
+    sample: dict[str, Any] = together(samples, names, place, faults)
+    if owner.chosen:
+        faults.append(Fault(place, "has machines or processes to choose from: state the measurements in them"))
+        return None
+    stated, t, unit = sample.pop("made_to", None), owner.t, owner.unit
+    if stated is not None and owner.follows and sample.get("unit") == unit and abs(stated - t) > 1e-6 * t:
+        text = f"were made to {stated:g} {unit}, the run's drawing has {t:g} {unit}: another revision?"
+        faults.append(Fault(place, text))
+    known = owner.table.get("measured") or {}
+    sample |= {key: known[key] for key in ("gauge", "mean") if key in known}
+    sample |= {} if owner.shifts else {"mean": "corrected"}
+    sample |= {"made_to": f"{t!r} {unit}"} if owner.follows else {}
+    return owner.anew(sample)
+
+
+def _with_sample_means(table: Table, shifting: Collection[str]) -> Table:
+    """The tables with the mean of every sample as measured, even if the promise then fails."""
+
+    def with_mean(name: str, owner_table: Any) -> Any:
+        if name not in shifting or not isinstance(owner_table, dict) or "measured" not in owner_table:
+            return owner_table
+        return owner_table | {"measured": owner_table["measured"] | {"mean": "as_found"}}
+
+    anew = table | {"promise": table["promise"] | {"statement": PLUG_IN}}
+    if "part" in table:
+        return anew | {"part": [with_mean(str(part["name"]), part) for part in table["part"]]}
+    variables = table.get("variables", {})
+    return anew | {"variables": {name: with_mean(name, owner_table) for name, owner_table in variables.items()}}
+
+
+def _problem(table: Table, faults: list[Fault]) -> ToleranceProblem | None:
+    """The problem of some tables, in reach of its limits or not; None where it has faults."""
+    try:
+        problem = read_table(copy.deepcopy(table), [], reachable=False).problem
+    except InputError as error:
+        unknown = [fault for fault in error.faults if fault.place == "promise" and isinstance(fault, UnknownKey)]
+        if unknown:
+            faults.append(Fault("RUN", "is the run of a problem that makes no promises"))
+        faults += [fault for fault in error.faults if fault not in (*faults, *unknown)]
+        return None
+    assert isinstance(problem, (Stack, WithPromise))
+    return problem
+
+
+def _attributed(folder: Path, faults: list[Fault]) -> str:
+    """What `gap.json` in a directory says in one phrase."""
+    try:
+        analysis = json.loads(content(folder / GAP))
+        names = [str(effect["name"]) for effect in analysis.get("effects") or ()]
+        return f"{analysis['verdict']}" + (f": {', '.join(names)}" if names else "")
+    except (OSError, ValueError, KeyError, TypeError):
+        near = nearest(GAP, [path.name for path in folder.glob("*.json")])
+        faults.append(Fault(str(folder), f"is not a result of `tolevo gap`: it has no {GAP}{near}"))
+        return ""

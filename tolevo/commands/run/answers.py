@@ -1,0 +1,618 @@
+"""The question, results and proof of a run, in sentences with numbers and conditions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ...algorithms.exact.bounds import Proof
+from ...algorithms.exact.local import NEARLY, Branch
+from ...algorithms.exact.solver import closed_form
+from ...algorithms.run import Progress, Run
+from ...algorithms.settings import Budget
+from ...problems.interfaces import Checks, Comparison, Documented, Page, Variant
+from ...problems.limits import Limit
+from ...problems.settings import Bound
+from ...problems.tolerance_problem import ToleranceProblem, designs_of
+from ...records import Axis, RunResult
+from ...section import Array
+from ...units import drawing_number, plain_number
+from .changes import step_words, words
+from .decide import Decisions
+from .plan import NEAR, RunPlan, shown_point
+from .prices import PERCENT, used_up
+from .promise import cheapest, cheapest_at, promised_limits
+from .proofs import EXACT, distance_words, exact_table, informative, percent
+from .proofs import ProvenFront as Exact
+from .references import gain_column
+
+# The choices of a front, as parts of the result of a run.
+
+
+TABLES = {
+    "front": "front.csv",
+    "references": "references.csv",
+    "convergence": "convergence.csv",
+    "before": "front_without_effects.csv",
+    "moved": "allocation_moved.csv",
+    "choices": "choices.csv",
+    "choice_sensitivity": "choice_sensitivity.csv",
+    "allocation": "allocation.csv",
+    "contributions": "contributions.csv",
+    "exact_front": "exact_front.csv",
+    "overlays": "overlays.csv",
+    "unit_turn": "unit_turn.csv",
+    "population": "population.csv",
+    "assumptions_cost": "assumptions_cost.csv",
+    "requirements": "requirements.csv",
+    "drivers": "drivers.csv",
+    "prices": "prices.csv",
+    "changes": "changes.csv",
+    "relaxed": "relaxed.csv",
+    "promise": "promise.csv",
+    "next_parts": "next_parts.csv",
+    "capability": "capability.csv",
+}
+"""The files of the tables of a `RunResult`, by its field; `overlays` holds several fronts."""
+FORMAT = 1
+"""Version of the files of a run: `summary.json` names it; a reader refuses what is newer."""
+
+
+def with_choices(result: RunResult, decisions: Decisions, plan: RunPlan, exact: Exact | None) -> RunResult:
+    """The result with its choices, and with all that the page needs in the summary."""
+    summary = dict(result.summary) | {
+        "choices": _short(decisions.choices, plan.problem),
+        "rounding": _rounding(decisions, plan),
+        "format": FORMAT,
+        "title": result.title,
+        **_mechanism(plan.problem),
+        "axes": {"objectives": _axes(result.objectives), "variables": _axes(result.variables)},
+        "bars": [asdict(bar) for bar in result.bars],
+    }
+    return replace(
+        result,
+        summary=summary,
+        choices=_none_if_empty(decisions.choices),
+        choice_sensitivity=_none_if_empty(decisions.sensitivity),
+        allocation=_none_if_empty(decisions.allocation),
+        contributions=_none_if_empty(decisions.contributions),
+        prices=_none_if_empty(decisions.prices),
+        changes=_none_if_empty(decisions.changes),
+        tolerances=decisions.tolerances,
+        exact_front=exact_table(plan.problem, exact),
+    )
+
+
+def chosen_point(result: RunResult) -> int:
+    """Row of the knee of a front, or of its only point."""
+    choices = result.choices
+    return 0 if choices is None or choices.empty else int(choices["point"].iloc[0])
+
+
+def _mechanism(problem: ToleranceProblem) -> dict[str, object]:
+    """The stated properties of the mechanism; empty where nothing but its name is stated."""
+    known = Page.of(problem).mechanism()
+    return {"mechanism": known} if set(known) - {"name"} else {}
+
+
+def _short(choices: pd.DataFrame, problem: ToleranceProblem) -> dict[str, object]:
+    """By rule: the row of the front, its objectives, and what rounding does to them."""
+    columns = ["point", "meaning", *problem.objectives, "rounded_feasible", "unchanged_percent"]
+    columns += [f"rounded_{name}" for name in problem.objectives]
+    columns += ["model"] if "model" in choices else []
+    return {str(row["choice"]): {name: row[name] for name in columns} for row in choices.to_dict("records")}
+
+
+def _rounding(decisions: Decisions, plan: RunPlan) -> list[dict[str, str]]:
+    """How each variable is rounded, and whether the configuration says so."""
+    return [
+        {"variable": name, "rule": rule, "set_by": "configuration" if name in plan.choice.steps else "default"}
+        for name, rule in decisions.rounding.items()
+    ]
+
+
+def _axes(axes: tuple[Axis, ...]) -> list[dict[str, str]]:
+    return [asdict(axis) for axis in axes]
+
+
+def _none_if_empty(frame: pd.DataFrame) -> pd.DataFrame | None:
+    return None if frame.empty else frame
+
+
+COST = "cost"
+ROUGH = 30.0
+"""Residual of the conditions of an optimum [percent] beyond which they give no price in a sentence."""
+ALIKE = 1e-9
+"""Relative difference below which two values count as equal."""
+TENTH = 0.1
+"""Fraction of a limit by which it is loosened, to state what that saves."""
+SMALL = 0.01
+"""The same where its price is known alone, which holds for small changes."""
+
+
+def answers(result: RunResult, problem: ToleranceProblem, proven: Proof) -> dict[str, str]:
+    """`asked`, `found`, `published`, `limits`, `loosen` and `proof`: a sentence or two each.
+
+    `proven` are the bounds of the front. Only `asked` where the front is empty; `published` where a
+    document prints an allocation, `loosen` where single steps of the tolerances were tried.
+    """
+    sentences = Sentences(result, problem, proven)
+    asked = {"asked": sentences.request()}
+    if result.front.empty:
+        return asked
+    stated = {
+        "found": sentences.outcome(),
+        "published": sentences.published(),
+        "limits": sentences.of_limits(),
+        "loosen": sentences.loosening(),
+        "proof": sentences.proof(),
+    }
+    return asked | {name: text for name, text in stated.items() if text}
+
+
+class Sentences:
+    """The sentences of one run."""
+
+    def __init__(self, result: RunResult, problem: ToleranceProblem, proven: Proof) -> None:
+        self.result, self.problem, self.proven = result, problem, proven
+        self.units = {o.name: o.unit for o in problem.outputs}
+        self.units |= {v.name: v.unit for v in problem.variables}
+        self.units[COST] = problem.settings.money.currency
+        self.names = list(problem.objectives)
+        self.point = chosen_point(result)
+
+    def value(self, name: str, value: float) -> str:
+        """Like "backlash 1.04 arcmin"."""
+        return f"{words(name)} {plain_number(value)} {self.units.get(name, '')}".rstrip()
+
+    def row(self, row: Any, names: list[str] | None = None) -> str:
+        return ", ".join(self.value(name, float(row[name])) for name in names or self.names)
+
+    # ------------------------------------------------------------------ sentences
+
+    def request(self) -> str:
+        largest = {o.name for o in self.problem.outputs if o.larger_is_better}
+        goals = [f"{'largest' if n in largest else 'least'} {words(n)}" for n in self.names]
+        goal = " against ".join(goals).capitalize()
+        requested = set(self.problem.given.limits or self.problem.declaration.limits) | promised_limits(self.problem)
+        limits = [self.limit(limit) for limit in self.problem.limits if limit.count and limit.name in requested]
+        built_in = sum(limit.count > 0 for limit in self.problem.limits) - len(limits)
+        if built_in > 0:
+            plural = "limit" if built_in == 1 else "limits"
+            limits.append(f"{built_in} {plural} that the problem sets itself")
+        conditions = f", with {', '.join(limits)}" if limits else ", without limits"
+        tolerances = sum(v.tolerance for v in self.problem.free)
+        others = len(self.problem.free) - tolerances
+        more = f" and {others} other variables" if others else ""
+        return f"{goal}{conditions}; {tolerances} tolerances searched{more}."
+
+    def limit(self, limit: Limit) -> str:
+        unit = f" {limit.unit}".rstrip()
+        ends = [f"at least {drawing_number(limit.low)}{unit}"] if np.isfinite(limit.low) else []
+        ends += [f"at most {drawing_number(limit.high)}{unit}"] if np.isfinite(limit.high) else []
+        return f"{words(limit.name)} {' and '.join(ends)}"
+
+    def outcome(self) -> str:
+        front = self.result.front
+        row = front.iloc[self.point]
+        if len(front) == 1:
+            limited = [o.name for o in self.problem.limits if o.name in front and o.name not in self.names]
+            more = f" (with {self.row(row, limited)})" if limited else ""
+            return f"Found: {self.row(row)}{more}."
+        ends = ", ".join(
+            f"{words(n)} {plain_number(front[n].min())} to {self.value('', float(front[n].max())).strip()}"
+            for n in self.names
+        )
+        choices = self.result.choices
+        rule = "" if choices is None or choices.empty else str(choices["choice"].iloc[0])
+        return f"Found: {len(front)} allocations, {ends}; the {words(rule)} has {self.row(row)}."
+
+    def published(self) -> str:
+        printed = [str(label) for label in Documented.of(self.problem).references()]
+        for row in self.result.references.to_dict("records"):
+            if row["label"] in printed:
+                return self._comparison({str(name): value for name, value in row.items()})
+        return ""
+
+    def _comparison(self, row: dict[str, Any]) -> str:
+        label, broken = str(row["label"]), str(row["violated_limits"]).split()
+        published = f"The published allocation ({label}) has {self.row(row)}"
+        if broken:
+            values = ", ".join(
+                f"{self.value(n, float(row[n]))} instead of {self.limit(self._limit(n)).removeprefix(words(n)).strip()}"
+                for n in broken
+            )
+            gains = self._gains(row, "relaxed_")
+            if not gains:
+                return f"{published}, but breaks the limits ({values}): it cannot be compared."
+            return f"{published}, but breaks the limits ({values}): at the same looser limits {gains}."
+        gains = self._gains(row, "")
+        if gains:
+            return f"{published} and keeps all limits: {gains}."
+        return f"{published} and keeps all limits; no point of the front is as good in every other objective."
+
+    def _limit(self, name: str) -> Limit:
+        return next(limit for limit in self.problem.limits if limit.name == name)
+
+    def _gains(self, row: dict[str, Any], prefix: str) -> str:
+        parts = []
+        for name in self.names:
+            value = float(row.get(prefix + gain_column(name), np.nan))
+            if np.isfinite(value):
+                side = "less" if value >= 0.0 else "more"
+                if self.names == [COST]:
+                    side = "lower" if value >= 0.0 else "higher"
+                    return f"the least cost that was found is {distance_words(abs(value))} {side}"
+                others = " and ".join(words(n) for n in self.names if n != COST)
+                at = f"equal {others}" if name == COST else "the same cost"
+                subject = "an allocation that costs" if name == COST else f"a {words(name)} that is"
+                parts.append(f"{subject} {distance_words(abs(value))} {side} at {at}")
+        return "there is " + ", or ".join(parts) if parts else ""
+
+    def of_limits(self) -> str:
+        limits = [o for o in self.problem.limits if o.count and o.name != COST]
+        if not limits:
+            return "No limits are set in addition to the objectives."
+        row = self.result.front.iloc[[self.point]]
+        held = [o for o in limits if used_up(o, row)[0]]
+        if not held:
+            return f"{self._here} every limit is kept with a margin{self._held_back([o.name for o in limits])}."
+        saved = {limit.name: self._cost_of(limit) for limit in held}
+        unknown = [self.limit(limit) for limit in held if not saved[limit.name]]
+        if unknown:
+            plural = ("limit of", "binds", "it") if len(unknown) == 1 else ("limits of", "bind", "them")
+            what = f"{self._here} the {plural[0]} {listed(unknown)} {plural[1]}"
+            saved[""] = f"{what}; what loosening {plural[2]} would save is not known."
+        return " ".join(filter(None, saved.values()))
+
+    @property
+    def _here(self) -> str:
+        return "At this allocation"
+
+    @property
+    def _cost(self) -> float:
+        return float(self.result.front.iloc[self.point].get(COST, np.nan))
+
+    def money(self, amount: float) -> str:
+        return f"{plain_number(amount, 3)} {self.units[COST]}".rstrip()
+
+    def _held_back(self, limits: list[str]) -> str:
+        """What is known of limits that a point keeps with a margin: what the cost is without them,
+        which single steps they forbid, or that it is not known.
+        """
+        none = ", and none adds to the cost"
+        if self._cost <= self.floor + ALIKE * abs(self._cost):
+            return f"{none}: nothing in the ranges is cheaper"
+        within, without = self._solved({}), self._solved(dict.fromkeys(limits, Bound()))
+        if within is not None and without is not None and within - without <= EXACT / 100.0 * abs(within):
+            return f"{none} (solved without them)"
+        tried = self._tried()
+        blocked = tried[(tried["breaks"] != "") & (tried["cost_change"] < 0.0)] if len(tried) else tried
+        if within is not None and without is not None:
+            return f", but without them the least cost would be {self.money(within - without)} lower"
+        if len(blocked):
+            step = blocked.sort_values("cost_change", kind="stable").iloc[0].to_dict()
+            saved = self.money(-float(step["cost_change"]))
+            return f", but they hold steps back: {step_words(step)}, would save {saved}, and breaks {step['broken']}"
+        return "; whether one of them adds to the cost is not known"
+
+    @property
+    def floor(self) -> float:
+        """The least cost of the ranges, whatever the limits; -inf where it is not known."""
+        return float(self.problem.interval(COST)[0])
+
+    def _tried(self) -> pd.DataFrame:
+        """The single steps that were tried at the point."""
+        tried = self.result.changes
+        return pd.DataFrame() if tried is None else tried[tried["point"] == self.point]
+
+    def loosening(self) -> str:
+        choices = self.result.choices
+        return "" if choices is None or choices.empty else str(choices["loosen_first"].iloc[0])
+
+    def _solved(self, limits: Mapping[str, Bound]) -> float | None:
+        """The least cost with other limits at the point's other objectives; None where it has no
+        closed form that solves it.
+        """
+        row = self.result.front.iloc[self.point]
+        levels = {name: float(row[name]) for name in self.names if name != COST}
+        if COST not in self.names or set(limits) & promised_limits(self.problem):
+            return None
+        relaxed = cheapest_at(self.problem.relaxed(limits), {n: v + ALIKE * abs(v) for n, v in levels.items()})
+        if not any(limit.count for limit in relaxed.limits):
+            return self.floor
+        form = closed_form(relaxed)
+        if form is None or not form.exact:
+            return None
+        cost = cheapest(relaxed).cost
+        return cost if np.isfinite(cost) else None
+
+    def _cost_of(self, limit: Limit) -> str:
+        """What loosening a limit that binds would save; empty where it is not known."""
+        binds = f"{self._here} the limit of {self.limit(limit)} binds"
+        lower = float(self.result.front.iloc[self.point][limit.name]) - limit.low < self._above(limit)
+        step = _step(limit, lower)
+        end = limit.low - step if lower else limit.high + step
+        looser = Bound(end, limit.high) if lower else Bound(limit.low, end)
+        unit = f" {limit.unit}".rstrip()
+        change = f"{'lowering' if lower else 'raising'} it to {drawing_number(end)}{unit}"
+        now, then = (self._solved({limit.name: bound}) for bound in (Bound(limit.low, limit.high), looser))
+        if now is not None and then is not None:
+            saved = self.money(now - then) if now - then > EXACT / 100.0 * abs(now) else "nothing"
+            return f"{binds}: {change} would save {saved} (solved again)."
+        priced = self._price(limit.name)
+        if priced is not None:
+            price, proven = priced
+            how = "by the multiplier of the proven optimum" if proven else "estimated by the conditions of an optimum"
+            small = _step(limit, lower, SMALL)
+            change = f"{'lowering' if lower else 'raising'} it by {drawing_number(small)}{unit}"
+            if price * small <= max(self._cost - self.floor, 0.0):
+                return f"{binds}: {change} would save about {self.money(price * small)} ({how})."
+        return self._relaxed(limit.name)
+
+    def _above(self, limit: Limit) -> float:
+        return limit.high - float(self.result.front.iloc[self.point][limit.name])
+
+    def _price(self, name: str) -> tuple[float, bool] | None:
+        prices = self.result.prices
+        if prices is None:
+            return None
+        of_limit = prices[prices["output"] == name]
+        if of_limit.empty:
+            return None
+        row = of_limit.iloc[int((of_limit["point"] - self.point).abs().to_numpy().argmin())]
+        rough = row["source"] == "estimate" and not row["spread_percent"] <= ROUGH
+        return None if rough or not row["price"] > 0.0 else (float(row["price"]), row["source"] == "multiplier")
+
+    def _relaxed(self, name: str) -> str:
+        """What a front with a looser limit saves at the other objectives of the point."""
+        relaxed, row = self.result.relaxed, self.result.front.iloc[self.point]
+        if relaxed is None or COST not in self.names:
+            return ""
+        for label, front in relaxed.groupby("label", sort=False):
+            reference = self.result.references.set_index("label")
+            if str(reference["violated_limits"].get(label, "")) != name:
+                continue
+            others = [n for n in self.names if n != COST]
+            good = np.ones(len(front), dtype=bool)
+            for n in others:
+                good &= front[n].to_numpy(dtype=float) <= float(row[n]) + ALIKE * abs(float(row[n]))
+            if np.any(good):
+                saved = float(row[COST]) - float(front.loc[good, COST].min())
+                text = self.limit(self._limit(name))
+                saved_percent = 100.0 * saved / float(row[COST])
+                loose = self.value(name, float(reference[name][label]))
+                return (
+                    f"The limit of {text} costs {saved:.3g} ({saved_percent:.3g} %) here against "
+                    f"one as loose as that of {label} ({loose})."
+                )
+        return ""
+
+    def proof(self) -> str:
+        proven = self.proven
+        gap = self.result.front["gap_percent"].to_numpy(dtype=float)
+        if np.all(np.isnan(gap)):
+            why = proven.missing or proven.statement or "there is no bound of the cost"
+            return f"How far the points are from the optimum is not proven ({why})."
+        if not informative(self.problem, proven, gap):
+            return (
+                "How far the points are from the optimum is not known: the proven bound is not informative, because it "
+                f"leaves out limits that hold them back ({proven.statement})."
+            )
+        middle, most = float(np.nanmedian(gap)), float(np.nanmax(gap))
+        if len(gap) == 1 and most < EXACT:
+            return f"Proven: this is the least cost within the limits ({proven.statement})."
+        if len(gap) == 1:
+            return (
+                f"Proven: no allocation within the limits costs less than {percent(most)} "
+                f"below this one ({proven.statement})."
+            )
+        if most < EXACT:
+            return f"Proven: every point of the front is optimal ({proven.statement})."
+        return (
+            f"Proven: no allocation of equal other objectives costs less than {percent(middle)} below a point of the "
+            f"front in the median, {percent(most)} at most ({proven.statement})."
+        )
+
+
+def listed(texts: list[str]) -> str:
+    """Like "a, b and c"."""
+    return " and ".join([*([", ".join(texts[:-1])] if len(texts) > 1 else []), texts[-1]])
+
+
+def _step(limit: Limit, lower: bool, part: float = TENTH) -> float:
+    """A part of the distance of a limit from zero, or of a least percentage from 100 %."""
+    end = limit.low if lower else limit.high
+    remaining = 100.0 - end if lower and limit.unit in PERCENT and end < 100.0 else np.inf
+    return float(f"{min(abs(end), remaining) * part:.2g}") or limit.scale * part
+
+
+# What the assumptions of a run cost: its least cost with one of them changed at a time.
+
+
+INFEASIBLE = "no allocation found that keeps the limits at this grade"
+RIGID = "backlash_"
+"""Prefix of the outputs that are searched within a fraction of a second."""
+
+
+def with_assumptions(
+    result: RunResult,
+    problem: ToleranceProblem,
+    history: Sequence[Progress],
+    progress: Callable[[Progress], None] | None,
+) -> RunResult:
+    """The result with the table of its shown point; `progress` continues `history`."""
+    chosen = shown_point(result.front, Comparison.of(problem))
+    if chosen is None:
+        return result
+
+    def phase(fraction: float) -> None:
+        if progress is not None and history:
+            progress(replace(history[-1], phase="what assumptions cost", share=fraction, remaining=None))
+
+    point = result.front.iloc[[chosen[0]]]
+    level = _aim(point, problem)
+    ends = [np.array([result.summary[end][name] for name in problem.objectives]) for end in ("ideal", "nadir")]
+    unit = np.maximum(ends[1] - ends[0], 1e-12)
+    more = np.zeros(len(unit))
+    if level is not None and level[0] in problem.objectives:
+        more[problem.objectives.index(level[0])] = level[1] - float(point[level[0]].iloc[0])
+    table = assumptions_cost(problem, designs_of(problem, point)[0], unit, more, phase)
+    if table is None:
+        return result
+    summary = {**result.summary, "assumptions_at": _held_outputs(point, problem, level)}
+    return replace(result, assumptions_cost=table, summary=summary)
+
+
+def _aim(point: pd.DataFrame, problem: ToleranceProblem) -> tuple[str, float] | None:
+    """The problem's limit where the point is near to it: the level of all costs."""
+    limit = Comparison.of(problem).shown_limit()
+    if limit is None or limit[0] not in point:
+        return None
+    return limit if abs(float(point[limit[0]].iloc[0]) / limit[1] - 1.0) <= NEAR else None
+
+
+def _held_outputs(point: pd.DataFrame, problem: ToleranceProblem, level: tuple[str, float] | None) -> dict[str, float]:
+    """The outputs that are held, with their values as they are reported."""
+    held = [name for name in problem.objectives if name != "cost"]
+    outputs = {name: float(point[name].iloc[0]) for name in held}
+    if not held:
+        outputs = {
+            limit.name: problem.settings.limits[limit.name].high
+            for limit in problem.limits
+            if limit.name.startswith(RIGID)
+        }
+    return {name: level[1] if level and level[0] == name and held else value for name, value in outputs.items()}
+
+
+def assumptions_cost(
+    problem: ToleranceProblem,
+    design: Array,
+    unit: Array,
+    more: Array,
+    phase: Callable[[float], None] = lambda fraction: None,
+) -> pd.DataFrame | None:
+    """Least cost at the other objective's level of a full design (all variables,), by assumption.
+
+    The first row is the problem as it is. All are solved on the sample of the search, from the
+    design, at its integers; `unit` (m,) is the scale of the objectives, `more` (m,) is what is
+    added to the levels of the design. `phase` is called with the fraction that is done. None where
+    these costs are not defined: another problem than cost against backlash, least cost without a
+    limit on backlash, or no allocation even without a change.
+    """
+    if not _applicable(problem):
+        return None
+    variants = Comparison.of(problem).variants()
+    rows: list[dict[str, Any]] = []
+    for row in _rows(problem, variants, design, (unit, more)):
+        rows.append(row)
+        phase(len(rows) / len(variants))
+        if np.isnan(float(rows[0]["cost"])):
+            return None
+    return pd.DataFrame(rows) if len(rows) > 1 else None
+
+
+def _applicable(problem: ToleranceProblem) -> bool:
+    """Whether the run asks for cost against backlash, or for least cost at a backlash."""
+    others = [name for name in problem.objectives if name != "cost"]
+    if len(problem.objectives) != len(others) + 1 or not problem.declaration.sampled:
+        return False
+    if others:
+        return len(others) == 1 and others[0].startswith(RIGID)
+    return any(limit.name.startswith(RIGID) for limit in problem.limits)
+
+
+def _rows(
+    problem: ToleranceProblem, variants: tuple[Variant, ...], design: Array, scale: tuple[Array, Array]
+) -> Iterator[dict[str, Any]]:
+    free = [problem.names.index(v.name) for v in problem.free]
+    x = np.clip(design[free], problem.xl, problem.xu)
+    limit: Array | None = None
+    base = np.nan
+    for variant in variants:
+        branch = Branch(Run(variant.problem, Budget(), seed=0), x, scale[0])
+        if limit is None:
+            limit = _level(branch, x) + scale[1]
+        cost = _least(branch, x, limit)
+        base = cost if np.isnan(base) else base
+        yield {
+            "assumption": variant.assumption,
+            "value": variant.value,
+            "cost": cost,
+            "change_percent": 100.0 * (cost / base - 1.0),
+            "remark": INFEASIBLE if np.isnan(cost) else "",
+        }
+
+
+def _level(branch: Branch, x: Array) -> Array:
+    """The level (m,) of the objectives but the cost, at a search vector on the search's sample."""
+    limit = branch.smooth.values(branch.smooth.scaled(x[None, :])[0])[0].copy()
+    limit[branch.smooth.run.problem.objectives.index("cost")] = np.inf
+    return limit
+
+
+def _least(branch: Branch, x: Array, limit: Array) -> float:
+    """Least cost within the limits, begun at `x` or else at the problem's own starts; or NaN."""
+    run = branch.smooth.run
+    cost = run.problem.objectives.index("cost")
+    scaled = branch.smooth.scaled(x[None, :])[0]
+    least = _least_value(branch, cost, scaled, limit)
+    if not np.isnan(least):
+        return least
+    starts = (_least_value(branch, cost, start, limit) for start in branch.starts(run))
+    return next((value for value in starts if not np.isnan(value)), np.nan)
+
+
+def _least_value(branch: Branch, cost: int, start: Array, limit: Array) -> float:
+    values = branch.minimise(cost, start, limit)
+    if values is None or np.any(values > limit + NEARLY * branch.unit):
+        return np.nan
+    return float(values[cost])
+
+
+# The promise of a run and what is known of measured parts, as parts of its result.
+
+
+def with_capability(result: RunResult, problem: ToleranceProblem) -> RunResult:
+    """The result with what is known of measured parts, where there are some."""
+    if not Checks.of(problem).samples():
+        return result
+    from .promise import capability_table
+
+    return replace(result, capability=capability_table(problem))
+
+
+def _rounded(result: RunResult, problem: ToleranceProblem, point: int) -> Array | None:
+    """The full design (all variables,) of a point with the values of its drawing, if it has one."""
+    allocation = result.allocation
+    if allocation is None or result.front.empty or point not in set(allocation["point"]):
+        return None
+    row, first = result.front.iloc[[point]].copy(), allocation[allocation["point"] == point].drop_duplicates("variable")
+    for name, value in zip(first["variable"], first["rounded"], strict=True):
+        if name in problem.names and pd.notna(value):
+            row[name] = value  # a number, or the name of a process or grade
+    return np.array(designs_of(problem, row)[0])
+
+
+def with_promise(result: RunResult, problem: ToleranceProblem) -> RunResult:
+    """The result with its promise at the knee or at the only point, where a promise is made."""
+    if not promised_limits(problem):
+        return result
+    from .promise import promise_outcome  # its statistics take long to import
+
+    point = chosen_point(result)
+    outcome = promise_outcome(problem, result.front, point, _rounded(result, problem, point))
+    if outcome is None:
+        return result
+    answers = dict(result.answers) | {"promise": outcome.sentence}
+    summary = dict(result.summary) | {"promise": outcome.summary, "answers": answers}
+    return replace(
+        result,
+        summary=summary,
+        promise=outcome.costs if len(outcome.costs) else None,
+        next_parts=outcome.next_parts if len(outcome.next_parts) else None,
+    )

@@ -1,0 +1,144 @@
+"""Every choice of a front: its rule, its sensitivity, its contributions and its rounded values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...problems.interfaces import Accuracy, Comparison
+from ...problems.limits import limits_of
+from ...problems.settings import Bound
+from ...problems.tolerance_problem import ToleranceProblem, designs_of
+from ...section import Array
+from .changes import advice, changes, rounded
+from .choice import COST, ONLY, ChoiceSettings, Points, chosen, meaning_of, sensitivity
+from .choice import RULE_KINDS as RULES
+from .prices import contributions, prices, slopes_of
+from .tolerances import allocation, rule_message, share_of, step_of, tolerances, values_of
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Decisions:
+    """The tables `choices`, `sensitivity`, `allocation`, `contributions`, `prices` and `changes`;
+    `rounding`: by variable how it is rounded; `tolerances`: what a drawing and a price need to know of each;
+    `notes`: rules that failed.
+    """
+
+    choices: pd.DataFrame = field(default_factory=pd.DataFrame)
+    sensitivity: pd.DataFrame = field(default_factory=pd.DataFrame)
+    allocation: pd.DataFrame = field(default_factory=pd.DataFrame)
+    contributions: pd.DataFrame = field(default_factory=pd.DataFrame)
+    rounding: dict[str, str] = field(default_factory=dict)
+    prices: pd.DataFrame = field(default_factory=pd.DataFrame)
+    changes: pd.DataFrame = field(default_factory=pd.DataFrame)
+    tolerances: tuple[dict[str, Any], ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSettings) -> Decisions:
+    """The choices of a front as `problem` reports it; empty tables where it is empty."""
+    if front.empty:
+        return Decisions()
+    designs = designs_of(problem, front)
+    points = points_of(problem, front, settings)
+    notes: list[str] = []
+    choices = chosen(points, notes)
+    spread = sensitivity(points, problem.costs_of(designs))
+    rows = list(dict.fromkeys(choices.values()))
+    slopes = slopes_of(problem, designs)
+    steps = {v.name: step_of(problem, v, settings) for v in problem.free}
+    grades = {v.name: values_of(problem, v, step) for v in problem.free if (step := steps[v.name]) is not None}
+    values = {name: np.array(sorted(orderable)) for name, orderable in grades.items()}
+    new = {at: rounded(problem, designs[at], values, _required_bounds(settings, choices, at)) for at in rows}
+    rules = {v.name: rule_message(problem, v, steps[v.name]) for v in problem.free}
+    by_point = {at: " ".join(n for n, choice in choices.items() if choice == at) for at in rows}
+    both = {at: (designs[at], new[at]) for at in rows}
+    tried = changes(problem, {at: designs[at] for at in _tried(problem, rows)}, grades)
+    return Decisions(
+        _table(problem, front, choices, new, spread, tried),
+        spread,
+        allocation(problem, by_point, both, grades, rules, share_of(settings)),
+        contributions(problem, slopes),
+        rules,
+        prices(problem, front, slopes),
+        tried,
+        tolerances(problem, rules, grades),
+        tuple(notes),
+    )
+
+
+def _tried(problem: ToleranceProblem, rows: list[int]) -> list[int]:
+    """The chosen rows whose single steps are tried: the first alone where each takes a sample."""
+    return rows[:1] if problem.declaration.sampled else rows
+
+
+def _required_bounds(settings: ChoiceSettings, choices: Mapping[str, int], at: int) -> dict[str, Bound]:
+    """The bounds that the rules that choose a row require of it, and of the rounded point too."""
+    bounds: dict[str, Bound] = {}
+    for name, choice in choices.items():
+        bounds |= RULES[name]().limits(settings) if choice == at and name != ONLY else {}
+    return bounds
+
+
+def points_of(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSettings) -> Points:
+    """The front in the form that the rules take."""
+    names = problem.objectives
+    requested = np.array([settings.weights.get(name, 0.0) for name in names])
+    weights = requested if requested.sum() > 0.0 else np.ones(len(names))
+    cost = front[COST].to_numpy(dtype=float) if COST in front else None
+    return Points(
+        front[list(names)].to_numpy(dtype=float),
+        names,
+        cost,
+        weights / weights.sum(),
+        _within_limits(problem, front, settings.limits) if settings.limits else None,
+        settings.budget,
+    )
+
+
+def _within_limits(problem: ToleranceProblem, front: pd.DataFrame, bounds: Mapping[str, Bound]) -> NDArray[np.bool_]:
+    limits = limits_of(bounds, problem.outputs, problem.variables)
+    return np.asarray(np.all([limit.kept(front[limit.name].to_numpy(dtype=float)) for limit in limits], axis=0))
+
+
+def _table(
+    problem: ToleranceProblem,
+    front: pd.DataFrame,
+    choices: dict[str, int],
+    new: dict[int, Array],
+    spread: pd.DataFrame,
+    tried: pd.DataFrame,
+) -> pd.DataFrame:
+    """`choices.csv`: the chosen points, unrounded and rounded, and how sure each choice is."""
+    after = Accuracy.of(problem).reported().frame(np.stack([new[at] for at in choices.values()]))
+    limits = [limit.name for limit in problem.limits if limit.count]
+    broken = [" ".join(name for name in limits if row[f"margin_{name}"] < 0.0) for row in after.to_dict("records")]
+    selected = front.iloc[list(choices.values())].reset_index(drop=True)
+    columns = ["bound", "gap_percent", *problem.objectives, *problem.names]
+    table = selected[[name for name in columns if name in selected]].copy()
+    table.insert(0, "choice", list(choices))
+    table.insert(1, "meaning", [meaning_of(name) for name in choices])
+    table.insert(2, "point", list(choices.values()))
+    for name in problem.objectives:
+        values = selected[name].to_numpy(dtype=float)
+        table[f"rounded_{name}"] = after[name]
+        loss = after[name].to_numpy(dtype=float) - values
+        fraction = np.divide(loss, np.abs(values), out=np.full_like(loss, np.nan), where=values != 0.0)
+        table[f"rounding_loss_{name}_percent"] = 100.0 * fraction
+    records = selected.to_dict("records")
+    table["loosen_first"] = [
+        advice(problem, steps, records[at]) if len(steps := tried[tried["point"] == point]) else ""
+        for at, point in enumerate(choices.values())
+    ]
+    table["rounded_feasible"] = after["feasible"]
+    table["rounded_violated_limits"] = broken
+    if problem.declaration.model_statement:
+        table["model"] = Comparison.of(problem).model_labels(designs_of(problem, selected))
+    same = spread.groupby("choice")["same"].mean() if len(spread) else pd.Series(dtype=float)
+    table["unchanged_percent"] = [100.0 * same.get(name, np.nan) for name in choices]
+    return table

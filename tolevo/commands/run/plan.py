@@ -1,0 +1,102 @@
+"""What a run needs and what it returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from ...algorithms.settings import AlgorithmSettings, Budget
+from ...problems.interfaces import Comparison, Page
+from ...problems.tolerance_problem import ToleranceProblem, designs_of
+from ...records import RunResult
+from .choice import ChoiceSettings
+
+
+@dataclass(frozen=True, slots=True)
+class RunPlan:
+    """A resolved run; `configuration` is the TOML text that repeats it.
+
+    `engine` is "pymoo" or "array". With `reference_search` the GA searches the least cost as a
+    reference for a problem without published allocations as well.
+    """
+
+    problem: ToleranceProblem
+    algorithm: AlgorithmSettings
+    budget: Budget
+    seed: int
+    references: bool
+    configuration: str
+    title: str
+    engine: str = "pymoo"
+    choice: ChoiceSettings = field(default_factory=ChoiceSettings)
+    reference_search: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class RunOutcome:
+    """How a run ended: "done", "interrupted" or "no_feasible_point", and where its files are."""
+
+    status: str
+    folder: Path
+    lines: tuple[str, ...]
+    result: RunResult
+
+
+# What backlash means in a run, shown on the units of one of its points.
+
+
+SHOWN = ("cost", "yield_percent", "interference_probability")
+"""Outputs of the shown point that the page repeats, in addition to the one that is limited."""
+
+NEAR = 0.1
+"""Fraction of the limit by which a point may miss it to be shown in place of the knee."""
+
+
+def with_units(result: RunResult, problem: ToleranceProblem) -> RunResult:
+    """The result with the limits of validity, and one unit and the population of its shown point.
+
+    Unchanged for problems without them.
+    """
+    validity = Page.of(problem).validity()
+    if validity:
+        result = replace(result, summary={**result.summary, "validity": list(validity)})
+    comparison = Comparison.of(problem)
+    chosen = shown_point(result.front, comparison)
+    if chosen is None:
+        return result
+    row, reason = chosen
+    shown = comparison.shown_units(designs_of(problem, result.front.iloc[[row]])[0])
+    limit = comparison.shown_limit()
+    if shown is None or limit is None:
+        return result
+    point = result.front.iloc[row]
+    units = {
+        "point": row,
+        "chosen": reason,
+        "words": list(shown.words),
+        "limit": limit[1],
+        "quantile": float(point[limit[0]]),
+        "coverage_percent": 100.0 * problem.settings.propagation.coverage,
+        **{name: float(point[name]) for name in SHOWN if name in point},
+    }
+    return replace(
+        result, summary={**result.summary, "units": units}, unit_turn=shown.turn, population=shown.population
+    )
+
+
+def shown_point(front: pd.DataFrame, comparison: Comparison) -> tuple[int, str] | None:
+    """Row of the point whose units are shown, and by what it was chosen; None without any.
+
+    The point nearest to the problem's limit; where none is `NEAR`, the knee.
+    """
+    limit = comparison.shown_limit()
+    if limit is None or front.empty or limit[0] not in front:
+        return None
+    name, most = limit
+    distance = np.abs(front[name].to_numpy(dtype=float) / most - 1.0)
+    if distance.min() > NEAR and "knee" in front and front["knee"].any():
+        return int(np.argmax(front["knee"].to_numpy(dtype=bool))), "the knee"
+    return int(np.argmin(distance)), f"the point nearest to {name} {most:g}"

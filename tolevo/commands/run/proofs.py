@@ -1,0 +1,545 @@
+"""What is proven about a front: the bounds of its points, and the exact front."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...algorithms.archive import hypervolume
+from ...algorithms.exact.bounds import (
+    Proof,
+    convex_pieces,
+    least_bounds,
+    proof,
+    reason,
+    restricted,
+    row_limits,
+    upper_limit,
+)
+from ...algorithms.exact.choices import least_cost
+from ...algorithms.exact.combination import Ascent, Combination, Optimum, within
+from ...algorithms.exact.epsilon import integer_faults, scale_of
+from ...algorithms.exact.local import Branch
+from ...algorithms.exact.programme import Programme
+from ...algorithms.exact.solver import Exact, closed_form, exact_vectors, tightest
+from ...algorithms.run import Run
+from ...algorithms.search import SearchResult
+from ...algorithms.settings import AlgorithmSettings, Budget
+from ...errors import Fault, ModelError, raise_all
+from ...models.stack import Law
+from ...problems.forms import Form, largest_parts, least_value, spread_of
+from ...problems.interfaces import Checks, Differentiable, Provable
+from ...problems.limits import Limit, keeps, loosened
+from ...problems.stack import Stack
+from ...problems.tolerance_problem import ToleranceProblem
+from ...records import RunResult
+from ...section import Array
+from .plan import RunPlan
+
+POINTS = 4000
+"""Points of the exact front that a hypervolume is measured by."""
+SOLVED = 256
+"""Points that are solved where each needs its own programme; the others lie between them."""
+DRAWN = 400
+"""Points of the exact front that are drawn."""
+CHECKED = 50
+"""Points of the exact front whose bounds are checked."""
+EXACT = 1e-3
+"""Gap [percent] below which a point counts as optimal."""
+INFORMATIVE = 25.0
+"""Median gap [percent] beyond which a bound that leaves limits out is not informative."""
+CLOSED = 1e-7
+"""Relative gap up to which a front counts as exact."""
+
+
+@dataclass(frozen=True, slots=True)
+class ProvenFront:
+    """The exact front of a problem: designs (k, all variables) and its hypervolume."""
+
+    designs: np.ndarray
+    hypervolume: float
+
+
+def informative(problem: ToleranceProblem, proven: Proof, gap_percent: NDArray[np.float64]) -> bool:
+    """Whether bounds say something of points (n,) that lie so far above them: where limits are
+    left out, the points may be held back by those alone. Where that are all limits of a least cost,
+    the bound is the cost of the loosest tolerances, and says nothing.
+    """
+    limits = {limit.name for limit in problem.limits if limit.count}
+    if problem.n_obj == 1 and limits and limits <= set(proven.omitted_limits):
+        return False
+    return not proven.omitted_limits or bool(np.nanmedian(gap_percent) <= INFORMATIVE)
+
+
+def with_bounds(
+    frame: pd.DataFrame, problem: ToleranceProblem, within: NDArray[np.bool_] | None = None
+) -> tuple[pd.DataFrame, Proof]:
+    """The frame with `bound` and `gap_percent`, and the proof of its feasible points.
+
+    Both are NaN in rows that are marked as not feasible, or that are not `within` the search space
+    (n,). Where a point disproves its bound all are NaN and the statement says so.
+    """
+    frame = frame.assign(bound=np.nan, gap_percent=np.nan)
+    frame = frame[[name for name in frame if name != "knee"] + ["knee"] * ("knee" in frame)]
+    eligible = frame[frame["feasible"].astype(bool)] if "feasible" in frame else frame
+    eligible = eligible if within is None else eligible[within[frame.index.isin(eligible.index)]]
+    form = Provable.of(problem).form()
+    rows = () if form is None else tuple(name for name in form.stands if name in eligible)
+    names = dict.fromkeys((*problem.objectives, *rows))
+    values = {name: eligible[name].to_numpy(dtype=float) for name in names}
+    try:
+        bounds = proof(problem, values, len(eligible))
+    except ModelError as error:
+        return frame, Proof.without(len(frame), f"{error}; please report it")
+    if len(eligible) and "cost" in values:
+        frame.loc[eligible.index, "bound"] = bounds.bound
+        frame.loc[eligible.index, "gap_percent"] = bounds.gap_percent(values["cost"])
+    return frame, bounds
+
+
+def solved_front(plan: RunPlan, result: SearchResult) -> np.ndarray | None:
+    """Search vectors (k, variables) of the exact front, where the run itself has solved it whole.
+
+    None where it has fewer points than are solved for otherwise.
+    """
+    solved = isinstance(plan.algorithm, Exact) and plan.problem.n_obj == 2
+    x = result.chosen if len(result.chosen) else result.x
+    return x if solved and len(x) >= SOLVED else None
+
+
+def exact_front(problem: ToleranceProblem, known: np.ndarray | None = None) -> ProvenFront | None:
+    """The exact front of one or two objectives, through its `known` points where there are some.
+
+    None where there is no closed form or its proof has a gap. No number of points shows the
+    hypervolume of more objectives well enough to measure by.
+    """
+    form = closed_form(problem)
+    if form is None or not form.exact or problem.n_obj > 2:
+        return None
+    alone = len(form.outputs) == 1 and form.correlation is None and known is None
+    x = exact_vectors(problem, form, POINTS if alone else SOLVED) if known is None else known
+    if not len(x):
+        return None
+    selected = np.unique(np.linspace(0, len(x) - 1, CHECKED).astype(int))
+    if form.tested and np.any(problem.tested(x)[1] > 0.0):
+        return None
+    values = _objectives(problem, x[selected])
+    columns = dict(zip(problem.objectives, values.T, strict=True))
+    bounds = proof(problem, columns, len(selected))
+    if not np.all(columns["cost"] - bounds.bound <= CLOSED * np.abs(columns["cost"])):
+        return None
+    if not alone:
+        x = _between(problem, x)
+    return ProvenFront(problem.complete(x), hypervolume(_objectives(problem, x), *problem.box()))
+
+
+def exact_table(problem: ToleranceProblem, exact: ProvenFront | None) -> pd.DataFrame | None:
+    """Objectives of at most `DRAWN` points of the exact front; None where it is not known."""
+    if exact is None or problem.n_obj < 2:
+        return None
+    selected = np.unique(np.linspace(0, len(exact.designs) - 1, DRAWN).astype(int))
+    values = problem.objective_values(problem.outputs_of(exact.designs[selected], searching=True))
+    table = pd.DataFrame(values, columns=list(problem.objectives))
+    return table.sort_values(list(problem.objectives), kind="stable", ignore_index=True)
+
+
+def _objectives(problem: ToleranceProblem, x: np.ndarray) -> np.ndarray:
+    """Objectives (k, objectives) of search vectors (k, variables)."""
+    return problem.objective_values(problem.outputs_of(problem.complete(x), searching=True))
+
+
+def _between(problem: ToleranceProblem, x: np.ndarray) -> np.ndarray:
+    """Search vectors of a front and points between those that differ in no integer.
+
+    Cost and requirements are convex there, so that the points lie on or below the chords.
+    """
+    if len(x) < 2:
+        return x
+    x = x[np.argsort(_objectives(problem, x)[:, 0], kind="stable")]
+    integer = np.array([v.integer for v in problem.free])
+    same = np.all(x[1:, integer] == x[:-1, integer], axis=1)
+    intervals = max(1, POINTS // max(len(x), SOLVED))
+    fraction = np.arange(1, intervals)[:, None, None] / intervals
+    inner = x[:-1][same] + fraction * np.diff(x, axis=0)[same]
+    return np.asarray(np.vstack([x, inner.reshape(-1, x.shape[1])]))
+
+
+def measures(result: SearchResult, front: pd.DataFrame, proven: Proof, exact: ProvenFront | None) -> dict[str, object]:
+    """Quality for the summary: hypervolume, its ratio to the exact one, gaps, the form."""
+    last = result.history[-1].hypervolume if result.history else None
+    gap = front["gap_percent"].to_numpy(dtype=float)
+    known = bool(len(gap)) and not np.all(np.isnan(gap))
+    return {
+        "hypervolume": last,
+        "hypervolume_ratio": last / exact.hypervolume if exact and last is not None else None,
+        "bound_form": proven.statement,
+        "gap_percent_median": float(np.nanmedian(gap)) if known else None,
+        "gap_percent_max": float(np.nanmax(gap)) if known else None,
+    }
+
+
+def end_notes(problem: ToleranceProblem, front: pd.DataFrame) -> list[str]:
+    """How much of each end of a front of cost and one requirement is missing, if it is proven."""
+    form = closed_form(problem)
+    names = [name for name in problem.objectives if name != "cost"]
+    if form is None or not len(front) or len(names) != 1 or problem.n_obj != 2:
+        return []
+    if names[0] not in form.outputs:  # a requirement stands for it, whose end says nothing of it
+        return []
+    row, limits = form.outputs.index(names[0]), row_limits(problem, form)
+    limits[row] = np.inf
+    least = least_value(form, row, limits)
+    cheapest = float(least_bounds(form, limits[None, :])[0])
+    ends = [
+        (names[0], float(front[names[0]].min()), None if least is None else least.value),
+        ("cost", float(front["cost"].min()), cheapest),
+    ]
+    units = {output.name: f" {output.unit}".rstrip() for output in problem.outputs}
+    return [
+        f"end of the front: the least {name} is {reached:.4g}{units[name]}; none below {proven:.4g}{units[name]} is "
+        f"possible ({_missing(reached, proven)} missing at most)"
+        for name, reached, proven in ends
+        if proven is not None and np.isfinite(proven)
+    ]
+
+
+def _missing(reached: float, proven: float) -> str:
+    """Distance of an end of a front from the proven end, relative to it where that is above 0."""
+    if proven <= 0.0:
+        return f"{reached - proven:.2g}"
+    return percent(100.0 * (reached - proven) / proven)
+
+
+def proof_notes(problem: ToleranceProblem, front: pd.DataFrame, proven: Proof) -> list[str]:
+    """What the page and the terminal say of the proof."""
+    gap = front["gap_percent"].to_numpy(dtype=float)
+    if not len(gap) or np.all(np.isnan(gap)):
+        return [proven.statement] if len(gap) else []
+    if not informative(problem, proven, gap):
+        return [
+            f"the bound is not informative: the points lie {np.nanmedian(gap):.3g} % above it "
+            f"in the median, because it leaves out limits that hold them back ({proven.statement})"
+        ]
+    return [
+        f"proven: no allocation of equal or better other objectives costs less than the bound "
+        f"({proven.statement}); the points lie {distance_words(np.nanmedian(gap))} above it in the "
+        f"median, {distance_words(np.nanmax(gap))} at most"
+    ]
+
+
+def percent(value: float) -> str:
+    """An upper limit of a gap in words: a rounding error is not printed as 1e-09 %."""
+    return "0.001 %" if value < EXACT else f"{value:.2g} %"
+
+
+def distance_words(value: float | np.floating[Any]) -> str:
+    """A distance [percent] in words: a rounding error is not printed as a number."""
+    return "less than 0.001 %" if value < EXACT else f"{value:.3g} %"
+
+
+# Limits that contradict each other or cannot be proven, reported before a run begins.
+
+
+HALVINGS = 40
+HALF = 50.0
+"""Yield [percent] below which a quantile is not convex."""
+
+
+def contradictions(problem: ToleranceProblem, algorithm: str) -> list[Fault]:
+    """A fault for each limit that another limit forbids, with the least achievable value.
+
+    Proven by the convex form: an upper limit on the cost against limits on requirements, and
+    requirements against each other where their deviations compensate.
+    """
+    faults = _below_half(problem) if algorithm == "exact" else []
+    form = Provable.of(problem).form() if problem.limits else None
+    if form is None or form.also or len(problem.limits) < 2:
+        return faults
+    limits = row_limits(problem, form)
+    used, most = np.isfinite(limits), upper_limit(problem, "cost")
+    if not np.any(used) or (not np.isfinite(most) and form.correlation is None):
+        return faults
+    form, limits = convex_pieces(restricted(form, used)), limits[used]
+    bound = float(least_cost(form, loosened(limits)[None, :]).bound[0])
+    if np.isinf(bound):
+        return faults + _impossible(form, limits)
+    if not keeps(bound, most):
+        return faults + _too_expensive(form, limits, most, bound)
+    return faults
+
+
+def _below_half(problem: ToleranceProblem) -> list[Fault]:
+    """Yields below one half of requirements that `exact` is to prove."""
+    measured = problem.measured if isinstance(problem, Stack) else ()
+    lawful = {requirement.name("yield_percent") for requirement in measured if isinstance(requirement.law, Law)}
+    return [
+        Fault(
+            f"limits.{limit.name}",
+            f"asks for {limit.low:g} % of the units: a quantile below one half is not convex and cannot be proven; ask "
+            "for 50 % or more, or take another algorithm than exact, whose run is not proven",
+        )
+        for limit in problem.limits
+        if limit.name in lawful and 0.0 < limit.low < HALF
+    ]
+
+
+def _too_expensive(form: Form, limits: Array, most: float, bound: float) -> list[Fault]:
+    """Faults of the limit on the cost, and of the limits on requirements that it contradicts."""
+    forms = [restricted(form, np.arange(len(limits)) == at) for at in range(len(limits))]
+    least_costs = [float(least_cost(alone, limits[None, at : at + 1]).bound[0]) for at, alone in enumerate(forms)]
+    rows = [at for at, cost in enumerate(least_costs) if cost > most] or list(range(len(limits)))
+    names = list(dict.fromkeys(form.outputs[at] for at in rows))
+    requirements = ", ".join(f"limits.{name}" for name in names)
+    least = max([bound, *(least_costs[at] for at in rows)])
+    faults = [
+        Fault(
+            "limits.cost",
+            f"at most {most:g} and {requirements} contradict each other: with them "
+            f"kept the least cost is {least:.6g}; raise one of them",
+        )
+    ]
+    for name in names:
+        indices = [at for at in rows if form.outputs[at] == name]
+        reach = max(_reached(forms[at], most) for at in indices)
+        text = (
+            f"at most {limits[indices[0]]:g} and limits.cost, at most {most:g}, contradict each "
+            f"other: with the cost kept the least {name} is {reach:.6g}, with this limit the "
+            f"least cost is {max(least_costs[at] for at in indices):.6g}"
+        )
+        faults.append(Fault(f"limits.{name}", text))
+    return faults
+
+
+def _reached(form: Form, most: float) -> float:
+    """The least value of a requirement within a cost, without all other requirements."""
+    low, high = float(tightest(form)[0]), float(tightest(form)[0])
+    step = max(abs(high), 1e-12)
+    while least_cost(form, np.array([[high]])).cost[0] > most and step < 1e12 * max(abs(low), 1.0):
+        high, step = high + step, 2.0 * step
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        affordable = least_cost(form, np.array([[middle]])).cost[0] <= most
+        low, high = (low, middle) if affordable else (middle, high)
+    return high
+
+
+def _impossible(form: Form, limits: Array) -> list[Fault]:
+    """Limits on requirements that no tolerances keep together."""
+    least, names = tightest(form), ", ".join(dict.fromkeys(f"limits.{n}" for n in form.outputs))
+    return [
+        Fault(
+            f"limits.{name}",
+            f"no tolerances keep {names} together: alone the least {name} is "
+            f"{least[at]:.6g}, the limit is {limits[at]:g}; raise one of them",
+        )
+        for at, name in enumerate(form.outputs)
+        if name not in form.outputs[:at]
+    ]
+
+
+# Limits that no known design of a sampled problem keeps, reported before a run begins.
+
+
+ATTEMPTS = 3
+"""Searches for the least value, each from the result of the last."""
+
+
+def searchable(problem: ToleranceProblem, algorithm: AlgorithmSettings | None = None) -> None:
+    """Raises InputError with every reason why a problem cannot be searched as it is set."""
+    many = _too_many_choices(problem) if isinstance(algorithm, Exact) else []
+    raise_all([*many, *(Checks.of(problem).search_faults() or unreachable(problem))])
+
+
+def _too_many_choices(problem: ToleranceProblem) -> list[Fault]:
+    """More sets of choices than `exact` solves one by one where there is no closed form."""
+    faults = integer_faults(problem)
+    return faults if faults and closed_form(problem) is None else []
+
+
+def unreachable(problem: ToleranceProblem) -> list[Fault]:
+    """A fault for each upper limit that is below the least value found, with the design.
+
+    Proven limits are `problem.faults()`; here the least value is that of a search by gradients at
+    the finest grades, which proves nothing but is rarely wrong by more than its sample. There is no
+    search where one of the problem's own starts keeps all limits.
+    """
+    starts = Differentiable.of(problem).starts() if problem.declaration.sampled else np.empty((0, 0))
+    if not len(starts) or _any_feasible(problem, starts):
+        return []
+    return [
+        fault
+        for limit in problem.limits
+        if limit.name in problem.declaration.performance and np.isfinite(limit.high)
+        if (fault := _fault(problem, limit)) is not None
+    ]
+
+
+def _any_feasible(problem: ToleranceProblem, starts: Array) -> bool:
+    outputs = problem.outputs_of(starts, searching=True)
+    return bool(np.any(np.all(problem.violations(starts, outputs) <= 0.0, axis=1)))
+
+
+def _fault(problem: ToleranceProblem, limit: Limit) -> Fault | None:
+    """The fault of one limit, None where it can be kept."""
+    least, design = _least(problem, limit.name)
+    if not least > limit.high:
+        return None
+    values = ", ".join(f"{v.name} {design[problem.names.index(v.name)]:.4g}" for v in problem.free)
+    unit = f" {limit.unit}".rstrip()
+    return Fault(
+        f"limits.{limit.name}",
+        f"at most {limit.high:g}{unit} was not reached by any design: the least value found is "
+        f"{least:.4g}{unit}, at {values}; raise the limit or widen the ranges",
+    )
+
+
+def _least(problem: ToleranceProblem, name: str) -> tuple[float, Array]:
+    """The least value of an output with interference and geometry held, and its full design."""
+    held = {n: b for n, b in problem.settings.limits.items() if n not in problem.declaration.performance}
+    alone = type(problem)(replace(problem.given, objectives=(name,), limits=held))
+    run = Run(alone, Budget(), seed=0)
+    branch = Branch(run, alone.xl.copy(), scale_of(alone))
+    none = np.full(1, np.inf)
+    columns = [alone.names.index(v.name) for v in alone.free]
+    start = branch.smooth.scaled(Differentiable.of(alone).starts()[:1, columns])[0]
+    for _ in range(ATTEMPTS):
+        branch.minimise(0, start, none)
+        if branch.f:
+            start = branch.y[int(np.argmin([f[0] for f in branch.f]))]
+    if not branch.f:
+        return -np.inf, Differentiable.of(alone).starts()[0]
+    best = alone.complete(branch.smooth.vectors(start[None, :]))
+    return float(min(f[0] for f in branch.f)), best[0]
+
+
+# Which requirement drives which part, and what relaxing each would save.
+
+
+LOOSER = 0.1
+"""Fraction of its limit by which each requirement is relaxed."""
+DRIVEN = 3
+"""Parts named per requirement."""
+
+
+def with_requirements(result: RunResult, problem: ToleranceProblem) -> RunResult:
+    """The result with its tables of requirements, where the problem has several."""
+    tables = requirements_of(problem, result.front)
+    return result if tables is None else replace(result, requirements=tables[0], drivers=tables[1])
+
+
+def requirements_of(problem: ToleranceProblem, front: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame] | None:
+    """What each requirement costs at the knee of a front, or at its one point.
+
+    None where a problem has one requirement, or no convex form. The multiplier is that of the least
+    cost at the values of the point; the saving is proven to lie between that of an allocation that
+    is known and that of the bound at the relaxed limit.
+    """
+    form = Provable.of(problem).form()
+    if front.empty or form is None or len(set(form.outputs)) < 2 or reason(problem, form):
+        return None
+    at = int(np.argmax(front["knee"].to_numpy(dtype=bool) if "knee" in front else np.zeros(len(front), bool)))
+    limits = _limits(problem, form, front.iloc[at])
+    used = np.isfinite(limits)
+    if not np.any(used):
+        return None
+    form, limits = convex_pieces(restricted(form, used)), limits[used]
+    optimum = within(form, least_cost(form, loosened(limits)[None, :]), limits)
+    if not np.isfinite(optimum.cost[0]):
+        return None
+    combination = Combination(form, tuple(optimum.chosen[0].tolist()))
+    optimum = replace(optimum, cost=combination.cost(optimum.t))
+    return _table(problem, limits, optimum, combination), _drivers(form, optimum, combination)
+
+
+def _limits(problem: ToleranceProblem, form: Form, point: pd.Series) -> Array:
+    """Limits (r,) of the form's requirements: the point's own objectives, and those of the run."""
+    values = [float(point[name]) if name in problem.objectives else np.inf for name in form.outputs]
+    return np.asarray(np.minimum(values, row_limits(problem, form)))
+
+
+def _table(problem: ToleranceProblem, limits: Array, optimum: Optimum, combination: Combination) -> pd.DataFrame:
+    """A row for each requirement: its limit, value, multiplier, and the saving at 10 % more."""
+    form = combination.form
+    values, multiplier = combination.values(optimum.t)[0], optimum.multiplier[0]
+    units = {o.name: o.unit for o in problem.outputs}
+    least, most = _savings(form, limits, optimum, combination)
+    fractions = _fractions(optimum, combination)
+    rows = []
+    for at, name in enumerate(form.outputs):
+        part, unit = form.labels[at] if form.labels else ("", "")
+        unit = unit or ("" if np.isfinite(form.own_limits[at]) else units.get(name, ""))
+        top = [int(j) for j in np.argsort(-fractions[at])[:DRIVEN] if fractions[at, j] > 0.0]
+        names = [f"{form.features[j].variable} {100.0 * fractions[at, j]:.0f} %" for j in top]
+        rows.append(
+            {
+                "requirement": name,
+                "row": part or name,
+                "unit": unit,
+                "limit": limits[at],
+                "value": values[at],
+                "multiplier_cost_per_unit": multiplier[at],
+                "relaxed_by_percent": 100.0 * LOOSER,
+                "saves_at_least": least[at],
+                "saves_at_most": most[at],
+                "drives": ", ".join(names),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _savings(form: Form, limits: Array, optimum: Optimum, combination: Combination) -> tuple[Array, Array]:
+    """What relaxing each limit alone saves at least and at most (r,): 0 where it does not bind.
+
+    At least the saving with the same processes, solved again; at most that of the bound by the best
+    multipliers, which holds for any choice of processes (`Ascent`).
+    """
+    most_parts = largest_parts(form) if form.quantiles else None
+    least, most = np.zeros(len(limits)), np.zeros(len(limits))
+    for at in np.flatnonzero(optimum.multiplier[0] > 0.0):
+        relaxed = limits.copy()
+        relaxed[at] += LOOSER * abs(limits[at])
+        same = Programme(combination).least_cost(relaxed[None, :])
+        dual = Ascent(form, relaxed, spread_of(form, combination.parts(same.t), most_parts))
+        bound = dual.value(dual.multipliers(same.multiplier[0]))[0]
+        least[at] = max(float(optimum.bound[0] - same.cost[0]), 0.0)
+        most[at] = max(float(optimum.cost[0]) - bound, least[at])
+    return least, most
+
+
+def _fractions(optimum: Optimum, combination: Combination) -> Array:
+    """Fraction (r, features) of each part in the value of a requirement: t dV/dt over their sum."""
+    along = np.abs(combination.gradients(optimum.t)[0] * optimum.t[0])
+    whole = along.sum(axis=1, keepdims=True)
+    return np.asarray(np.divide(along, whole, out=np.zeros_like(along), where=whole > 0.0))
+
+
+def _drivers(form: Form, optimum: Optimum, combination: Combination) -> pd.DataFrame:
+    """By part, the fraction [%] of each requirement in what limits its tolerance.
+
+    At the least cost -dC/dt is the sum of multiplier times dV/dt over the requirements.
+    """
+    push = optimum.multiplier[0][:, None] * combination.gradients(optimum.t)[0]
+    whole = np.abs(push).sum(axis=0)
+    percent = 100.0 * np.divide(push, whole, out=np.zeros_like(push), where=whole > 0.0)
+    rows = []
+    for j, feature in enumerate(form.features):
+        first = int(np.argmax(np.abs(push[:, j])))
+        row = {
+            "part": feature.variable,
+            "t": optimum.t[0, j],
+            "driven_by": form.outputs[first] if whole[j] > 0.0 else "",
+        }
+        rows.append(row | _by_name(form, percent[:, j]))
+    return pd.DataFrame(rows)
+
+
+def _by_name(form: Form, percent: Array) -> dict[str, float]:
+    """Fractions [%] by output; rows of one output add up."""
+    percentages: dict[str, float] = {}
+    for name, value in zip(form.outputs, percent.tolist(), strict=True):
+        percentages[f"{name}_percent"] = percentages.get(f"{name}_percent", 0.0) + value
+    return percentages

@@ -1,0 +1,545 @@
+"""`tolevo run`: search, references, comparison, files."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import secrets
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ...algorithms.archive import nondominated
+from ...algorithms.checkpoint import Checkpoint
+from ...algorithms.run import Progress
+from ...algorithms.search import SearchResult, search
+from ...directory import Ownership, owned
+from ...errors import refuse
+from ...execution import Background, Closing, Execution, Lost, Processes, executor_of, next_of, pinned
+from ...files import csv_text, write_bytes, write_text
+from ...journal import recorded
+from ...page_data import as_json, records
+from ...problems.interfaces import Checks, Page, WithEffects
+from ...problems.tolerance_problem import ToleranceProblem, designs_frame
+from ...records import Axis, RunResult, mechanism_lines, model_lines
+from ...units import plain_number
+from . import references as effects
+from . import references as overlay
+from .answers import TABLES, answers, with_assumptions, with_capability, with_choices, with_promise
+from .changes import against, words
+from .decide import decide
+from .front import (
+    CHECKPOINT,
+    CONFIGURATION,
+    Designs,
+    alternatives,
+    inside,
+    labelled,
+    middle_point,
+    nearest_miss,
+    notes_of,
+    opened,
+    reported_front,
+    seconds_before,
+    sentences,
+    with_references,
+)
+from .plan import RunOutcome, RunPlan, with_units
+from .proofs import ProvenFront as Exact
+from .proofs import (
+    end_notes,
+    exact_front,
+    measures,
+    proof_notes,
+    searchable,
+    solved_front,
+    with_bounds,
+    with_requirements,
+)
+from .references import REDUCERS, SideSearch, compare, documents, side_searches, store_reducer_fronts, table, violated
+from .tolerances import roughness_assumptions
+
+# The side searches of a run, by an executor during the main search where there are workers.
+
+
+Fronts = dict[SideSearch, pd.DataFrame | None]
+
+
+@dataclass(frozen=True, slots=True)
+class SideTask:
+    """A side search as a task."""
+
+    key: str
+    side: SideSearch
+
+
+def front_of(task: SideTask) -> pd.DataFrame | None:
+    """The reported front of a side search."""
+    return task.side.front()
+
+
+class Sides(Closing):
+    """Runs side searches during the main one; each finished front is kept in the checkpoint.
+
+    One of the `workers` is the process of the main search, which then computes the fronts
+    that no other has begun. Searches that still run when the context is left are ended at once.
+    """
+
+    def __init__(
+        self,
+        searches: tuple[SideSearch, ...],
+        workers: Execution | int,
+        checkpoint: Checkpoint,
+        progress: Callable[[Progress], None] | None = None,
+    ) -> None:
+        self.searches, self._progress = searches, progress
+        self.checkpoint = checkpoint
+        checkpoint.keep_only([side.key for side in searches])
+        name = secrets.token_hex(8)
+        self._open = deque(
+            SideTask(f"{name}-{at}", side) for at, side in enumerate(searches) if side.key not in checkpoint.tables
+        )
+        self._background: Background[SideTask, pd.DataFrame | None] | None = None
+        self.where = workers if isinstance(workers, Execution) else Execution(workers)
+        self._others = min((self.where.workers or 1) - 1, len(self._open))
+        if self._open and (self.where.dask or self._others):
+            # a single process is in addition to this one
+            executor = executor_of(self.where) if self.where.dask else Processes(self._others)
+            self._background = Background(executor, front_of, partial(next_of, self._open))
+
+    def free(self) -> int:
+        """Processes in addition to this one that have no side search to work on."""
+        busy = self._background is not None and not self._background.over
+        return (self.where.workers or 1) - 1 - (self._others if busy else 0)
+
+    def close(self) -> None:
+        """End what still runs at once."""
+        if self._background is not None:
+            self._background.close()
+
+    def collect(self) -> None:
+        """Keep the fronts that have ended since; that of a lost process is computed again."""
+        for task, front in self._background.taken() if self._background else ():
+            if isinstance(front, Lost):
+                self._open.append(task)
+            else:
+                self._keep(task.side, front)
+
+    def finish(self) -> None:
+        """Compute or wait for all fronts; an interrupt leaves out what has not been computed."""
+        try:
+            self._compute()
+            if self._background is not None:
+                self._background.wait()
+                self.collect()
+                self._compute()  # what was lost
+        except KeyboardInterrupt:
+            self.collect()
+
+    def _compute(self) -> None:
+        while self._open:
+            try:
+                side = self._open.pop().side
+            except IndexError:  # begun elsewhere meanwhile
+                return
+            with recorded(self.checkpoint.section(side.key)):
+                front = side.front(partial(self._report, side))
+            self._keep(side, front)
+            self.collect()
+
+    def _report(self, side: SideSearch, state: Progress) -> None:
+        """Pass the state of a side search on, under its own name."""
+        self.collect()
+        if self._progress is not None:
+            step = f"{side.label}, {state.phase or f'generation {state.generation}'}"
+            self._progress(replace(state, phase=step))
+
+    def fronts(self) -> Fronts:
+        """The front of each side search, None where it has not been computed."""
+        return {side: self.checkpoint.tables.get(side.key) for side in self.searches}
+
+    def _keep(self, side: SideSearch, front: pd.DataFrame | None) -> None:
+        if front is None:  # it was interrupted
+            raise KeyboardInterrupt
+        if side.key not in self.checkpoint.tables:
+            self.checkpoint.keep(side.key, front)
+
+
+# The drawing of a machine with the shares of its parts, as the page shows it.
+
+
+def drawn(problem: ToleranceProblem, front: pd.DataFrame) -> dict[str, Any]:
+    """`machine`: the parts with their shares [%] at the point in the middle of the front by cost,
+    its cost, and the poses. Empty where a problem has no drawing.
+    """
+    sketch = Page.of(problem).sketch()
+    if front.empty or not sketch:
+        return {}
+    row = middle_point(front)
+    parts = []
+    for part in sketch["parts"]:
+        stated = {key: value for key, value in part.items() if key != "shares" and value is not None}
+        parts.append(stated | {"share": round(float(np.sum([float(row[name]) for name in part["shares"]])), 2)})
+    return {"machine": {"parts": parts, "poses": sketch["poses"], "cost": float(row["cost"])}}
+
+
+# The files of a run. Each appears whole or not at all.
+
+
+def write(result: RunResult, folder: Path) -> None:
+    """Write everything that the contract lists into `folder`, the summary last."""
+    # Figures take longer to import than a configuration to read, which imports this package.
+    from ...page.figures import pictures
+    from ...page.page import page
+    from ...page.sheet import allocation_sheet, drawing_page
+
+    sheet, texts = allocation_sheet(result), _texts(result)
+    _write_texts(texts, folder)
+    write_bytes(folder / "front.parquet", result.front.to_parquet(index=False))
+    write_text(folder / "front.json", as_json(records(result.front)))
+    if sheet is not None:
+        write_bytes(folder / "allocation.xlsx", sheet)
+    for name, content in pictures(result).items():
+        write_bytes(folder / name, content)
+    write_text(folder / "report.html", page(result))
+    if (drawing := drawing_page(result)) is not None:
+        write_text(folder / "drawing.html", drawing)
+    _write_summary(result, texts, folder)
+
+
+def write_tables(result: RunResult, folder: Path) -> None:
+    """Write the tables and the summary alone, as far as a result has them."""
+    texts = _texts(result)
+    _write_texts(texts, folder)
+    _write_summary(result, texts, folder)
+
+
+def _write_texts(texts: Mapping[str, str], folder: Path) -> None:
+    for name, text in texts.items():
+        write_text(folder / name, text)
+
+
+def _write_summary(result: RunResult, texts: Mapping[str, str], folder: Path) -> None:
+    summary = dict(result.summary) | {"files": {n: digest(t) for n, t in texts.items()}}
+    write_text(folder / "summary.json", as_json(summary))
+
+
+def digest(text: str) -> str:
+    """SHA-256 of a text file, by which edits are detected."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _texts(result: RunResult) -> dict[str, str]:
+    """The files from which the page can be rebuilt, by name."""
+    tables = {name: getattr(result, field) for field, name in TABLES.items()}
+    tables[TABLES["overlays"]] = labelled(result.overlays)
+    texts = {n: csv_text(frame) for n, frame in tables.items() if frame is not None}
+    if result.tolerances:
+        texts["tolerances.json"] = as_json(list(result.tolerances))
+    return {"config.toml": result.configuration} | texts
+
+
+MISS = "nearest_miss.csv"
+FAILED = "failed.csv"
+
+
+def run(
+    plan: RunPlan,
+    out: Path,
+    workers: Execution | int = 1,
+    progress: Callable[[Progress], None] | None = None,
+    resume: bool = False,
+    overwrite: bool = True,
+) -> RunOutcome:
+    """Run `plan` and write its files to `out`; with `resume` continue the run that `out` holds.
+
+    The result does not depend on `workers`: side searches have their own seeds and run in other
+    processes where there are some. An interrupt ends the search; its results so far are written.
+    Raises InputError where nothing is free to be searched, where limits are missing or out of
+    reach, where another process works in `out`, or where it holds something that is not to be
+    replaced (`overwrite`); RunError where the disk is full.
+    """
+    if not plan.problem.free:
+        raise refuse("problem", "every variable is fixed: there is nothing to optimise; use `tolevo evaluate`")
+    searchable(plan.problem, plan.algorithm)
+    with owned(out, "run", resume, overwrite) as place, pinned():
+        return _run(plan, place, workers, progress, resume)
+
+
+def _run(
+    plan: RunPlan, place: Ownership, workers: Execution | int, progress: Callable[[Progress], None] | None, resume: bool
+) -> RunOutcome:
+    checkpoint, out = opened(plan, place, resume), place.folder
+    start, resume_notes = time.monotonic() - seconds_before(checkpoint), notes_of(checkpoint, resume)
+    printed = documents(plan.problem) if plan.references else pd.DataFrame()
+    searches = side_searches(plan, printed) if plan.references else ()
+    searches += effects.search_without_effects(plan) + overlay.side_search(plan)
+    place.begin(keep=(CONFIGURATION, CHECKPOINT, REDUCERS) if resume else (CONFIGURATION,))
+    write_text(out / CONFIGURATION, plan.configuration)
+    checkpoint.write()
+    store_reducer_fronts(plan.problem, out)
+    try:
+        search_result, fronts = _searched(plan, checkpoint, Sides(searches, workers, checkpoint, progress), progress)
+        if search_result.interrupted or any(side_front is None for side_front in fronts.values()):
+            checkpoint.write()
+            return _interrupted(plan, out, search_result, printed, start)
+        with recorded(checkpoint.section("result")):
+            result, lines = _concluded(plan, search_result, fronts, printed, resume_notes, start, progress)
+    except KeyboardInterrupt:
+        checkpoint.write()
+        raise
+    checkpoint.write()
+    miss = nearest_miss(plan.problem, search_result) if result.front.empty else pd.DataFrame()
+    if result.front.empty:
+        write_text(out / MISS, csv_text(miss))
+    if len(search_result.failed):
+        listed = designs_frame(plan.problem, plan.problem.complete(search_result.failed))
+        write_text(out / FAILED, csv_text(listed))
+    write(result, out)
+    status = str(result.summary["status"])
+    place.complete(status)
+    return RunOutcome(status, out, _lines(result, status, out, lines, _broken(plan.problem, miss)), result)
+
+
+def _concluded(
+    plan: RunPlan,
+    search_result: SearchResult,
+    fronts: Fronts,
+    printed: pd.DataFrame,
+    resume_notes: tuple[str, ...],
+    start: float,
+    progress: Callable[[Progress], None] | None,
+) -> tuple[RunResult, Sequence[str]]:
+    """Everything that follows from the searches, and what the terminal says of the proof."""
+    searched = reported_front(plan.problem, search_result)
+    exact = exact_front(plan.problem, solved_front(plan, search_result))
+    references = table(plan, printed, fronts, exact)
+    front, dropped, joined = with_references(searched, references, plan.problem)
+    front, front_proof = with_bounds(front, plan.problem)
+    before = next((side_front for side, side_front in fronts.items() if side.apart), None)
+    overlays = {s.label: o for s, o in fronts.items() if s.overlay and o is not None}
+    relaxed = {side.label: side_front for side, side_front in fronts.items() if side.relaxed}
+    if len(references):
+        references, _ = with_bounds(references, plan.problem, inside(references, plan.problem))
+        references = compare(references, searched, relaxed, plan.problem)
+    status = "done" if len(front) else "no_feasible_point"
+    names = list(plan.problem.objectives)
+    for other_front in overlays.values():
+        front = overlay.with_distance(front, other_front, names)
+    comparisons = [
+        n for label, other_front in overlays.items() for n in overlay.notes(front, label, other_front, names)
+    ]
+    warned = (*WithEffects.of(plan.problem).effect_notes(), *Checks.of(plan.problem).cautions(), *comparisons)
+    alternative_costs = alternatives(plan.problem, front)
+    remarks = (*Page.of(plan.problem).remarks(front), *sentences(alternative_costs))
+    failures = _failure_notes(search_result)
+    notes = (*failures, *warned, *remarks, *resume_notes, *_notes(references, dropped, joined))
+    decisions = decide(plan.problem, front, plan.choice)
+    proven = (*proof_notes(plan.problem, front, front_proof), *end_notes(plan.problem, front), *notes, *decisions.notes)
+    summary = _summary(plan, search_result, front, status, proven, time.monotonic() - start)
+    summary |= measures(search_result, front, front_proof, exact)
+    summary |= drawn(plan.problem, front) | ({"alternatives": alternative_costs} if alternative_costs else {})
+    result = _result(plan, search_result, front, references, summary, proven, exact)
+    looser = labelled(relaxed)
+    looser = None if looser is None or looser.empty else looser
+    result = replace(with_choices(result, decisions, plan, exact), overlays=overlays, relaxed=looser)
+    result = replace(result, summary={**result.summary, "answers": answers(result, plan.problem, front_proof)})
+    result = with_requirements(
+        with_units(with_capability(with_promise(result, plan.problem), plan.problem), plan.problem), plan.problem
+    )
+    result = with_assumptions(result, plan.problem, search_result.history, progress)
+    if before is not None:
+        result = replace(result, before=before, moved=effects.moved(plan.problem, before, front))
+    return result, proof_notes(plan.problem, front, front_proof)
+
+
+def _interrupted(
+    plan: RunPlan, out: Path, search_result: SearchResult, printed: pd.DataFrame, start: float
+) -> RunOutcome:
+    """Write the front so far, without what takes long: proofs, decisions, page and figures."""
+    best = nondominated(search_result.f) if len(search_result.f) else slice(0)
+    few = replace(search_result, x=search_result.x[best], f=search_result.f[best])
+    front = reported_front(plan.problem, few).assign(bound=np.nan, gap_percent=np.nan)
+    references = table(replace(plan, references=False), printed, {}, None)
+    summary = _summary(plan, search_result, front, "interrupted", (), time.monotonic() - start)
+    result = _result(plan, search_result, front, references, summary, (), None)
+    write_tables(result, out)
+    line = (
+        f"interrupted: {len(front)} Pareto points of {search_result.evaluations} evaluations, and the search as it was "
+        f"saved last, are in {out}; run the same command with --resume to continue"
+    )
+    return RunOutcome("interrupted", out, (line,), result)
+
+
+def _searched(
+    plan: RunPlan, checkpoint: Checkpoint, searches: Sides, progress: Callable[[Progress], None] | None
+) -> tuple[SearchResult, Fronts]:
+    with searches as sides, Designs(plan.problem, sides.where, sides.free) as designs:
+
+        def report(state: Progress) -> None:
+            sides.collect()
+            if progress is not None:
+                progress(state)
+
+        with recorded(checkpoint.section("search")):
+            search_result = search(
+                plan.problem, plan.algorithm, plan.budget, plan.seed, report, plan.engine, checkpoint, designs.values
+            )
+        if not search_result.interrupted:
+            sides.finish()
+        return search_result, sides.fronts()
+
+
+def _summary(
+    plan: RunPlan, search_result: SearchResult, front: pd.DataFrame, status: str, notes: tuple[str, ...], seconds: float
+) -> dict[str, object]:
+    ideal, nadir = plan.problem.box()
+    names = plan.problem.objectives
+    packages = ("tolevo", "pymoo", "numpy", "scipy", "pandas", "moocore")
+    return {
+        "status": status,
+        "seed": plan.seed,
+        "versions": {"python": platform.python_version()} | {p: version(p) for p in packages},
+        "configuration_hash": hashlib.sha256(plan.configuration.encode()).hexdigest(),
+        "evaluations": search_result.evaluations,
+        **({"failed_evaluations": search_result.failures} if search_result.failures else {}),
+        "seconds": seconds,
+        "points": len(front),
+        "ideal": dict(zip(names, ideal.tolist(), strict=True)),
+        "nadir": dict(zip(names, nadir.tolist(), strict=True)),
+        "notes": list(notes),
+        "assumptions": [
+            asdict(a) for a in (*plan.problem.assumptions(), *roughness_assumptions(plan.problem, plan.choice))
+        ],
+        **_model(plan.problem),
+        **_costs(plan.problem),
+        **effects.summary(plan.problem),
+    }
+
+
+def _costs(problem: ToleranceProblem) -> dict[str, object]:
+    """The currency of the costs, and which are assumed; empty where costs are relative."""
+    money = problem.settings.money
+    if not money.currency:
+        return {}
+    costs = {"currency": money.currency, "assumed": list(money.assumed)}
+    return {"costs": costs | ({"scale_assumed": money.scale} if money.scale else {})}
+
+
+def _model(problem: ToleranceProblem) -> dict[str, object]:
+    """The model that the numbers come from; empty where there is only one."""
+    if not problem.declaration.model_statement:
+        return {}
+    return {"model": problem.declaration.model_name, "model_statement": problem.declaration.model_statement}
+
+
+def _result(
+    plan: RunPlan,
+    search_result: SearchResult,
+    front: pd.DataFrame,
+    references: pd.DataFrame,
+    summary: dict[str, object],
+    notes: tuple[str, ...],
+    exact: Exact | None,
+) -> RunResult:
+    columns = ["generation", "evaluations", "seconds", "hypervolume", "feasible_fraction"]
+    convergence = pd.DataFrame([asdict(p) for p in search_result.history], columns=columns)
+    whole = exact.hypervolume if exact is not None else float("nan")
+    convergence.insert(4, "hypervolume_ratio", convergence["hypervolume"] / whole)
+    return RunResult(
+        Page.of(plan.problem).title() or described(plan.problem) or plan.title,
+        front,
+        references,
+        convergence,
+        summary,
+        objectives=_axes(plan.problem, plan.problem.objectives),
+        variables=tuple(Axis(v.name, v.unit, v.meaning) for v in plan.problem.variables),
+        notes=notes,
+        bars=Page.of(plan.problem).bars(),
+        configuration=plan.configuration,
+    )
+
+
+def described(problem: ToleranceProblem) -> str:
+    """The title of a problem: the first line of its description."""
+    if not type(problem).__module__.startswith("tolevo."):
+        return ""
+    text = (type(problem).__doc__ or "").strip().split("\n")[0]
+    return text.rstrip(".").split(":")[0].split(" (default")[0]
+
+
+def _axes(problem: ToleranceProblem, names: tuple[str, ...]) -> tuple[Axis, ...]:
+    outputs = {o.name: o for o in problem.outputs}
+    return tuple(Axis(n, outputs[n].unit, outputs[n].meaning) for n in names)
+
+
+def _notes(references: pd.DataFrame, dropped: int, joined: int) -> list[str]:
+    """What the page and the summary say about the references."""
+    notes = [
+        f"{row['label']} breaks {row['violated_limits'].replace(' ', ', ')}: it is outside of what "
+        "this run may choose, so the front cannot be expected to beat it; see the relaxed columns"
+        for row in references.to_dict("records")
+        if row["violated_limits"]
+    ]
+    if joined:
+        were, points = ("reference was", "it dominates"), ("references were", "they dominate")
+        added, beaten = were if joined == 1 else points
+        removed = {0: "no point", 1: "one point"}.get(dropped, f"{dropped} points")
+        notes.append(
+            f"the search found nothing as good as {joined} of the references: {joined} {added} added to the front, and "
+            f"{removed} that {beaten} removed; the table of references compares them with the front of the search alone"
+        )
+    return notes
+
+
+def _failure_notes(search_result: SearchResult) -> list[str]:
+    """What the user should know of evaluations that failed."""
+    if not search_result.failures:
+        return []
+    number, listed = search_result.failures, len(search_result.failed)
+    which = "their designs are" if listed == number else f"the first {listed} of their designs are"
+    return [
+        f"{number} of {search_result.evaluations} evaluations failed, because a value is not finite: they count as "
+        f"infeasible; {which} in {FAILED}"
+    ]
+
+
+def _broken(problem: ToleranceProblem, miss: pd.DataFrame) -> str:
+    """The limits that the nearest miss breaks, with its values."""
+    rows = miss.to_dict("records")
+    names = {name for row in rows for name in violated(problem, row)}
+    limits = [limit for limit in problem.limits if limit.name in names]
+    return "; ".join(f"{words(o.name)} {against(float(rows[0][o.name]), o)}" for o in limits)
+
+
+def _lines(result: RunResult, status: str, out: Path, proof_lines: Sequence[str], broken: str) -> tuple[str, ...]:
+    """A short summary for the terminal; `proof_lines` are left out where the answers state them."""
+    lines = [
+        f"{status}: {len(result.front)} Pareto points, {result.summary['evaluations']} "
+        f"evaluations, {float(str(result.summary['seconds'])):.1f} s"
+    ]
+    lines += [*mechanism_lines(result.summary), *model_lines(result.summary)]
+    lines += result.answers.values()
+    for row in result.references.to_dict("records"):
+        compliance = "meets all limits" if row["feasible"] else f"breaks {row['violated_limits']}"
+        values = ", ".join(
+            f"{axis.name} {plain_number(row[axis.name])} {axis.unit if axis.name == 'cost' else ''}".rstrip()
+            for axis in result.objectives
+        )
+        lines.append(f"reference {row['label']}: {values}; {compliance}")
+    answered = proof_lines if "proof" in result.answers else ()
+    lines += [f"note: {note}" for note in result.notes if note not in answered]
+    if status == "no_feasible_point":
+        lines.append(
+            f"the nearest miss is in {out / 'nearest_miss.csv'}{f' ({broken})' if broken else ''}; relax the limit it "
+            "breaks, widen the ranges or raise the budget"
+        )
+    return tuple(lines)

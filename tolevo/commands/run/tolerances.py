@@ -1,0 +1,416 @@
+"""Tolerances as they go on a drawing: steps, grades, roughness, and the allocation of a point."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ...errors import Fault
+from ...models.cost_reading import curve_table
+from ...models.costs import CostCurve, Table
+from ...models.iso286 import GRADES, LARGEST, grade_um
+from ...problems.interfaces import Comparison, Drawing
+from ...problems.tolerance_problem import ToleranceProblem
+from ...section import Array, Assumption, Kind, Variable
+from ...units import converted, drawing_number, fits
+from .choice import IT_GRADES, PREFERRED, ChoiceSettings, Step
+
+R20 = (1.0, 1.12, 1.25, 1.4, 1.6, 1.8, 2.0, 2.24, 2.5, 2.8, 3.15, 3.55, 4.0, 4.5, 5.0, 5.6, 6.3, 7.1, 8.0, 9.0)
+"""Preferred numbers, basic series R20 (ISO 3:1973)."""
+SHARE = 0.01
+"""Step of a nominal value by default, at most this fraction of its range."""
+
+
+def usual_step(problem: ToleranceProblem, variable: Variable) -> Step | None:
+    """How a variable is rounded where the configuration does not state it; None: not at all."""
+    if variable.integer:
+        return None
+    if not variable.tolerance:
+        low, high = problem.interval(variable.name)
+        return _step_below(SHARE * (high - low))
+    return IT_GRADES if size_mm(problem, variable) is not None else PREFERRED
+
+
+def _step_below(most: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not above `most`."""
+    power = 10.0 ** np.floor(np.log10(most))
+    return float(f"{max(f * power for f in (1.0, 2.0, 5.0) if f * power <= most * 1.0001):.6g}")
+
+
+def size_mm(problem: ToleranceProblem, variable: Variable) -> float | None:
+    """Nominal size [mm] that ISO grades can be looked up by, None where there is none."""
+    nominal, _ = Drawing.of(problem).zone(variable.name)
+    if nominal is None or variable.kind is not Kind.HALF_WIDTH:
+        return None
+    try:
+        size = abs(float(converted(nominal, variable.unit, "mm")))
+    except ValueError:
+        return None
+    return size if 0.0 < size <= LARGEST else None
+
+
+def half_widths(variable: Variable, size: float) -> dict[str, float]:
+    """Half-widths of the ISO 286 grades at a nominal size [mm], in the unit of a variable."""
+    widths = {grade: converted(0.5 * grade_um(grade, size), "um", variable.unit) for grade in GRADES}
+    return {grade: without_last_digits(float(width)) for grade, width in widths.items()}
+
+
+def values_of(problem: ToleranceProblem, variable: Variable, step: Step) -> dict[float, str]:
+    """Every value of a variable that can be ordered, with the name of its grade or nothing."""
+    low, high = problem.interval(variable.name)
+    if step == IT_GRADES:
+        size = size_mm(problem, variable)
+        assert size is not None
+        return {half: grade for grade, half in half_widths(variable, size).items()}
+    if step == PREFERRED:
+        first, last = (int(np.floor(np.log10(end))) for end in (max(low, high * 1e-6), high))
+        powers = range(first, last + 1)
+        return {without_last_digits(number * 10.0**power): "" for power in powers for number in R20}
+    if isinstance(step, tuple):
+        return dict.fromkeys(step, "")
+    assert isinstance(step, float)
+    whole = np.arange(np.floor(low / step), np.ceil(high / step) + 1.0)
+    return dict.fromkeys([without_last_digits(n * step) for n in whole.tolist()], "")
+
+
+def without_last_digits(value: float) -> float:
+    """A sum or product without its last digits: 0.30000000000000004 is 0.3."""
+    return float(f"{value:.12g}")
+
+
+def rule_message(problem: ToleranceProblem, variable: Variable, step: Step | None) -> str:
+    """The rule of a variable in words."""
+    if step is None:
+        return "whole numbers as they are" if variable.integer else "as it is"
+    if step == IT_GRADES:
+        return f"IT grade (ISO 286) at {size_mm(problem, variable):g} mm"
+    if step == PREFERRED:
+        return f"preferred number R20 (ISO 3) in {variable.unit or 'its unit'}"
+    if isinstance(step, tuple):
+        return "list: " + ", ".join(f"{value:g}" for value in step)
+    return f"multiple of {step:g} {variable.unit}".rstrip()
+
+
+def step_of(problem: ToleranceProblem, variable: Variable, settings: ChoiceSettings) -> Step | None:
+    """How a variable is rounded."""
+    stated = settings.steps.get(variable.name)
+    return usual_step(problem, variable) if stated is None else stated
+
+
+def rounding_faults(problem: ToleranceProblem, settings: ChoiceSettings) -> list[Fault]:
+    """Grades that are asked for where no nominal size is known, and lists outside of the range."""
+    faults, free = [], {v.name: v for v in problem.free}
+    for name, step in settings.steps.items():
+        place = f"rounding.{name}"
+        if name not in free:
+            faults.append(Fault(place, "is fixed in this run: there is nothing to round"))
+        elif step == IT_GRADES and size_mm(problem, free[name]) is None:
+            text = 'has no nominal size of at most 500 mm to look up a grade by: give a step, a list, or "R20"'
+            faults.append(Fault(place, text))
+        elif isinstance(step, tuple):
+            low, high = problem.interval(name)
+            if not any(low <= value <= high for value in step):
+                faults.append(Fault(place, f"must hold a value between {low:g} and {high:g}"))
+    return faults
+
+
+# A tolerance as a drawing states it.
+
+
+def notation(variable: Variable, nominal: float | None, mid: float, t: float, grade: str = "") -> str:
+    """Like "36.05 +0.012/-0.013 mm", "25 ±0.0065 mm (IT6)", "0 to 5 um", "grade 5".
+
+    `nominal` is the nominal size, None where it is not known, `mid` the middle of the zone as a
+    deviation from it and t the tolerance, all in the unit of the variable.
+    """
+    unit = f" {variable.unit}".rstrip()
+    more = f" ({grade})" if grade and variable.kind is Kind.HALF_WIDTH else ""
+    if variable.labels:
+        return variable.labels[int(t)]
+    if variable.kind is Kind.GRADE:
+        return f"grade {drawing_number(t)}"
+    if variable.kind is Kind.FULL_CLEARANCE:
+        return f"0 to {drawing_number(t)}{unit}"
+    if variable.kind is Kind.STANDARD_DEVIATION:
+        return f"standard deviation at most {drawing_number(t)}{unit}"
+    if variable.kind is not Kind.HALF_WIDTH:
+        return f"{drawing_number(t)}{unit}"
+    size = "" if nominal is None else f"{drawing_number(nominal)} "
+    zone = f"±{drawing_number(t)}" if mid == 0.0 else f"{_signed(mid + t)}/{_signed(mid - t)}"
+    return f"{size}{zone}{unit}{more}"
+
+
+def _signed(value: float) -> str:
+    text = drawing_number(value)
+    return f"+{text}" if float(text) > 0.0 else text
+
+
+def process_of(problem: ToleranceProblem, variable: Variable, design: object) -> str:
+    """How the part of a tolerance is made, where a variable of the problem chooses it."""
+    name = f"{variable.name.removesuffix('_t')}_process"
+    names = problem.names
+    if name not in names or name == variable.name:
+        return ""
+    labels = problem.variables[names.index(name)].labels
+    return labels[int(design[names.index(name)])] if labels else ""  # type: ignore[index]
+
+
+MIDDLE = "mean at mid-limit"
+
+
+def inspection(variable: Variable, t: float, cpk: float | None, mean: str = MIDDLE) -> str:
+    """What the model assumes of the parts, for those who inspect them."""
+    unit = f" {variable.unit}".rstrip()
+    if variable.kind is Kind.STANDARD_DEVIATION:
+        return "standard deviation of a sample of the process, about the nominal value"
+    if variable.kind is Kind.HALF_WIDTH and cpk:
+        return f"standard deviation at most {t / (3.0 * cpk):.3g}{unit}, {mean}"
+    if variable.kind in (Kind.HALF_WIDTH, Kind.FULL_CLEARANCE):
+        return "every part within the limits; measuring uncertainty reduces them (ISO 14253-1)"
+    return ""
+
+
+# What a drawing and a price need to know of every variable: `tolerances.json`.
+
+
+def tolerances(
+    problem: ToleranceProblem, rules: Mapping[str, str], values: Mapping[str, Mapping[float, str]]
+) -> tuple[dict[str, Any], ...]:
+    """A record per variable: what it is, its range, what can be ordered, what it costs.
+
+    `rules` say how a variable is rounded, `values` what can be ordered of it with the names of
+    grades. Each of several alternative processes has a range and a cost curve, in the order of the
+    labels of its variable.
+    """
+    free = {v.name for v in problem.free}
+    return tuple(
+        _record(problem, v, v.name in free, rules.get(v.name, "fixed"), values.get(v.name, {}))
+        for v in problem.variables
+    )
+
+
+def _record(
+    problem: ToleranceProblem, v: Variable, free: bool, rule: str, values: Mapping[float, str]
+) -> dict[str, Any]:
+    nominal, mid = Drawing.of(problem).zone(v.name)
+    low, high = problem.interval(v.name) if free else (problem.fixed[v.name],) * 2
+    return {
+        "name": v.name,
+        "unit": v.unit,
+        "meaning": v.meaning,
+        "kind": v.kind.name.lower(),
+        "free": free,
+        "integer": v.integer,
+        "labels": list(v.labels),
+        "low": low,
+        "high": high,
+        "nominal": nominal,
+        "mid": mid if v.kind is Kind.HALF_WIDTH else None,
+        "um": _um(v) if v.tolerance else None,
+        "rule": rule,
+        "orderable": [
+            [value, name] for value, name in sorted(values.items()) if low * (1 - 1e-9) <= value <= high * (1 + 1e-9)
+        ],
+        "grades": _grades(problem, v),
+        "process": f"{v.name.removesuffix('_t')}_process",
+        "costs": [_cost_curve(curve) | {"count": count} for curve, count in Drawing.of(problem).curves_of(v.name)],
+        **Drawing.of(problem).drawn(v.name),
+    }
+
+
+def _cost_curve(curve: CostCurve) -> dict[str, Any]:
+    """A curve as a page computes with it; a table also has the least cost up to each entry."""
+    table = curve_table(curve)
+    return table | {"cost_at": list(curve.least)} if isinstance(curve, Table) else table
+
+
+def _um(v: Variable) -> float | None:
+    """One micrometre in the unit of a variable; None where that is no length."""
+    try:
+        return float(converted(1.0, "um", v.unit)) if v.unit else None
+    except ValueError:
+        return None
+
+
+def _grades(problem: ToleranceProblem, v: Variable) -> list[list[Any]]:
+    """ISO 286 grades with their half-widths in the unit of a variable of known nominal size."""
+    size = size_mm(problem, v)
+    return [] if size is None else [[grade, half] for grade, half in half_widths(v, size).items()]
+
+
+# The roughness that a tolerance and the process behind its cost curve ask for.
+
+
+PREFERRED_ROUGHNESS = (0.025, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.3, 12.5, 25.0)
+"""Preferred values of Ra [um], ISO 21920-1."""
+USUAL: Mapping[str, tuple[float, float]] = {
+    "superfinish": (0.05, 0.2),
+    "lapp": (0.05, 0.4),
+    "polish": (0.1, 0.4),
+    "hon": (0.1, 0.8),
+    "ground": (0.1, 1.6),
+    "grind": (0.1, 1.6),
+    "turn": (0.4, 6.3),
+    "bor": (0.4, 6.3),
+    "ream": (0.8, 3.2),
+    "broach": (0.8, 3.2),
+    "mill": (0.8, 6.3),
+    "drill": (1.6, 6.3),
+    "plan": (1.6, 12.5),
+    "saw": (1.6, 25.0),
+}
+"""Ra [um] that a process usually reaches, by how its name begins (ASME B46.1, appendix B)."""
+SHARE_OF_TOLERANCE = 1.0 / 20.0
+"""Ra as a fraction of the width of the zone at most: peaks, some five times Ra, take a quarter."""
+WHY = "Ra is at most this fraction of the width of a zone: peaks, some five times Ra, take a quarter"
+
+
+def share_of(settings: ChoiceSettings) -> float:
+    """The most that Ra may be of the width of a zone."""
+    return SHARE_OF_TOLERANCE if settings.roughness_share is None else settings.roughness_share
+
+
+def roughness_assumptions(problem: ToleranceProblem, settings: ChoiceSettings) -> tuple[Assumption, ...]:
+    """The assumption behind a roughness, where a process of the problem implies one."""
+    names = [label for v in problem.variables if v.name.endswith("_process") for label in v.labels]
+    if not any(_usual(name) for name in names):
+        return ()
+    set_by = "default" if settings.roughness_share is None else "configuration"
+    reason = WHY if settings.roughness_share is None else WHY.split(":")[0]
+    return (Assumption("choice.roughness_share", share_of(settings), "", reason, set_by),)
+
+
+def roughness(process: str, width: float, unit: str, largest_share: float = SHARE_OF_TOLERANCE) -> float | None:
+    """The largest preferred Ra [um] that a zone of a `width` takes, at most a `largest_share` of it
+    and within what the process of its cost curve usually reaches; None where the process is not
+    known by name, or it is no length.
+    """
+    usual = _usual(process)
+    if usual is None or not unit or not fits(unit, "um"):
+        return None
+    finest, coarsest = usual
+    most = min(coarsest, largest_share * float(converted(width, unit, "um")))
+    return max((ra for ra in PREFERRED_ROUGHNESS if finest <= ra <= most * (1.0 + 1e-9)), default=finest)
+
+
+def _usual(process: str) -> tuple[float, float] | None:
+    """Ra [um] that a process usually reaches; None where it is not known by name."""
+    return next((ra for stem, ra in USUAL.items() if process.lower().startswith(stem)), None)
+
+
+# The chosen allocations as a drawing needs them: zones, limits and grades, before and after.
+
+
+def allocation(
+    problem: ToleranceProblem,
+    choices: Mapping[int, str],
+    designs: Mapping[int, tuple[Array, Array]],
+    grades: Mapping[str, Mapping[float, str]],
+    rules: Mapping[str, str],
+    roughness_share: float = SHARE_OF_TOLERANCE,
+) -> pd.DataFrame:
+    """A row per chosen point and variable.
+
+    `choices` names the rules that choose a row of the front, `designs` its unrounded and rounded
+    full design, `grades` what a value of a variable is called, and `rules` how it is rounded.
+    Limits are those of the zone around nominal and mid, deviations where no nominal is known; the
+    deviations of a zone are from the nominal. `grade` is the tolerance class where one is stated,
+    `symbol` that of a geometrical characteristic. `notation` is what to write on the drawing,
+    `process` how the part is made where that is chosen, `roughness_Ra_um` what that implies for the
+    surface (at most a `roughness_share` of its zone), `cpk_wanted` the capability that the model
+    counts on, and `inspection` what an inspector needs to know of it. Where a problem is one of
+    several models, the last column says which.
+    """
+    rows = []
+    models = _models(problem, {point: both[1] for point, both in designs.items()})
+    for point, label in choices.items():
+        for at, variable in enumerate(problem.variables):
+            old, new = (float(design[at]) for design in designs[point])
+            name = grades.get(variable.name, {}).get(new, "")
+            rows.append(
+                {"choice": label, "point": point}
+                | _row(problem, variable, old, new, name)
+                | {"rounding": rules.get(variable.name, "fixed")}
+                | _written(problem, variable, designs[point][1], new, name, roughness_share)
+                | models[point]
+            )
+    table = pd.DataFrame(rows)
+    numbers = ("nominal", "mid", "lower_limit", "upper_limit", "lower_deviation", "upper_deviation", "roughness_Ra_um")
+    return table.astype(dict.fromkeys(numbers, float))
+
+
+def _models(problem: ToleranceProblem, rounded: Mapping[int, Array]) -> dict[int, dict[str, str]]:
+    """By point: the model by which its rounded design was chosen; empty where there is only one."""
+    if not problem.declaration.model_statement:
+        return {point: {} for point in rounded}
+    labels = Comparison.of(problem).model_labels(np.stack(list(rounded.values())))
+    return {point: {"model": label} for point, label in zip(rounded, labels, strict=True)}
+
+
+def _row(problem: ToleranceProblem, variable: Variable, old: float, new: float, grade: str) -> dict[str, Any]:
+    nominal, mid = Drawing.of(problem).zone(variable.name)
+    lower, upper = _limits(variable, nominal, mid, new)
+    half, drawn = variable.kind is Kind.HALF_WIDTH, Drawing.of(problem).drawn(variable.name)
+    if variable.kind is Kind.GRADE:
+        grade = f"grade {new:g}"
+    return {
+        "variable": variable.name,
+        "meaning": variable.meaning,
+        "kind": str(variable.kind),
+        "unit": variable.unit,
+        "nominal": nominal,
+        "mid": mid if half else None,
+        "unrounded": _shown(variable, old),
+        "rounded": _shown(variable, new),
+        "lower_limit": lower,
+        "upper_limit": upper,
+        "lower_deviation": without_last_digits(mid - new) if half else None,
+        "upper_deviation": without_last_digits(mid + new) if half else None,
+        "grade": drawn.get("class", grade),
+        "symbol": drawn.get("symbol", ""),
+        "drawing": drawn.get("drawing", ""),
+        "characteristic": drawn.get("characteristic", ""),
+    }
+
+
+def _written(
+    problem: ToleranceProblem, variable: Variable, design: Array, new: float, grade: str, roughness_share: float
+) -> dict[str, Any]:
+    """What to write on the drawing, and what those who make and inspect the part need to know."""
+    drawn = Drawing.of(problem).drawn(variable.name)
+    nominal, mid = Drawing.of(problem).zone(variable.name)
+    law = problem.settings.variables[variable.name].distribution
+    stated = drawn.get("cpk")
+    cpk = float(stated) if stated else _capability(law)
+    process, half = process_of(problem, variable, design), variable.kind is Kind.HALF_WIDTH
+    rough = roughness(process, 2.0 * new, variable.unit, roughness_share) if half else None
+    written = notation(variable, nominal, mid, new, drawn.get("class", grade))
+    return {
+        "notation": written if rough is None else f"{written}; Ra {drawing_number(rough)}",
+        "process": process,
+        "roughness_Ra_um": rough,
+        "cpk_wanted": cpk,
+        "inspection": drawn.get("inspection") or inspection(variable, new, cpk, drawn.get("mean", MIDDLE)),
+    }
+
+
+def _capability(law: object) -> float | None:
+    """Cp of a normal law; None where none is stated, or the law fills the zone."""
+    cp = getattr(law, "cp", None)
+    return float(cp) if isinstance(cp, int | float) else None
+
+
+def _limits(variable: Variable, nominal: float | None, mid: float, t: float) -> tuple[float | None, float | None]:
+    if variable.kind is Kind.HALF_WIDTH:
+        centre = (nominal or 0.0) + mid
+        return without_last_digits(centre - t), without_last_digits(centre + t)
+    return (0.0, t) if variable.kind is Kind.FULL_CLEARANCE else (None, None)
+
+
+def _shown(variable: Variable, value: float) -> float | int | str:
+    if variable.labels:
+        return variable.labels[int(value)]
+    return int(value) if variable.integer else value

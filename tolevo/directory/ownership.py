@@ -1,0 +1,261 @@
+"""A directory that a command owns: taken, the old result retired, the new result completed."""
+
+from __future__ import annotations
+
+import secrets
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from ..errors import Fault, InputError, RunError, StorageError, TolevoError, raise_all, refuse
+from ..files import cause, is_folder
+from ..interrupts import keeps
+from .lock import PATIENCE, Held, Lock, acquire, commands, holders, sweep
+from .standing import (
+    KINDS,
+    MANIFEST,
+    UNFINISHED,
+    Standing,
+    Unfinished,
+    folders,
+    irregular,
+    is_output_file,
+    kinds_in,
+    occupied,
+    present,
+    read_unfinished,
+    standing,
+    write_manifest,
+    write_unfinished,
+)
+
+BUSY = "is in use by {}: wait for it, end it, or name another directory"
+OCCUPIED = "{} is not empty; name another directory, or add --overwrite or --resume"
+UNCHANGED = (
+    "cannot be written ({}: {}): nothing was changed; {} and run the same command again, or name another directory"
+)
+GONE = "{} was removed while the command worked in it, and what it held is lost: run the same command again"
+READY = 60.0
+"""Time [s] within which a command whose result can be shared has begun or completed it."""
+LAST = 600.0
+"""Time [s] to wait for the last others that share a directory."""
+
+
+class Ownership:
+    """What a command may do with the directory that it has taken.
+
+    Nothing of what is there is changed before `begin`; where that is never called, the directory
+    is left as it was.
+    """
+
+    def __init__(self, folder: Path, command: str, lock: Lock, made: Sequence[Path]) -> None:
+        self.folder = folder
+        self.command = command
+        self.standing = Standing()
+        self._lock = lock
+        self._made = made
+        self._token = ""
+        self.begun = self.joined
+        if self.begun:
+            keeps(self._kept)
+
+    @property
+    def blank(self) -> bool:
+        """Whether there is nothing to continue: it is empty, or this command was interrupted before
+        it had saved anything.
+        """
+        if not occupied(self.folder):
+            return True
+        here = self.standing
+        same_command = here.unfinished is not None and here.command == self.command
+        return same_command and not present(self.folder, KINDS[self.command].state)
+
+    @property
+    def joined(self) -> bool:
+        """Whether others may be at work on the same result, so that nothing may be retired."""
+        return not self._lock.exclusive
+
+    def check(self, resume: bool, overwrite: bool, apart: Sequence[str] = ()) -> None:
+        """Check what is there. Raises InputError where it cannot be continued or replaced."""
+        if not resume:
+            if not overwrite and occupied(self.folder):
+                raise refuse("--out", OCCUPIED.format(self.folder))
+            return
+        here = self.standing = standing(self.folder, apart)
+        raise_all(here.faults)
+        marked = here.manifest or here.unfinished
+        if marked is not None and here.command != self.command:
+            text = f"{self.folder} holds the result of `tolevo {here.command}`; name another "
+            raise refuse("--resume", f"{text}directory, or --overwrite")
+        self._token = here.unfinished.token if here.unfinished is not None else ""
+        if not self.joined and here.unfinished is not None and here.unfinished.retiring:
+            self._retire(here.unfinished.retiring)
+            self.standing = standing(self.folder, apart)
+
+    def begin(self, keep: Sequence[str] = ()) -> None:
+        """Retire what is there except the files `keep`, which the new result continues from.
+
+        From here on the directory is that of an unfinished result.
+        """
+        sweep(folders(self.folder), is_output_file)
+        old = [name for name in self._old() if name not in keep]
+        self._token = secrets.token_hex(8)
+        write_unfinished(self.folder, self.command, self._token, old)
+        self.begun = True
+        keeps(self._kept)
+        self._retire(old)
+
+    def _kept(self) -> str:
+        """What an interrupt leaves, and how to go on."""
+        kind = KINDS[self.command]
+        kept = (
+            f"{kind.saved} is kept in {self.folder}" if present(self.folder, kind.state) else "nothing had been saved"
+        )
+        return f"{kept}; run the same command with --resume to continue"
+
+    def _old(self) -> list[str]:
+        """Names of all files that commands have written here."""
+        mark = _mark(self.folder)
+        names = {*kinds_in(self.folder), self.command, mark.command if mark else ""}
+        kinds = [kind for name, kind in KINDS.items() if name in names]
+        patterns = [name for kind in kinds for name in (*kind.state, *kind.files, *kind.pages)]
+        return list(dict.fromkeys([*present(self.folder, patterns), *(mark.retiring if mark else ())]))
+
+    def _retire(self, names: Sequence[str]) -> None:
+        """Remove files of an older result, the manifest first, so that no set looks complete."""
+        (self.folder / MANIFEST).unlink(missing_ok=True)
+        for name in names:
+            (self.folder / name).unlink(missing_ok=True)
+        if names:
+            write_unfinished(self.folder, self.command, self._token)
+
+    def share(self) -> None:
+        """Let other processes join in the same result."""
+        try:
+            self._lock.share()
+        except Held as holder:
+            raise RunError(f"{self.folder} {BUSY.format(holder)}") from None
+        self._still_ours()
+
+    def exclude(self) -> bool:
+        """Wait until all other processes have ended; whether this process completes the result."""
+        try:
+            self._lock.exclude(LAST)
+        except Held as holder:
+            raise RunError(f"{self.folder} {BUSY.format(holder)}") from None
+        if (self.folder / MANIFEST).exists():
+            return False
+        self._still_ours()
+        return True
+
+    def complete(self, status: str = "done") -> None:
+        """Mark what has been written as a complete set."""
+        if not self._lock.holds():
+            raise RunError(GONE.format(self.folder))
+        write_manifest(self.folder, self.command, status)
+        (self.folder / UNFINISHED).unlink(missing_ok=True)
+
+    def release(self) -> None:
+        """Release the directory; a directory that was made and not used is removed."""
+        self._lock.release()
+        if not self.begun:
+            _unmade(self._made)
+
+    def unwritten(self, path: object, reason: str, remedy: str) -> TolevoError:
+        """The error where a file cannot be written: why, what is kept, and how to continue."""
+        if not self.begun:
+            return refuse("--out", UNCHANGED.format(path, reason, remedy))
+        kind = KINDS[self.command]
+        saved = present(self.folder, kind.state)
+        kept = f"{kind.saved} is kept in {self.folder}" if saved else "nothing had been saved before"
+        text = f"{path} cannot be written: {reason}; {kept}"
+        return StorageError(f"{text}; {remedy}, then run the same command with --resume")
+
+    def _still_ours(self) -> None:
+        """Raises RunError where another process began anew while the lock was passed on."""
+        mark = _mark(self.folder)
+        if mark is None or mark.token != self._token:
+            text = f"{self.folder} was taken by another command meanwhile"
+            raise RunError(f"{text}; name another directory, or start again with --overwrite")
+
+
+@contextmanager
+def owned(
+    folder: Path,
+    command: str,
+    resume: bool = False,
+    overwrite: bool = True,
+    shared: bool = False,
+    apart: Sequence[str] = (),
+) -> Iterator[Ownership]:
+    """Hold the directory of a result for a `tolevo <command>`, made where there is none.
+
+    With `resume` its result is continued, and where `shared` others may be at work on it. The files
+    in `apart` check themselves. Raises InputError where another process holds it, where it is not
+    empty and neither `resume` nor `overwrite` is given, or where its files do not belong together;
+    RunError where a file cannot be written later on.
+    """
+    raise_all(irregular(folder))
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        lock = _taken(folder, command, shared and resume)
+    except OSError as error:
+        _unmade(made)
+        if (why := cause(error)) is None:
+            raise
+        raise refuse("--out", UNCHANGED.format(error.filename or folder, *why)) from error
+    except InputError:
+        _unmade(made)
+        raise
+    held = Ownership(folder, command, lock, made)
+    try:
+        held.check(resume, overwrite, apart)
+        yield held
+    except OSError as error:
+        if not is_folder(folder):
+            raise RunError(GONE.format(folder)) from None
+        if (why := cause(error)) is None:
+            raise
+        raise held.unwritten(error.filename or folder, *why) from error
+    finally:
+        held.release()
+
+
+def _taken(folder: Path, command: str, shared: bool) -> Lock:
+    def same() -> bool:
+        """Whether its holders run the same command."""
+        mark = _mark(folder)
+        return mark is not None and mark.command == command
+
+    until = time.monotonic() + READY
+    while True:
+        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            return acquire(folder, command, same if shared else None, PATIENCE)
+        except FileNotFoundError:  # its last owner had not needed it, and removed it
+            continue
+        except Held as holder:
+            soon = shared and command in commands(folder) and time.monotonic() < until
+            if not soon:
+                raise refuse("--out", f"{folder} {BUSY.format(holder)}") from None
+
+
+def _mark(folder: Path) -> Unfinished | None:
+    """The mark of an unfinished result, None where there is none or it is damaged."""
+    with suppress(ValueError):
+        return read_unfinished(folder)
+    return None
+
+
+def _unmade(made: Sequence[Path]) -> None:
+    for path in made:
+        with suppress(OSError):
+            path.rmdir()
+
+
+def busy_faults(folder: Path, place: str) -> list[Fault]:
+    """A fault where a process holds a directory."""
+    if holder := holders(folder):
+        return [Fault(place, f"{folder} {BUSY.format(holder)}")]
+    return []

@@ -1,0 +1,294 @@
+"""Result records: what workflows hand to reports and to the user's scripts."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from .registry import Kinds
+from .units import drawing_number
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """A column of a result that is drawn: its name, unit, and what it means."""
+
+    name: str
+    unit: str
+    meaning: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Bars:
+    """A bar chart: what it shows, the unit of its values, and one value per label."""
+
+    title: str
+    unit: str
+    labels: tuple[str, ...]
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class UnitsShown:
+    """Units of a design: what their backlash means in words, the turn of one unit, the population.
+
+    `turn` has the columns turn_deg, cycloid_arcmin (below zero flanks overlap), backlash_arcmin and
+    measured (the positions that count); `population` backlash_max_arcmin, share_within_percent of
+    the units, and share_percent since the row before.
+    """
+
+    words: tuple[str, ...]
+    turn: pd.DataFrame
+    population: pd.DataFrame
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """One finished optimisation.
+
+    `front`, `references`, `convergence` are the tables of the files of these names; `summary` is
+    `summary.json`; `objectives` are the axes of the front, `variables` the design variables,
+    `bars` charts of the problem itself, and `configuration` is the resolved TOML. Where effects act
+    in the model, `before` is the front without them and `moved` how the allocation moves.
+    `choices`, `choice_sensitivity`, `allocation`, `contributions` and `exact_front` are the tables
+    of the files of these names, None where there is none. `overlays` are fronts of other algorithms
+    by label (`overlays.csv`). `unit_turn`, `population` and `assumptions_cost` are the tables of
+    the files of these names, of problems that know units; `requirements` and `drivers` of those
+    with several requirements. `prices`, `changes` and `relaxed` (the fronts whose limits are as loose
+    as those of a reference, under its `label`) are those of these names, and `tolerances` the records of
+    `tolerances.json`: what a drawing and a price need to know of each variable. `promise`,
+    `next_parts` are the tables of these names, of runs that promise a yield, `capability` that of
+    runs with measured parts.
+    """
+
+    title: str
+    front: pd.DataFrame
+    references: pd.DataFrame
+    convergence: pd.DataFrame
+    summary: Mapping[str, Any]
+    objectives: tuple[Axis, ...]
+    variables: tuple[Axis, ...] = ()
+    notes: tuple[str, ...] = ()
+    bars: tuple[Bars, ...] = ()
+    configuration: str = field(default="", repr=False)
+    before: pd.DataFrame | None = None
+    moved: pd.DataFrame | None = None
+    choices: pd.DataFrame | None = None
+    choice_sensitivity: pd.DataFrame | None = None
+    allocation: pd.DataFrame | None = None
+    contributions: pd.DataFrame | None = None
+    exact_front: pd.DataFrame | None = None
+    overlays: Mapping[str, pd.DataFrame] = field(default_factory=dict)
+    unit_turn: pd.DataFrame | None = None
+    population: pd.DataFrame | None = None
+    assumptions_cost: pd.DataFrame | None = None
+    requirements: pd.DataFrame | None = None
+    drivers: pd.DataFrame | None = None
+    prices: pd.DataFrame | None = None
+    changes: pd.DataFrame | None = None
+    relaxed: pd.DataFrame | None = None
+    tolerances: tuple[Mapping[str, Any], ...] = ()
+    promise: pd.DataFrame | None = None
+    next_parts: pd.DataFrame | None = None
+    capability: pd.DataFrame | None = None
+
+    @property
+    def answers(self) -> Mapping[str, str]:
+        """The question and the results of a run, a sentence per entry: `asked`, `found`,
+        `published`, `limits`, `promise` and `proof`, as far as the summary has them.
+        """
+        stated = self.summary.get("answers")
+        return stated if isinstance(stated, Mapping) else {}
+
+
+def unit_of_cost(summary: Mapping[str, Any]) -> str:
+    """The unit that every cost of a run has; empty where costs are relative."""
+    costs = summary.get("costs")
+    return str(summary.get("currency") or (costs.get("currency") if isinstance(costs, Mapping) else "") or "")
+
+
+def mechanism_lines(summary: Mapping[str, Any]) -> list[str]:
+    """The subject of a run, where its configuration states it: the mechanism, its requirements, the
+    currency of its costs and which of them are assumed.
+    """
+    return [*_mechanism(summary.get("mechanism")), *_money(summary.get("costs"))]
+
+
+def _money(known: object) -> list[str]:
+    """Like "costs in EUR; assumed: pin_radius_um (an assumed unit costs 25 EUR)"."""
+    if not isinstance(known, Mapping) or not known.get("currency"):
+        return []
+    currency, assumed = str(known["currency"]), list(known.get("assumed") or ())
+    text = f"costs in {currency}" + (f"; assumed: {', '.join(map(str, assumed))}" if assumed else "")
+    scale = known.get("scale_assumed")
+    if assumed and isinstance(scale, int | float):
+        text += f" (an assumed unit costs {scale:g} {currency})"
+    return [text]
+
+
+def _mechanism(known: object) -> list[str]:
+    """The mechanism and its requirements, a line per entry."""
+    if not isinstance(known, Mapping):
+        return []
+    mechanism = _described(known)
+    requirements = [requirement for requirement in known.get("requirements") or () if isinstance(requirement, Mapping)]
+    alone = len(requirements) == 1 and requirements[0].get("name") == known.get("name")
+    lines = [f"requirement {_described(requirement)}" for requirement in requirements if _described(requirement)]
+    return lines if alone else [*([f"mechanism {mechanism}"] if mechanism else []), *lines]
+
+
+def _described(known: Mapping[str, Any]) -> str:
+    """One line, like "end play, at most 0.2 mm (drawing GB-100): play of the shaft"."""
+    low, high, unit = (known.get(key) for key in ("lower", "upper", "unit"))
+    name, ends = str(known.get("name") or ""), f" {unit}" if unit else ""
+    if low is not None and high is not None:
+        name += f", {drawing_number(low)} to {drawing_number(high)}{ends}"
+    elif low is not None or high is not None:
+        bound = f"at least {drawing_number(low)}" if low is not None else f"at most {drawing_number(high or 0.0)}"
+        name += f", {bound}{ends}"
+    drawing, description = known.get("drawing"), known.get("description")
+    name += f" (drawing {drawing})" if drawing else ""
+    return name + (f": {description}" if description else "")
+
+
+def model_lines(summary: Mapping[str, Any]) -> list[str]:
+    """The model that a run used, where there are several: a line, and a further line per choice
+    that another model was used for. No line where there is only a single model.
+    """
+    statement = str(summary.get("model_statement") or "")
+    if not statement:
+        return []
+    choices = summary.get("choices") or {}
+    labels = {name: str(choice.get("model") or statement) for name, choice in choices.items()}
+    return [f"model: {statement}", *(f"{name}: {label}" for name, label in labels.items() if label != statement)]
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """What a study measures of every run: its name, direction, and the best value there can be."""
+
+    name: str
+    larger_is_better: bool
+    best: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Varied:
+    """A key that a study varies; `base` is its value in the run configuration."""
+
+    key: str
+    base: float | int | str | None
+    categorical: bool = False
+    log: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """An interpretation of a figure and its test: "holds", "does not hold", "not shown" or
+    "undecided".
+    """
+
+    figure: str
+    key: str
+    levels: tuple[float | int | str, ...]
+    response: str
+    verdict: str
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class Recommendation:
+    """The best observed settings for one response; `shown` says whether a test supports them, and
+    `sentence` which settings to use: these, or those that they are not shown to beat.
+    """
+
+    response: str
+    point: int
+    settings: Mapping[str, Any]
+    shown: bool
+    recovered: tuple[float, float, float]
+    """Fraction of the reference's distance to the best that they recover: value, low, high."""
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class StudyResult:
+    """One finished study.
+
+    `table`, `sensitivity` and `tests` are the files of these names (`study.csv`, ...). `medians`
+    has the columns response, point, median, low, high, level, n, failed, reached. `courses` has,
+    per key and level of a design that changes one key at a time, the course of a run over its
+    generations: key, level, generation, median, low, high, and `optimum` where one is proven.
+    `mechanism` holds its labels, as far as they are stated.
+    """
+
+    title: str
+    kind: str
+    design: pd.DataFrame
+    table: pd.DataFrame
+    responses: tuple[Response, ...]
+    varied: tuple[Varied, ...]
+    medians: pd.DataFrame
+    sensitivity: pd.DataFrame
+    tests: pd.DataFrame
+    courses: pd.DataFrame
+    course_of: str
+    recommendations: tuple[Recommendation, ...]
+    verdicts: tuple[Verdict, ...] = ()
+    notes: tuple[str, ...] = ()
+    configuration: str = field(default="", repr=False)
+    mechanism: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """A run among others: what it is called, its front and its references."""
+
+    label: str
+    front: pd.DataFrame
+    references: pd.DataFrame
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Several runs with the same objectives.
+
+    `table` has one row per run, `equal` the cost of each at levels of the other objective (empty
+    where there is no one other objective, or no common level).
+    """
+
+    title: str
+    objectives: tuple[Axis, ...]
+    runs: tuple[Compared, ...]
+    table: pd.DataFrame
+    equal: pd.DataFrame
+    notes: tuple[str, ...] = ()
+
+
+# A section that a plugin adds to the page of a run: its base class, and those installed.
+#
+# Plugins import this module: it loads nothing that draws.
+
+
+class PageSection(ABC):
+    """A section of the page of a run, between the choices and the references."""
+
+    title: ClassVar[str]
+    """Its heading, plain text."""
+
+    @abstractmethod
+    def body(self, result: RunResult) -> str:
+        """HTML below the heading, empty where the section has nothing to show for this run.
+
+        Texts from outside are to be escaped (`html.escape`). The page loads nothing from elsewhere
+        and runs no script of a section.
+        """
+
+
+SECTIONS: Kinds[PageSection] = Kinds("pages")
+"""The sections by name: entry points of `tolevo.pages`."""

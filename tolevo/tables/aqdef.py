@@ -1,0 +1,468 @@
+"""Q-DAS files (AQDEF)."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+
+from .. import files
+from ..errors import Fault, InputError, raise_all, refuse
+from ..units import shortened
+from .header import known_unit
+from .record import Columns, Dialect, ReadOptions, Table
+from .signs import moment
+from .text import decoded
+
+__all__ = ["SUFFIXES", "Characteristic", "names_of_characteristics", "read_aqdef"]
+
+# Lines of a Q-DAS file: keys of parts, characteristics and values, and compact lines of values.
+#
+# `K2002/3 Radius` sets the name of the characteristic 3, `/0` of all, no index means 1. A
+# characteristic belongs to the part whose keys stand last above it. In a compact line the
+# characteristics stand in the order of their numbers.
+
+
+BETWEEN, WITHIN = "\x0f", "\x14"
+"""Separators of a compact line: between characteristics, within one."""
+COMPACT = ("K0001", "K0002", "K0004", "K0005", "K0006", "K0007", "K0008", "K0010", "K0011", "K0012")
+COUNTS = ("K0020", "K0021", "", *COMPACT[1:])
+"""What stands in a compact line of a characteristic of values, and of one of counts."""
+ATTRIBUTIVE = ("1", "5", "6")
+FIRST = ("K0001", "K0021")
+"""Keys that begin a value."""
+MOST = 2_000_000
+"""Values that are read of a file."""
+_KEY = re.compile(r"(K\d{4})(?:/(\d{0,9})(?:/(\d{1,9}))?)?(?:[ \t]+(.*))?")
+
+
+@dataclass(slots=True)
+class Raw:
+    """A characteristic as text: its keys, the index of its part, and the keys of each value."""
+
+    part: int = 1
+    keys: dict[str, str] = field(default_factory=dict)
+    values: list[dict[str, str]] = field(default_factory=list)
+    lines: list[int] = field(default_factory=list)
+    pending: dict[str, str] = field(default_factory=dict)
+    """What stands before the values that it belongs to."""
+
+    @property
+    def attributive(self) -> bool:
+        """Whether it counts."""
+        return self.keys.get("K2004", "0") in ATTRIBUTIVE
+
+
+@dataclass(slots=True)
+class Content:
+    """What the lines of a file hold, and what is wrong with them."""
+
+    place: str
+    parts: dict[int, dict[str, str]] = field(default_factory=dict)
+    characteristics: dict[int, Raw] = field(default_factory=dict)
+    common: dict[str, str] = field(default_factory=dict)
+    common_parts: dict[str, str] = field(default_factory=dict)
+    count: int | None = None
+    faults: list[Fault] = field(default_factory=list)
+    time_faults: list[Fault] = field(default_factory=list)
+    _part: int = 1
+    _above: dict[str, str] = field(default_factory=dict)
+    _begun: list[int] = field(default_factory=list)
+    _applied: dict[str, tuple[int, str]] = field(default_factory=dict)
+    _order: list[int] = field(default_factory=list)
+
+    def fault(self, line: int, text: str) -> None:
+        """Take note of a fault in a line."""
+        self.faults.append(Fault(f"{self.place}: row {line}", text))
+
+    def read(self, lines: list[str]) -> None:
+        """Read the lines of a file."""
+        for at, line in enumerate(lines, 1):
+            stripped = line.strip(" \r\n\t\x1a")
+            if stripped.startswith("K"):
+                self._key(at, stripped)
+            elif stripped:
+                self._compact(at, line.rstrip("\r\n\x1a"))
+            if len(self._begun) > MOST:
+                self.fault(at, f"the file has more than {MOST:,} values: split it")
+                return
+
+    def _key(self, at: int, line: str) -> None:
+        match = _KEY.fullmatch(line)
+        if match is None:
+            self.fault(at, f'"{line[:40]}" is not a key of a Q-DAS file')
+            return
+        key, value = match[1], (match[4] or "").strip()
+        index = int(match[2]) if match[2] else 1
+        if key == "K0100":
+            self.count = int(value) if value.isdecimal() else None
+        elif key.startswith("K1"):
+            self._part_key(at, key, index, value)
+        elif key.startswith("K2"):
+            self._characteristic_key(at, key, index, value)
+        elif key.startswith("K00"):
+            self._value_key(at, key, index, value, int(match[3]) if match[3] else None)
+
+    def _part_key(self, at: int, key: str, index: int, value: str) -> None:
+        if index == 0:
+            self.common_parts[key] = value
+            return
+        self._part = index
+        keys = self.parts.setdefault(index, {})
+        if keys.setdefault(key, value) != value:
+            self.fault(at, f'{key} of part {index} is "{keys[key]}" above, here "{value}"')
+
+    def _characteristic_key(self, at: int, key: str, index: int, value: str) -> None:
+        if index == 0:
+            self.common[key] = value
+            return
+        raw = self.characteristics.setdefault(index, Raw(self._part))
+        if raw.keys.setdefault(key, value) != value:
+            self.fault(at, f'{key} of characteristic {index} is "{raw.keys[key]}" above, here "{value}"')
+
+    def _value_key(self, at: int, key: str, index: int, value: str, number: int | None) -> None:
+        if index == 0:
+            if key in FIRST:
+                for known_index in self.characteristics:
+                    self._value_key(at, key, known_index, value, number)
+                return
+            if not self._begun:  # K0004/0 above the values of a part
+                self._above[key] = ""
+            if key in self._above:
+                self._above[key] = value
+                return
+            begun, before = self._applied.get(key, (0, value))
+            if begun == len(self._begun) and before != value:
+                self.fault(at, f"{key}/0 is given twice for one value")
+            for known_index in dict.fromkeys(self._begun[begun:]):
+                self._value_key(at, key, known_index, value, number)
+            self._applied[key] = len(self._begun), value
+            return
+        raw = self.characteristics.get(index)
+        if raw is None:
+            self.fault(at, f"{key}/{index}: characteristic {index} is not described above")
+        elif key in raw.pending:
+            raw.pending[key] = value
+        elif number is not None and number != len(raw.values) + (key in FIRST):
+            self.fault(at, f"value {number} of characteristic {index} is out of order")
+        elif key in FIRST or (key == "K0020" and raw.attributive):
+            self._begin(raw, index, key, value, at)
+        elif not raw.values:
+            raw.pending[key] = value
+        elif key in self._above:
+            raw.values[-1][key] = value  # that of the value instead of that of all
+        elif raw.values[-1].setdefault(key, value) != value:
+            self.fault(at, f"{key}/{index} is given twice for one value")
+
+    def _begin(self, raw: Raw, index: int, key: str, value: str, at: int) -> None:
+        """A new value; the size of a sample and its count belong together."""
+        last = raw.values[-1] if raw.values else None
+        pair = {"K0020": "K0021", "K0021": "K0020"}.get(key)
+        if pair and last is not None and pair in last and key not in last:
+            last[key] = value
+            return
+        raw.values.append(self._above | raw.pending | {key: value})
+        self._begun.append(index)
+        raw.lines.append(at)
+
+    def _compact(self, at: int, line: str) -> None:
+        cells = line.split(BETWEEN)
+        if len(self._order) != len(self.characteristics):
+            self._order = sorted(self.characteristics)
+        indices = self._order
+        if len(cells) > len(indices):
+            self.fault(at, f"{len(cells)} characteristics in a line, {len(indices)} are described above")
+            return
+        for index, cell in zip(indices, cells, strict=False):
+            raw = self.characteristics[index]
+            keys = COUNTS if raw.attributive else COMPACT
+            fields = cell.split(WITHIN)
+            if len(fields) > len(keys):
+                self.fault(at, f"{len(fields)} fields of a value, {len(keys)} are known")
+                continue
+            value = {key: text.strip() for key, text in zip(keys, fields, strict=False) if key}
+            value["K0006"] = value.get("K0006", "").removeprefix("#")
+            raw.values.append(self._above | raw.pending | {key: text for key, text in value.items() if text})
+            self._begun.append(index)
+            raw.lines.append(at)
+
+
+# What a Q-DAS file holds: characteristics of parts, with limits and values.
+
+
+@dataclass(slots=True)
+class Characteristic:
+    """One characteristic of one part.
+
+    `values` are in `unit`, None where a value is missing or its attribute says that it is not
+    valid; `attributes` (K0002), `times` (K0004) and `batches` (K0006) belong to them. `lower`
+    and `upper` are limits, None where there is none. `attributive` characteristics count: their
+    values are the numbers of faults in samples of `sizes`.
+    """
+
+    part: str = ""
+    part_number: str = ""
+    name: str = ""
+    number: str = ""
+    nominal: float | None = None
+    lower: float | None = None
+    upper: float | None = None
+    unit: str = ""
+    attributive: bool = False
+    values: list[float | None] = field(default_factory=list)
+    attributes: list[int] = field(default_factory=list)
+    times: list[datetime | None] = field(default_factory=list)
+    batches: list[str] = field(default_factory=list)
+    sizes: list[int | None] = field(default_factory=list)
+    keys: dict[str, str] = field(default_factory=dict)
+    part_keys: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def label(self) -> str:
+        """What the characteristic is called."""
+        return self.name or self.number
+
+
+# `read_aqdef`: characteristics of a Q-DAS file (AQDEF), in key and in compact form.
+
+
+SUFFIXES = (".dfq", ".dfd", ".dfx")
+PARTNERS = {".dfd": ".dfx", ".dfx": ".dfd"}
+INVALID = (255, 256)
+"""Attributes (K0002) of values that are not valid."""
+NEAR = 1e-9
+"""Relative distance of two statements of one limit at most."""
+_NUMBER = re.compile(r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?")
+LONGEST = 60
+"""Characters of a number at most, and of a cell that a fault repeats."""
+
+
+def read_aqdef(path: str | Path, encoding: str | None = None, times: bool = True) -> list[Characteristic]:
+    """The characteristics of a .dfq file, or of a .dfd with its .dfx.
+
+    Raises InputError with every fault; those of its times (K0004) only where `times` are needed.
+    """
+    measured, faults, of_times = characteristics(Path(path), Path(path).name, encoding)
+    raise_all(faults + (of_times if times else []))
+    return measured
+
+
+def characteristics(
+    path: Path, place: str, encoding: str | None = None
+) -> tuple[list[Characteristic], list[Fault], list[Fault]]:
+    """`read_aqdef` that returns the faults, and those of the times apart."""
+    content = Content(place)
+    try:
+        for file in _files(path, place):
+            content.place = place if file == path else file.name
+            text, _ = decoded(_bytes(file, content.place), content.place, encoding, _SEPARATORS)
+            content.read(text.split("\n"))
+    except InputError as error:
+        return [], list(error.faults), []
+    content.place = place
+    _check(content)
+    measured = [_characteristic(content, index) for index in sorted(content.characteristics)]
+    _twice(measured, content)
+    return measured, content.faults, content.time_faults
+
+
+_SEPARATORS = "\x0f\x14\x1a"
+
+
+def _files(path: Path, place: str) -> list[Path]:
+    """The descriptions, then the values."""
+    partner = PARTNERS.get(path.suffix.lower())
+    if partner is None:
+        return [path]
+    siblings = path.parent.iterdir() if path.parent.is_dir() else []
+    second = next((p for p in siblings if p.stem == path.stem and p.suffix.lower() == partner), None)
+    if second is None and path.exists():
+        raise refuse(place, f"needs {path.stem}{partner} next to it")
+    return sorted([path] if second is None else [path, second], key=lambda file: file.suffix.lower())
+
+
+def _bytes(path: Path, place: str) -> bytes:
+    try:
+        content = files.content(path)
+    except ValueError as error:
+        raise refuse(place, str(error)) from None
+    if not content.strip():
+        raise refuse(place, "is empty")
+    return content
+
+
+def _check(content: Content) -> None:
+    """Counts and parts that do not agree."""
+    described = len(content.characteristics)
+    if not described:
+        content.faults.append(Fault(content.place, "describes no characteristic (keys K2...)"))
+    if content.count is not None and content.count != described:
+        text = f"K0100 announces {content.count} characteristics, {described} are described"
+        content.faults.append(Fault(content.place, text))
+    used = {raw.part for raw in content.characteristics.values()}
+    for index in sorted(set(content.parts) - used) if len(content.parts) > 1 else ():
+        text = f"part {index} has no characteristic: those of a part stand below its keys K1..., before the next part"
+        content.faults.append(Fault(content.place, text))
+
+
+def _characteristic(content: Content, index: int) -> Characteristic:
+    raw = content.characteristics[index]
+    keys = content.common | raw.keys
+    part = content.common_parts | content.parts.get(raw.part, {})
+    place = f"{content.place}: characteristic {index} ({keys.get('K2002', '')})"
+    numbers = {
+        key: _number(keys.get(key, ""), f"{place}: {key}", content.faults)
+        for key in ("K2101", "K2110", "K2111", "K2112", "K2113")
+    }
+    characteristic = Characteristic(
+        part=part.get("K1002") or part.get("K1001", ""),
+        part_number=part.get("K1001", ""),
+        name=keys.get("K2002", ""),
+        number=keys.get("K2001", ""),
+        nominal=numbers["K2101"],
+        lower=_limit(numbers, "K2110", "K2112", keys.get("K2120"), place, content.faults),
+        upper=_limit(numbers, "K2111", "K2113", keys.get("K2121"), place, content.faults),
+        unit=keys.get("K2142", ""),
+        attributive=raw.attributive or keys.get("K2004") in ("1", "5", "6"),
+        keys=keys,
+        part_keys=part,
+    )
+    low, high = characteristic.lower, characteristic.upper
+    if low is not None and high is not None and low > high:
+        content.faults.append(Fault(place, f"the lower limit {low:g} is above the upper limit {high:g}"))
+    _fill(characteristic, raw, content, place)
+    return characteristic
+
+
+def _limit(
+    numbers: dict[str, float | None], absolute: str, deviation: str, kind: str | None, place: str, faults: list[Fault]
+) -> float | None:
+    """A limit from its value or its deviation from the nominal; both must agree."""
+    stated, off, nominal = numbers[absolute], numbers[deviation], numbers["K2101"]
+    if kind == "0":
+        return None  # K2120, K2121: there is no such limit
+    if off is None:
+        return stated
+    if nominal is None:
+        if stated is None:
+            faults.append(Fault(f"{place}: {deviation}", "needs the nominal K2101"))
+        return stated
+    # Decimals of the file, not of a sum of doubles: 25 - 0.004.
+    by_deviation = round(nominal + off, 12)
+    if stated is not None and not math.isclose(stated, by_deviation, rel_tol=NEAR, abs_tol=1e-12):
+        text = (
+            f"{absolute} is {stated:.10g}, but the nominal {nominal:.10g} with the deviation "
+            f"{deviation} {off:.10g} is {by_deviation:.10g}"
+        )
+        faults.append(Fault(place, text))
+    return by_deviation if stated is None else stated
+
+
+def _fill(characteristic: Characteristic, raw: Raw, content: Content, place: str) -> None:
+    """Fill in the values with their attributes, sizes, batches and times."""
+    formats: dict[str, int] = {}
+    for line, value in zip(raw.lines, raw.values, strict=True):
+        where = f"{content.place}: row {line}"
+        key = "K0021" if characteristic.attributive else "K0001"
+        number = _number(value.get(key, ""), f"{where}: {key}", content.faults)
+        attribute = _read_integer(value.get("K0002", ""), f"{where}: K0002", content.faults) or 0
+        characteristic.values.append(None if attribute in INVALID else number)
+        characteristic.attributes.append(attribute)
+        characteristic.sizes.append(_read_integer(value.get("K0020", ""), f"{where}: K0020", content.faults))
+        characteristic.batches.append(value.get("K0006", ""))
+        characteristic.times.append(None)
+        if text := value.get("K0004", ""):
+            try:
+                characteristic.times[-1], form = moment(text)
+                formats.setdefault(form, line)
+            except ValueError as error:
+                content.time_faults.append(Fault(f"{where}: K0004", str(error)))
+    if len(formats) > 1:
+        listed = " and ".join(f"{form} (row {line})" for form, line in formats.items())
+        content.time_faults.append(Fault(f"{place}: K0004", f"times in two formats: {listed}"))
+
+
+def _twice(described: list[Characteristic], content: Content) -> None:
+    """A characteristic of one part that is described twice."""
+    first_index: dict[tuple[str, str, str, str], int] = {}
+    for index, characteristic in zip(sorted(content.characteristics), described, strict=True):
+        key = (characteristic.part_number, characteristic.part, characteristic.number, characteristic.name)
+        if any(key[2:]) and key in first_index:
+            text = f"characteristic {index} ({characteristic.label}) is described twice: as {first_index[key]} as well"
+            content.faults.append(Fault(content.place, text))
+        first_index.setdefault(key, index)
+
+
+def _number(text: str, place: str, faults: list[Fault]) -> float | None:
+    """A number of a Q-DAS file, whose comma or point is decimal: the format groups no thousands."""
+    if not text:
+        return None
+    number = float(text.replace(",", ".")) if len(text) <= LONGEST and _NUMBER.fullmatch(text) else math.nan
+    if math.isfinite(number):
+        return number
+    faults.append(Fault(place, f'must be a number, got "{shortened(text)}"'))
+    return None
+
+
+def _read_integer(text: str, place: str, faults: list[Fault]) -> int | None:
+    if not text:
+        return None
+    if not text.isdecimal() or len(text) > LONGEST:
+        faults.append(Fault(place, f'must be a whole number, got "{shortened(text)}"'))
+        return None
+    return int(text)
+
+
+# A Q-DAS file as a table: a column per characteristic, a row per measured part.
+
+
+def table_of_aqdef(path: Path, place: str, options: ReadOptions) -> tuple[Table | None, list[Fault]]:
+    """The values of a file, those of one row measured one after the other on one part.
+
+    Values that are not valid are empty cells. A column is named after its characteristic; where two
+    have the same name after its part as well, and in one part after its number, or else its
+    place in the file. `time` and `batch` are those of the first characteristic; times that cannot be
+    read are left out with a note.
+    """
+    measured, faults, of_times = characteristics(path, place, options.encoding)
+    if not measured:
+        return None, faults
+    names = names_of_characteristics(measured)
+    rows = max(len(characteristic.values) for characteristic in measured)
+    if not rows:
+        faults.append(Fault(place, "holds no values"))
+    named = dict(zip(names, measured, strict=True))
+    columns = {name: _padded(characteristic.values, rows) for name, characteristic in named.items()}
+    first = measured[0]
+    times = [] if of_times else [t.isoformat(" ") if t else "" for t in first.times]
+    extra = {"time": times, "batch": first.batches}
+    for name, texts in extra.items():
+        if any(texts) and name not in columns:
+            columns[name] = [*texts, *[""] * (rows - len(texts))]
+    units = {name: unit for name, characteristic in named.items() if (unit := known_unit(characteristic.unit))}
+    notes = tuple(f"times are not used: {fault}" for fault in of_times[:1]) + tuple(
+        f"{name}: {sum(v is None for v in characteristic.values)} values are missing or not valid"
+        for name, characteristic in zip(names, measured, strict=True)
+        if None in characteristic.values
+    )
+    cells, headers = Columns(columns, range(1, rows + 1)), {name: name for name in columns}
+    return Table(cells, Dialect("aqdef", header=0), units, notes, tuple(names), headers), faults
+
+
+def names_of_characteristics(measured: list[Characteristic]) -> list[str]:
+    """A name for each characteristic, as short as it is the only one."""
+    forms = [
+        (c.label, f"{c.part} {c.label}", f"{c.part} {c.label} {c.number}", f"{c.part} {c.label} #{at}")
+        for at, c in enumerate(measured, start=1)
+    ]
+    counts = [Counter(form) for form in zip(*forms, strict=True)]
+    names = [next(name for name, count in zip(form, counts, strict=True) if count[name] == 1) for form in forms]
+    return names if len(set(names)) == len(names) else [form[-1] for form in forms]
+
+
+def _padded(values: list[float | None], rows: int) -> list[object]:
+    cells: list[object] = ["" if value is None else value for value in values]
+    return cells + [""] * (rows - len(values))

@@ -1,0 +1,391 @@
+"""The delimiter of a text file, by clevercsv and by a rule of this package, which must agree."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+from pyarrow import csv as arrow
+
+from ..errors import refuse
+from .header import Row
+from .record import NAMES, Dialect, ReadOptions
+from .signs import DECIMAL, MISSING, OTHER, PROBES, THOUSANDS, Evidence, Notation, is_date, is_missing, notation
+from .text import decoded
+
+SAMPLE = 200
+"""Lines that are looked at."""
+DETECTED = 40
+"""Lines that the detector looks at."""
+CANDIDATES = (",", ";", "\t", "|")
+SPACE = " "
+STEADY, CLEAN = 0.8, 0.9
+"""Least fraction of rows of one length, and of cells without any other delimiter."""
+_SEP = re.compile(r'"?sep=(?P<sign>[^"\r\n])"?[;,\t]*\s*', re.IGNORECASE)
+_UNIT = re.compile(r"\s*[\[(]?(?:mm|µm|um|arcmin|deg|Nm|N|rad|mrad|s|°C|%)[\])]?\s*")
+
+
+@dataclass(frozen=True, slots=True)
+class Separator:
+    """The delimiter ("" of a single column), the quote, and lines before the table."""
+
+    delimiter: str
+    quote: str = '"'
+    skipped: int = 0
+
+
+def separator(lines: list[str], place: str, stated: str | None) -> Separator:
+    """How the cells of the lines are separated. Raises InputError where it is ambiguous."""
+    first = _SEP.fullmatch(lines[0]) if lines else None
+    skipped = 1 if first else 0
+    if stated is not None:
+        return Separator(stated, '"', skipped)
+    if first:
+        return Separator(first["sign"], '"', 1)
+    sample = [line for line in lines[: 2 * SAMPLE] if line.strip()][:SAMPLE]
+    scores = {sign: _clean(sample, sign) for sign in CANDIDATES}
+    fitting = [sign for sign, score in scores.items() if score >= CLEAN]
+    if len(fitting) == 1:
+        return _confirmed(sample, fitting[0], scores[fitting[0]], place)
+    if fitting:
+        raise _unknown(place, fitting)
+    if _single(sample):
+        return Separator("")
+    if _clean(sample, SPACE) >= CLEAN:
+        return Separator(SPACE)
+    in_header = [sign for sign in CANDIDATES if sample and sign in sample[0]]
+    if len(in_header) == 1:  # rows of many lengths: each is reported
+        return Separator(in_header[0])
+    raise _unknown(place, list(CANDIDATES))
+
+
+def _confirmed(sample: list[str], sign: str, score: float, place: str) -> Separator:
+    """The delimiter where the detector agrees, or where nothing speaks against it."""
+    detected, quote = sign, '"'
+    if score < 1.0 or any("'" in line for line in sample[:DETECTED]):
+        detected, quote = _detected(sample)
+    if detected != sign and score < 1.0:
+        raise _unknown(place, [sign, detected])
+    for candidate in CANDIDATES:
+        if candidate != sign and _as_often(sample, candidate):
+            raise _unknown(place, [sign, candidate])
+    if sign == "," and _names_a_unit(sample):
+        raise _unknown(place, [",", ""])
+    return Separator(sign, quote)
+
+
+def _detected(sample: list[str]) -> tuple[str, str]:
+    """Delimiter and quote in the detector's opinion; it takes long, and so does its import."""
+    from clevercsv import Detector
+
+    try:
+        dialect = Detector().detect("\n".join(sample[:DETECTED]), delimiters=[*CANDIDATES, SPACE])
+    except (ValueError, RuntimeError, IndexError):
+        dialect = None
+    if dialect is None:
+        return "", '"'
+    return dialect.delimiter or "", "'" if dialect.quotechar == "'" else '"'
+
+
+def _as_often(sample: list[str], sign: str) -> bool:
+    """Whether a sign stands as often in the names as in every row, so that it can separate them."""
+    if re.search(rf"\d{re.escape(sign)}\d", sample[0]):
+        return False  # the first row is one of numbers
+    counts = {line.count(sign) for line in sample}
+    return len(sample) > 1 and len(counts) == 1 and min(counts) > 0
+
+
+def _names_a_unit(sample: list[str]) -> bool:
+    """Whether a comma stands between a name and its unit, and in decimals: "Laenge, mm"."""
+    name, _, unit = sample[0].partition(",")
+    rows = sample[1:]
+    return bool(name and _UNIT.fullmatch(unit)) and all(re.fullmatch(r"-?\d+,\d+", row.strip()) for row in rows)
+
+
+def _single(sample: list[str]) -> bool:
+    """Whether lines are one column: each a value, none with a delimiter but a decimal comma."""
+    if any(sign in sample[0] for sign in CANDIDATES):
+        return False
+    values = [line.strip().strip('"') for line in sample[1:]]
+    if SPACE in sample[0].strip() and all(SPACE in value for value in values):
+        return False
+    return all(notation(value) or is_date(value) or not any(sign in value for sign in CANDIDATES) for value in values)
+
+
+def _clean(sample: list[str], sign: str) -> float:
+    """The fraction of cells without another delimiter in rows that are separated by `sign`; 0 where
+    the rows are of many lengths or have no names above them.
+    """
+    if not any(sign in line for line in sample):
+        return 0.0
+    try:
+        rows = list(csv.reader(sample, delimiter=sign, skipinitialspace=True))
+    except csv.Error:
+        return 0.0
+    rows = [[cell.strip() for cell in row] for row in rows]
+    if sign == SPACE:
+        rows = [[cell for cell in row if cell] for row in rows]
+    lower = rows[len(rows) // 2 :]
+    count = Counter(map(len, lower)).most_common(1)[0][0]
+    tops = [at for at, row in enumerate(rows) if len(row) == count and all(row)]
+    if count < 2 or not tops:
+        return 0.0
+    # Without names every row holds measurements, which is reported when the table is laid out.
+    header = next((at for at in tops if not any(notation(cell) for cell in rows[at])), -1)
+    if sign == "," and header < 0 and sign not in sample[0] and not notation(sample[0].strip()):
+        return 0.0  # one column of decimal commas below its name
+    below = rows[header + 1 :]
+    whole = [row for row in below if len(row) == count or not any(row[count:])]
+    if not below or len(whole) < STEADY * len(below):
+        return 0.0
+    cells = [cell for row in whole for cell in row]
+    return sum(_is_value(cell, sign) for cell in cells) / len(cells)
+
+
+def _is_value(cell: str, sign: str) -> bool:
+    """Whether a cell is a value, or text without any other delimiter."""
+    if notation(cell) or is_date(cell) or is_missing(cell):
+        return True
+    return not any(candidate in cell for candidate in CANDIDATES if candidate != sign)
+
+
+def _unknown(place: str, fitting: list[str]) -> Exception:
+    names = " or ".join(dict.fromkeys(NAMES.get(sign, sign) for sign in fitting))
+    remedy = "state --delimiter (comma, semicolon, tab, pipe, space)"
+    return refuse(place, f"its columns can be separated by {names}, and the file does not show which: {remedy}")
+
+
+# Long files: the layout comes from their first and last lines, the cells are read all at once.
+#
+# Whatever is not plain (quoted line breaks, empty lines, rows of many lengths) is read cell by cell
+# instead, with the same result.
+
+
+LEAST = 300_000
+"""Characters of a file that is long."""
+ENDS = 400
+"""Lines at each end that the layout comes from."""
+_WIDE = "\u00a0\u2007\u202f\u3000"
+"""Spaces beyond ASCII."""
+_LABEL = r"^[+-]?0[0-9]+$|^[+-]?[0-9]{16,}$"
+_GROUPED = {d: rf"^[+-]?(?:[0-9]+|[1-9][0-9]{{0,2}}(?:\{o}[0-9]{{3}})+)(?:\{d}[0-9]*)?$" for d, o in OTHER.items()}
+_MARKS = pa.array(
+    sorted(
+        {form for mark in MISSING for form in (mark, mark.upper(), mark.title())}
+        | {"n.i.O.", "NaN", "n.i.O", "k.A.", "k. A."}
+    )
+)
+"""Marks as they are mostly written; another spelling is read cell by cell."""
+
+
+@dataclass(frozen=True)
+class Bulk:
+    """The text of a long file whose lines are rows, each cell between delimiters."""
+
+    text: str
+    delimiter: str
+    skipped: int
+    breaks: int
+
+    def columns(self, first: int, last: int, count: int) -> list[pa.Array] | None:
+        """The cells of the lines `first` to `last`, by column; None where a row is not whole."""
+        start = _before(self.text, first, self.breaks)
+        end = _before(self.text, last + 1, self.breaks)
+        body = self.text[start:end].encode()
+        if _has_empty_rows(body, self.delimiter.encode() * (count - 1)):
+            return None
+        names = [str(at) for at in range(count)]
+        try:
+            table = arrow.read_csv(
+                pa.BufferReader(body),
+                arrow.ReadOptions(column_names=names, use_threads=False),
+                arrow.ParseOptions(delimiter=self.delimiter, ignore_empty_lines=False),
+                arrow.ConvertOptions(column_types=dict.fromkeys(names, pa.string()), strings_can_be_null=False),
+            )
+        except pa.ArrowInvalid:
+            return None
+        if table.num_rows != last - first + 1:
+            return None
+        arrays = [column.combine_chunks() for column in table.columns]
+        wide = any(space in self.text for space in _WIDE)
+        trimmed = pc.utf8_trim_whitespace if wide else pc.ascii_trim_whitespace
+        return [trimmed(array) for array in arrays]
+
+    def ends(self) -> list[str]:
+        """Lines of both ends, those of the middle left out."""
+        head = self.text[: _before(self.text, ENDS + 1, self.breaks)].split("\n")[:-1]
+        total = self.breaks + (not self.text.endswith("\n"))
+        tail = self.text[_from_end(self.text, ENDS) :].removesuffix("\n").split("\n")
+        return [*head, *([""] * (total - len(head) - len(tail))), *tail]
+
+
+def bulk_of(text: str, delimiter: str, quote: str, skipped: int) -> Bulk | None:
+    """A long file of plain rows; None of any other."""
+    if len(text) < LEAST or quote != '"' or delimiter in ("", " ") or not delimiter.isascii():
+        return None
+    if f'{delimiter} "' in text:  # a space before a quote: Arrow takes it for a part of the cell
+        return None
+    if "\r" in text and text.count("\r") != text.count("\r\n"):
+        return None
+    breaks = text.count("\n")
+    return Bulk(text, delimiter, skipped, breaks) if breaks > 3 * ENDS else None
+
+
+def rows_of_ends(bulk: Bulk) -> list[Row]:
+    """The rows of both ends by the number of their line."""
+    filled = [(at, line) for at, line in enumerate(bulk.ends(), 1) if line.strip()]
+    lines = [line for line in filled if line[0] > bulk.skipped]
+    reader = csv.reader((line for _, line in lines), delimiter=bulk.delimiter)
+    rows = [(at, [*map(str.strip, row)]) for (at, _), row in zip(lines, reader, strict=False)]
+    return [row for row in rows if any(row[1])]
+
+
+def _has_empty_rows(body: bytes, hollow: bytes) -> bool:
+    """Whether lines of bytes hold nothing, or nothing between their delimiters, `hollow`."""
+    return any(ending in body for ending in (b"\n\n", b"\n\r\n", b"\n%b\n" % hollow, b"\n%b\r" % hollow))
+
+
+def _before(text: str, line: int, total: int) -> int:
+    """Where a line begins, or the end of the text, which has `total` line breaks."""
+    if line - 1 > total:
+        return len(text)
+    if line - 1 > total // 2:
+        at = len(text)
+        for _ in range(total - (line - 1) + 1):
+            at = text.rfind("\n", 0, at)
+        return at + 1
+    at = 0
+    for _ in range(line - 1):
+        at = text.find("\n", at) + 1
+    return at
+
+
+def _from_end(text: str, lines: int) -> int:
+    """Where the last lines begin."""
+    at = len(text) - text.endswith("\n")
+    for _ in range(lines):
+        at = text.rfind("\n", 0, at)
+    return at + 1
+
+
+def proven(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None] | None:
+    """What the cells of a column prove, and its numbers; None where they must be read one by one.
+
+    The cells are then numbers or marks of missing values (NaN), with a sign that is decimal in at
+    least one of them, or none of the probes is a number.
+    """
+    places = np.unique(np.linspace(0, len(cells) - 1, PROBES).astype(int)).tolist()
+    probes = [notation(cells[at].as_py()) for at in places]
+    if not any(probes):
+        return Evidence(values=len(cells)), None
+    unmarked = pc.if_else(pc.is_in(cells, _MARKS), pa.scalar(None, pa.string()), cells)
+    if _any(pc.match_substring_regex(unmarked, _LABEL)):
+        return None
+    count = len(unmarked) - unmarked.null_count
+    evidence = Evidence(numbers=count, values=count)
+    plain = _without_signs(unmarked, [probe for probe in probes if probe is not None], evidence)
+    if plain is None:
+        return None
+    try:
+        values = plain.cast(pa.float64())
+    except pa.ArrowInvalid:
+        return None
+    numbers = values.to_numpy(zero_copy_only=False)
+    return (evidence, numbers) if np.isfinite(numbers).sum() == count else None
+
+
+def _without_signs(cells: pa.Array, probes: list[Notation], evidence: Evidence) -> pa.Array | None:
+    """The cells in plain notation, and what they prove; None where that is not plain to see."""
+    signs = [sign for sign in (".", ",") if _any(pc.match_substring(cells, sign))]
+    if not signs:
+        return cells
+    if len(signs) == 1:
+        if (at := _decisive(cells, probes)) is None:
+            return None
+        (evidence.point if signs == ["."] else evidence.comma)[DECIMAL] = at
+        return cells if signs == ["."] else pc.replace_substring(cells, ",", ".")
+    votes = {("." if probe.point == DECIMAL else ",") for probe in probes if DECIMAL in (probe.point, probe.comma)}
+    if len(votes) != 1:
+        return None
+    decimal = min(votes)
+    grouping = OTHER[decimal]
+    if not _all(pc.match_substring_regex(cells, _GROUPED[decimal])) or not _any(
+        pc.match_substring_regex(cells, rf"\{grouping}[0-9]{{3}}\{decimal}")
+    ):
+        return None  # a sign that never groups for sure
+    roles = (evidence.point, evidence.comma) if decimal == "." else (evidence.comma, evidence.point)
+    roles[0][DECIMAL], roles[1][THOUSANDS] = 0, 0
+    return pc.replace_substring(pc.replace_substring(cells, grouping, ""), decimal, ".")
+
+
+def _any(matches: pa.Array) -> bool:
+    return bool(pc.any(matches).as_py())
+
+
+def _all(matches: pa.Array) -> bool:
+    return bool(pc.all(matches).as_py())
+
+
+def _decisive(cells: pa.Array, probes: list[Notation]) -> int | None:
+    """A cell whose sign can only be decimal; None where there is none."""
+    if any(DECIMAL in (probe.point, probe.comma) for probe in probes):
+        return 0
+    for at, cell in enumerate(cells.to_pylist()):
+        written = notation(cell) if cell else None
+        if written is not None and DECIMAL in (written.point, written.comma):
+            return at
+    return None
+
+
+# Rows of a text file.
+
+
+_SPACES = re.compile(r"[ \t]+")
+
+
+def rows_of_text(content: bytes, place: str, options: ReadOptions) -> tuple[list[Row], Dialect, Bulk | None]:
+    """The rows of a file that are not empty, by the number of their line, and its dialect.
+
+    For a long file, the rows at both ends and the bulk of it.
+    """
+    text, encoding = decoded(content, place, options.encoding)
+    form = separator(text[:100_000].splitlines(), place, options.separator)
+    dialect = Dialect("csv", encoding, form.delimiter, quote=form.quote)
+    bulk = bulk_of(text, form.delimiter, form.quote, form.skipped)
+    if bulk is not None:
+        return rows_of_ends(bulk), dialect, bulk
+    return rows_of(text, form, place), dialect, None
+
+
+def rows_of(text: str, form: Separator, place: str) -> list[Row]:
+    """The rows of a text that are not empty."""
+    stream = io.StringIO(text, newline="")
+    for _ in range(form.skipped):
+        stream.readline()
+    if form.delimiter in ("", " "):
+        return _by_spaces(stream, form.skipped, form.delimiter)
+    reader = csv.reader(stream, delimiter=form.delimiter, quotechar=form.quote, skipinitialspace=True, strict=True)
+    skipped = form.skipped
+    try:
+        rows = [(reader.line_num + skipped, [*map(str.strip, row)]) for row in reader]
+    except csv.Error as error:
+        raise refuse(f"{place}: row {reader.line_num + skipped}", f"is not CSV ({error})") from error
+    return [row for row in rows if any(row[1])]
+
+
+def _by_spaces(stream: io.StringIO, skipped: int, delimiter: str) -> list[Row]:
+    """Rows whose cells are separated by runs of spaces, or that are one cell each."""
+    rows = []
+    for at, line in enumerate(stream, skipped + 1):
+        stripped = line.strip()
+        if stripped:
+            cells = _SPACES.split(stripped) if delimiter else [stripped]
+            rows.append((at, [cell.strip('"') for cell in cells]))
+    return rows

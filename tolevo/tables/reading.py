@@ -1,0 +1,393 @@
+"""From rows of cells to a table: names, units, decimal signs, and every fault of the form."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from .. import files
+from ..errors import Fault, InputError, nearest, raise_all, refuse
+from ..files import clear_parts, csv_text, original, write_bytes, write_text
+from ..section import is_forced
+from ..units import converted, fits, shortened
+from .aqdef import SUFFIXES
+from .header import Layout, Row, laid_out, names_of, split_header, unit_of_cell
+from .lines import Bulk, Separator, proven, rows_of, rows_of_text
+from .record import AS_DETECTED, Columns, Dialect, ReadOptions, Table
+from .signs import Evidence, canonical, decide, evidence, is_label
+
+SHOWN = 100
+"""Bad rows of a table, or bad cells of one column, that are listed; the rest is counted."""
+
+
+def assembled(
+    rows: list[Row], dialect: Dialect, place: str, options: ReadOptions, bulk: Bulk | None = None
+) -> tuple[Table | None, list[Fault]]:
+    """The table in the rows of a file, which are not empty; for a long file, in its bulk."""
+    layout = laid_out(rows, place)
+    header, body = _squared(layout)
+    faults = [*layout.faults, *_form_faults(header, body, place)]
+    whole = [row for row in body if len(row[1]) == len(header)] if faults else body
+    lines = [at for at, _ in whole]
+    columns: list[Any] = [list(cells) for cells in zip(*(row for _, row in whole), strict=True)]
+    if bulk is not None:
+        arrays = None if faults else bulk.columns(lines[0], lines[-1], len(header))
+        if arrays is None:
+            separator = Separator(dialect.delimiter, dialect.quote, bulk.skipped)
+            return assembled(rows_of(bulk.text, separator, place), dialect, place, options)
+        columns, lines = arrays, list(range(lines[0], lines[-1] + 1))
+    columns = columns or [[] for _ in header]
+    cells_of: dict[str, Any] = {}
+    for name, cells in zip(header, columns, strict=True):
+        cells_of.setdefault(name, cells)
+    proofs, numbers = _proofs(cells_of)
+    delimiter = dialect.delimiter if dialect.kind == "csv" else ""
+    signs, doubts = decide(proofs, options.decimal, delimiter, place, partial(_near, options, _units(layout, header)))
+    plain = {n: _canonical_cells(cells, proofs[n], signs.get(n)) for n, cells in cells_of.items()}
+    return _table(layout, dialect, header, plain, proofs, signs, lines, numbers), faults + doubts
+
+
+def _proofs(cells_of: dict[str, Any]) -> tuple[dict[str, Evidence], dict[str, NDArray[Any]]]:
+    """What the cells of each column prove, and the numbers of those that are read at once."""
+    proofs, numbers = {}, {}
+    for name, cells in cells_of.items():
+        if isinstance(cells, list):
+            proofs[name] = evidence(cells)
+            continue
+        quick = proven(cells)
+        if quick is None:
+            cells_of[name] = cells.to_pylist()
+            proofs[name] = evidence(cells_of[name])
+        else:
+            proofs[name] = quick[0]
+            if quick[1] is not None:
+                numbers[name] = quick[1]
+    return proofs, numbers
+
+
+def _canonical_cells(cells: Any, proof: Evidence, sign: str | None) -> Any:
+    """The cells of a column with numbers in plain notation."""
+    if sign is None or not isinstance(cells, list):
+        return cells
+    plain = not (sign == "," or proof.group or proof.comma or any("−" in cell for cell in cells))
+    return cells if plain else canonical(cells, sign or ".")
+
+
+def _table(
+    layout: Layout,
+    dialect: Dialect,
+    header: list[str],
+    columns: dict[str, Any],
+    proofs: dict[str, Evidence],
+    signs: dict[str, str],
+    lines: list[int],
+    quick: dict[str, NDArray[Any]],
+) -> Table:
+    """The table with its names apart from their units."""
+    names, units = names_of(header), _units(layout, header)
+    numeric = tuple(
+        names[n] for n in columns if n in quick or (proofs[n].numeric and not any(map(is_label, columns[n])))
+    )
+    used = [signs[n] for n in columns if signs.get(n) and (proofs[n].point or proofs[n].comma)]
+    complete = replace(
+        dialect,
+        decimal="".join(sorted(set(used)))[:1] if len(set(used)) == 1 else "",
+        thousands=next((proof.group for proof in proofs.values() if proof.group), ""),
+        header=layout.header[0],
+        unit_row=layout.units[0] if layout.units else 0,
+    )
+    slow = [name for name in numeric if name not in {names[n] for n in quick}]
+    slow += [names[n] for n, values in quick.items() if np.isnan(values).any()]
+    values = {names[n]: column for n, column in quick.items()}
+    cells_of = {names[n]: column for n, column in columns.items()}
+    notes = [*layout.notes]
+    for name in slow:
+        notes += _missing_notes(name, cells_of[name], lines, values.get(name))
+    headers = {names[n]: n for n in columns}
+    return Table(Columns(cells_of, lines), complete, units, tuple(notes), numeric, headers, values)
+
+
+def _units(layout: Layout, header: list[str]) -> dict[str, str]:
+    """The units that names or a row of units state, by the name without them."""
+    names = names_of(header)
+    units = {names[n]: unit for n in header if (unit := split_header(n)[1]) and names[n] != n}
+    if layout.units is not None:
+        for name, cell in zip(header, layout.units[1], strict=False):
+            if cell and (unit := unit_of_cell(cell)):
+                units.setdefault(names[name], unit)
+    return units
+
+
+def _near(options: ReadOptions, units: Mapping[str, str], column: str, value: float) -> bool:
+    """Whether a value is between half and twice the nominal size of its column, where that is known."""
+    name = split_header(column)[0]
+    sizes = options.sizes
+    size = next((sizes[key] for key in (column, name, "") if key in sizes), None)
+    if size is None:
+        return False
+    nominal, unit, stated = *size, units.get(name) or units.get(column)
+    if stated and unit and fits(stated, unit):
+        value = float(converted(value, stated, unit))
+    return 0.5 <= value / nominal <= 2.0 if nominal else False
+
+
+def _squared(layout: Layout) -> tuple[list[str], list[Row]]:
+    """The names and the rows without cells at the end that are empty in every row."""
+    header = [original(name.removeprefix("#").strip() if at == 0 else name) for at, name in enumerate(layout.header[1])]
+    body = layout.body
+    while header and not header[-1] and all(len(row) < len(header) or not row[len(header) - 1] for _, row in body):
+        header = header[:-1]
+    count = len(header)
+    return header, [(at, row[:count] if len(row) > count and not any(row[count:]) else row) for at, row in body]
+
+
+def _form_faults(header: list[str], body: list[Row], place: str) -> list[Fault]:
+    """Faults of column names and of rows of the wrong length."""
+    faults = []
+    for name in dict.fromkeys(header):
+        if not name:
+            faults.append(Fault(place, f"column {header.index(name) + 1} has no name"))
+        elif header.count(name) > 1:
+            faults.append(Fault(place, f"column {name} appears {header.count(name)} times"))
+    if not body:
+        faults.append(Fault(place, "has no rows below its column names"))
+    wrong = [(at, len(row)) for at, row in body if len(row) != len(header)]
+    text = f"{len(header)} cells expected, as many as there are column names, got"
+    faults += [Fault(f"{place}: row {at}", f"{text} {count}") for at, count in wrong[:SHOWN]]
+    if len(wrong) > SHOWN:
+        faults.append(Fault(place, f"{len(wrong) - SHOWN} more rows of another length"))
+    return faults
+
+
+def _missing_notes(name: str, cells: Any, lines: list[int], values: NDArray[Any] | None) -> list[str]:
+    """A note on the cells of a column of numbers that hold no number."""
+    if values is None:
+        values = np.asarray(pd.to_numeric(pd.Series(cells, dtype=object), errors="coerce"))
+    bad = np.flatnonzero(np.isnan(values)).tolist()
+    if not bad:
+        return []
+    listed = ", ".join(f'row {lines[at]} "{cells[at]}"' for at in bad[:5])
+    more = ", ..." if len(bad) > 5 else ""
+    return [f"{name}: {len(bad)} cells hold no number: {listed}{more}"]
+
+
+# One entry to every table: text, workbook or Parquet, as they come.
+
+
+PARQUET = (".parquet", ".pq")
+WORKBOOKS = (".xlsx", ".xlsm")
+EMPTY = "is empty; it needs a line of column names and one row or more below it"
+COLUMNS = 5000
+"""Columns of a table at most."""
+OLD = b"\xd0\xcf\x11\xe0"
+"""How workbooks before XLSX begin."""
+
+
+def read_table(
+    path: str | Path, encoding: str | None = None, delimiter: str | None = None, decimal: str | None = None
+) -> Table:
+    """The table in a file: CSV in any dialect, XLSX or Parquet.
+
+    What is not stated is detected. Raises InputError with every fault; for an ambiguous
+    file it names the option that decides.
+    """
+    path = Path(path)
+    return opened_whole(path, path.name, ReadOptions(encoding, delimiter, decimal))
+
+
+def opened_whole(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> Table:
+    """The table in a file, which faults call `place`. Raises InputError with every fault."""
+    table, faults = opened(path, place, options)
+    raise_all(faults)
+    assert table is not None
+    return table
+
+
+def opened(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> tuple[Table | None, list[Fault]]:
+    """`opened_whole` that returns the faults, with what can be read nevertheless.
+
+    Rows of another length are then left out, and all but the first of columns with one name; None
+    where not even the column names are known.
+    """
+    table, faults = _opened(path, place, options)
+    return table, list(map(options.worded, faults))
+
+
+def _opened(path: Path, place: str, options: ReadOptions) -> tuple[Table | None, list[Fault]]:
+    if faults := options.faults():
+        return None, faults
+    try:
+        suffix = path.suffix.lower()
+        if suffix in SUFFIXES:
+            from .aqdef import table_of_aqdef
+
+            return table_of_aqdef(path, place, options)
+        content = _content(path, place)
+        if suffix in PARQUET or content[:4] == b"PAR1":
+            return _from_parquet(content, place)
+        if suffix in WORKBOOKS or content[:4] == b"PK\x03\x04":
+            from .workbook import rows_of_workbook
+
+            (rows, dialect), bulk = rows_of_workbook(content, place), None
+        else:
+            rows, dialect, bulk = rows_of_text(content, place, options)
+        if not rows:
+            raise refuse(place, EMPTY)
+        if (most := max(len(cells) for _, cells in rows)) > COLUMNS and not is_forced():
+            text = f"has {most} columns, {COLUMNS} are the most that are read: leave some out, or add --force"
+            raise refuse(place, text)
+        return assembled(rows, dialect, place, options, bulk)
+    except InputError as error:
+        return None, list(error.faults)
+
+
+def _content(path: Path, place: str) -> bytes:
+    try:
+        content = files.content(path)
+    except ValueError as error:
+        raise refuse(place, str(error)) from None
+    if not content.strip():
+        raise refuse(place, EMPTY)
+    if content.startswith(OLD):
+        raise refuse(place, "is a workbook of the old format (.xls); save it as .xlsx or CSV")
+    return content
+
+
+def _from_parquet(content: bytes, place: str) -> tuple[Table, list[Fault]]:
+    try:
+        frame = pd.read_parquet(io.BytesIO(content))
+    except (OSError, ValueError) as error:
+        raise refuse(place, f"is not a Parquet file ({error})") from error
+    table, faults = table_of(frame, place, "parquet")
+    names = names_of(list(table.headers))
+    units = {names[n]: split_header(n)[1] for n in names if names[n] != n}
+    columns = Columns({names[str(n)]: frame[n].to_numpy() for n in frame}, range(1, len(frame) + 1))
+    headers = {names[n]: n for n in table.headers}
+    numeric = tuple(names[n] for n in table.numeric)
+    return replace(table, columns=columns, units=units, numeric=numeric, headers=headers), faults
+
+
+def table_of(frame: pd.DataFrame, place: str, kind: str = "frame") -> tuple[Table, list[Fault]]:
+    """A frame as a table, its rows numbered from 1, and its faults."""
+    faults = [Fault(place, "has no rows")] if frame.empty else []
+    frame = frame.rename(columns=str)
+    numeric = tuple(str(n) for n in frame if frame[n].dtype.kind in "fiu")
+    headers = {str(name): str(name) for name in frame}
+    columns = Columns({str(n): frame[n].to_numpy() for n in frame}, range(1, len(frame) + 1))
+    return Table(columns, Dialect(kind, header=0), {}, (), numeric, headers), faults
+
+
+# Columns of a table in their required types, with every fault and its place.
+
+
+HEADER = 2**20
+"""Bytes of a line of column names at most."""
+
+
+def write(frame: pd.DataFrame, path: Path) -> None:
+    """Write CSV or, by the suffix, Parquet; the index is left out."""
+    clear_parts(path)
+    if path.suffix.lower() in PARQUET:
+        write_bytes(path, frame.to_parquet(index=False))
+    else:
+        write_text(path, csv_text(frame))
+
+
+def columns_of(path: Path) -> list[str]:
+    """The columns of a table that `write` wrote; none where a file is no such table."""
+    from pyarrow import ArrowInvalid
+    from pyarrow.parquet import read_schema
+
+    with path.open("rb") as file:
+        first = file.readline(HEADER)
+    try:
+        if first.startswith(b"PAR1"):
+            return [str(name) for name in read_schema(path).names]
+        return next(csv.reader([first.decode(errors="replace").rstrip("\n")]), [])
+    except (ArrowInvalid, OSError, csv.Error):
+        return []
+
+
+def parsed(
+    frame: pd.DataFrame, place: str, needed: Iterable[str], optional: Iterable[str] = (), text: Iterable[str] = ()
+) -> tuple[pd.DataFrame, list[Fault]]:
+    """The table with its columns as float64, those in `text` as they are, and a fault for every
+    missing or unknown column and every cell that is not a finite number; bad cells are NaN, unknown
+    columns are left out.
+    """
+    needed, text = list(needed), set(text)
+    known = list(dict.fromkeys([*needed, *optional]))
+    extra = [name for name in frame.columns if name not in known]
+    missing = [name for name in needed if name not in frame.columns]
+    faults = [Fault(place, f"column {name} is missing") for name in missing]
+    free = [name for name in known if name not in frame.columns]
+    faults += [Fault(place, f"column {name} is not known{nearest(name, free or known)}; remove it") for name in extra]
+    typed = {}
+    for name in (name for name in frame.columns if name in known):
+        read = _labels if name in text else _numeric
+        typed[name], bad = read(frame[name])
+        faults += cell_faults(place, name, bad)
+    return pd.DataFrame(typed, index=frame.index), faults
+
+
+def cell_faults(place: str, column: str, bad: dict[Any, str]) -> list[Fault]:
+    """A fault per bad cell of a column, by row; beyond `SHOWN` they are counted."""
+    shown = list(bad.items())[:SHOWN]
+    faults = [Fault(f"{place}: row {at}, column {column}", why) for at, why in shown]
+    if len(bad) > SHOWN:
+        faults.append(Fault(f"{place}: column {column}", f"{len(bad) - SHOWN} more bad cells"))
+    return faults
+
+
+def _labels(column: pd.Series[Any]) -> tuple[NDArray[Any], dict[Any, str]]:
+    """The cells as they are, and which of them are empty, by row."""
+    cells = column.to_numpy()
+    blank = np.flatnonzero(pd.isna(cells) | (cells == ""))
+    return cells, dict.fromkeys(column.index[blank], "is empty")
+
+
+def _numeric(column: pd.Series[Any]) -> tuple[NDArray[np.float64], dict[Any, str]]:
+    """The cells as numbers, NaN where a message says why not, by row."""
+    cells = column.to_numpy()
+    values = _numeric_column(cells)
+    doubted = np.arange(len(cells)) if values is None else np.flatnonzero(~np.isfinite(values))
+    bad = {column.index[at]: why for at in doubted.tolist() if (why := _number(cells[at])[1])}
+    if values is None:
+        values = np.array([_number(cell)[0] for cell in cells], dtype=float)
+    return np.where(np.isfinite(values), values, math.nan), bad
+
+
+def _numeric_column(cells: NDArray[Any]) -> NDArray[np.float64] | None:
+    """A column of numbers at once; None where its cells must be looked at singly."""
+    if cells.dtype.kind in "fiu":
+        return cells.astype(float)
+    if {type(cell) for cell in cells} != {str} or any("_" in cell for cell in cells):
+        return None
+    try:
+        return cells.astype(float)
+    except ValueError:
+        return None
+
+
+def _number(cell: Any) -> tuple[float, str]:
+    if cell is None or cell == "":
+        return math.nan, "is empty; give a number"
+    try:
+        if isinstance(cell, bool) or (isinstance(cell, str) and "_" in cell):
+            raise ValueError
+        value = float(cell)
+    except (TypeError, ValueError):
+        return math.nan, f'must be a number, got "{shortened(str(cell))}"'
+    if not math.isfinite(value):
+        return math.nan, f"must be a finite number, got {cell}"
+    return value, ""

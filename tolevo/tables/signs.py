@@ -1,0 +1,447 @@
+"""Cells that are not values: marks for missing or invalid measurements, dates, summary rows."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta, timezone
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ..errors import Fault
+
+MISSING = frozenset(
+    "- -- --- ---- – — . .. ... * ** *** ? ?? # n.i.o. nio n.i.o k.a. n.a. n/a na nan nil none "
+    "null #n/a #na #nv #wert! #value! #div/0! #bezug! #ref! #zahl! #num! #name? fehlt missing "
+    "invalid ungültig ungueltig n.b. n.g. n.m. error err fehler 无 無 缺失 无效 欠測 欠測値".split()
+) | {"", "k. a.", "n. a.", "n. b.", "n. i. o.", "over range", "no data", "not measured"}
+"""Marks for a value that is missing or not valid, in lower case."""
+
+_DATE = re.compile(
+    r"\d{4}[-./]\d{1,2}[-./]\d{1,2}(?:[ T]\d.*)?|\d{1,2}[-./]\d{1,2}[-./]\d{2,4}(?:[ T/]\d.*)?"
+    r"|\d{1,2}:\d{2}(?::\d{2}(?:[.,]\d+)?)?(?: ?[AaPp][Mm])?"
+)
+SUMMARY = frozenset(
+    "mittelwert mittel mw summe min max min. max. minimum maximum mean average avg std stdev "
+    "stabw stabw. sigma range spannweite total sum count anzahl median cp cpk xq x-quer xquer "
+    "nennmaß nennmass nennwert sollwert soll nominal ot ut otg utg og ug usl lsl toleranz "
+    "tolerance ende end eof moyenne écart-type 平均 平均值 平均値 合计 合計 最大 最小 "
+    "最大值 最小值 标准差 公差 上限 下限".split()
+)
+"""Names of rows at the top or the bottom of a table that are not measurements, in lower case."""
+
+
+def is_missing(cell: str) -> bool:
+    """Whether a cell is empty or a mark for a value that is missing or invalid."""
+    return cell.lower() in MISSING
+
+
+def is_date(cell: str) -> bool:
+    """Whether a cell looks like a date or a time of day."""
+    return _DATE.fullmatch(cell) is not None
+
+
+def is_summary(cell: str) -> bool:
+    """Whether a cell names a row that is not a measurement: a mean, a limit, the end."""
+    return cell.lower().rstrip(":") in SUMMARY
+
+
+# How one cell writes a number: which of its signs are decimal, which group thousands.
+#
+# "0,412" can only be a decimal comma, "1.234.567" only thousands; "1,234" is either.
+
+
+_NUMBER = re.compile(
+    r"[+\-−]?(?=[\d.,]*\d)(?P<mantissa>"
+    r"(?:\d{1,3}(?:[ \u00a0\u202f\u2009'’]\d{3})+|[\d.,]*\d|\d+[.,])(?:[.,]\d+)?)"
+    r"(?P<exponent>[eE][+\-−]?\d+)?"
+)
+LONGEST = 400
+"""Characters of a number at most: a double written out has 330."""
+_GROUPS = re.compile(r"[ \u00a0\u202f\u2009'’]")
+_GROUPED = {sign: re.compile(rf"[1-9]\d{{0,2}}(?:{re.escape(sign)}\d{{3}})+") for sign in (".", ",")}
+DECIMAL, THOUSANDS, EITHER = "decimal", "thousands", "either"
+
+
+@dataclass(frozen=True, slots=True)
+class Notation:
+    """What the point and the comma of a number are; None where there is none."""
+
+    point: str | None = None
+    comma: str | None = None
+    group: str = ""
+
+
+PLAIN = Notation()
+OTHER = {".": ",", ",": "."}
+
+
+def notation(cell: str) -> Notation | None:
+    """How a cell writes a number; None where it is none in any notation."""
+    match = _NUMBER.fullmatch(cell) if len(cell) <= LONGEST else None
+    if match is None:
+        return None
+    mantissa = match["mantissa"]
+    spaced = _GROUPS.search(mantissa)
+    points, commas = mantissa.count("."), mantissa.count(",")
+    if not points and not commas:
+        return Notation(group=spaced[0]) if spaced else PLAIN
+    if spaced or match["exponent"]:
+        return _sure(mantissa, points, commas, spaced[0] if spaced else "")
+    if points and commas:
+        return _notation_of_both_signs(mantissa)
+    return _single_sign(mantissa, "." if points else ",", points + commas)
+
+
+def _sure(mantissa: str, points: int, commas: int, group: str) -> Notation | None:
+    """Notation with spaces between groups of digits, or with an exponent: a sign is decimal."""
+    if points + commas != 1:
+        return None
+    return Notation(DECIMAL, None, group) if points else Notation(None, DECIMAL, group)
+
+
+def _notation_of_both_signs(mantissa: str) -> Notation | None:
+    """The sign that comes last is decimal, the other groups thousands."""
+    last = max(".", ",", key=mantissa.rfind)
+    whole, _, fraction = mantissa.rpartition(last)
+    if not fraction.isdigit() or not _GROUPED[OTHER[last]].fullmatch(whole):
+        return None
+    return Notation(DECIMAL, THOUSANDS) if last == "." else Notation(THOUSANDS, DECIMAL)
+
+
+def _single_sign(mantissa: str, sign: str, count: int) -> Notation | None:
+    """One kind of sign: several group thousands; a single one before three digits is either."""
+    if count > 1:
+        what = THOUSANDS if _GROUPED[sign].fullmatch(mantissa) else None
+    else:
+        what = EITHER if _GROUPED[sign].fullmatch(mantissa) else DECIMAL
+    if what is None:
+        return None
+    return Notation(what, None) if sign == "." else Notation(None, what)
+
+
+def canonical_number(cell: str, decimal: str) -> str | None:
+    """The number in plain notation where `decimal` is its decimal sign; None where it is none."""
+    match = _NUMBER.fullmatch(cell) if len(cell) <= LONGEST else None
+    signs = notation(cell) if match else None
+    if match is None or signs is None:
+        return None
+    roles = {".": signs.point, ",": signs.comma}
+    if roles[decimal] == THOUSANDS or roles[OTHER[decimal]] == DECIMAL:
+        return None
+    return _GROUPS.sub("", cell).replace(OTHER[decimal], "").replace(decimal, ".").replace("−", "-")
+
+
+# The decimal sign of every column of a file: what its numbers prove, and what must be stated.
+#
+# A column is read by its own evidence; a column without evidence is read by that of the file: its other
+# columns, or the delimiter (who separates columns by semicolons needs the comma for decimals). Where
+# numbers fit two interpretations still, the one near the nominal size is meant; without a nominal the
+# fault names `--decimal`.
+
+
+PROBES = 64
+"""Cells of a column, evenly spread, that say whether it holds numbers at all."""
+
+
+class Exact(str):
+    """A number that a file stores as a number, not as text: its sign need not be decided."""
+
+    __slots__ = ()
+
+
+@dataclass(slots=True)
+class Evidence:
+    """Cells of one column by what they prove, each with its place in the column: the first.
+
+    `point` and `comma` map a role (decimal, thousands, either) to the first cell that has it.
+    """
+
+    point: dict[str, int] = field(default_factory=dict)
+    comma: dict[str, int] = field(default_factory=dict)
+    group: str = ""
+    doubt: str = ""
+    numbers: int = 0
+    values: int = 0
+
+    @property
+    def numeric(self) -> bool:
+        """Whether at least half of its values are numbers."""
+        return self.numbers > 0 and 2 * self.numbers >= self.values
+
+    def votes(self) -> set[str]:
+        """The decimal signs that its cells prove."""
+        signs = set()
+        if DECIMAL in self.point or THOUSANDS in self.comma:
+            signs.add(".")
+        if DECIMAL in self.comma or THOUSANDS in self.point:
+            signs.add(",")
+        return signs
+
+    def doubtful(self, decimal: str) -> bool:
+        """Whether a cell can be another number where `decimal` is the decimal sign."""
+        grouping = self.comma if decimal == "." else self.point
+        return EITHER in grouping and THOUSANDS not in grouping
+
+    def any_doubt(self) -> bool:
+        """Whether a cell has a sign that can be either."""
+        return EITHER in self.point or EITHER in self.comma
+
+    def add(self, at: int, cell: str, number: Notation) -> None:
+        """Take note of the number in cell `at`."""
+        self.numbers += 1
+        if not self.doubt and EITHER in (number.point, number.comma):
+            self.doubt = cell
+        if number.point:
+            self.point.setdefault(number.point, at)
+        if number.comma:
+            self.comma.setdefault(number.comma, at)
+        self.group = self.group or number.group
+
+
+def evidence(cells: Sequence[str]) -> Evidence:
+    """What the cells of a column prove; for a column of text only that it holds no number."""
+    proof = Evidence()
+    places: list[int] = np.linspace(0, len(cells) - 1, PROBES).astype(int).tolist()
+    if len(cells) > 2 * PROBES and not any(notation(cells[at]) for at in places):
+        proof.values = len(cells)
+        return proof
+    missing = 0
+    for at, cell in enumerate(cells):
+        if isinstance(cell, Exact):
+            proof.numbers += 1
+            continue
+        number = notation(cell)
+        if number is not None:
+            proof.add(at, cell, number)
+        elif is_missing(cell):
+            missing += 1
+    proof.values = len(cells) - missing
+    return proof
+
+
+def decide(
+    columns: Mapping[str, Evidence],
+    stated: str | None,
+    delimiter: str,
+    place: str,
+    near: Callable[[str, float], bool] = lambda _column, _value: False,
+) -> tuple[dict[str, str], list[Fault]]:
+    """The decimal sign by column ("" where none is used), and what must be stated instead.
+
+    `near` says whether a value of a column is near its nominal size, where that is known.
+    """
+    numeric = {name: proof for name, proof in columns.items() if proof.numeric}
+    if stated is not None:
+        return _signs_as_stated(numeric, stated, place)
+    of_file = {vote for proof in numeric.values() for vote in proof.votes()}
+    if not of_file and delimiter == "," and not any(EITHER in o.comma for o in numeric.values()):
+        of_file = {"."}  # a comma between the columns leaves the point for decimals
+    if not of_file and delimiter == ";" and not any(EITHER in o.point for o in numeric.values()):
+        of_file = {","}
+    signs, faults, doubted = {}, [], []
+    for name, proof in numeric.items():
+        votes = proof.votes()
+        if len(votes) > 1:
+            faults.append(Fault(f"{place}: column {name}", _MIXED))
+        elif not votes and not proof.any_doubt():
+            signs[name] = ""
+        else:
+            possible = votes or of_file
+            if len(possible) == 1 and not proof.doubtful(min(possible)):
+                signs[name] = min(possible)
+            elif (sign := _by_size(name, proof.doubt, near)) and sign in (votes or sign):
+                signs[name] = sign
+            else:
+                doubted.append(name)
+    return signs, faults + [_doubt(name, numeric[name].doubt, place) for name in doubted]
+
+
+def _by_size(column: str, cell: str, near: Callable[[str, float], bool]) -> str:
+    """The decimal sign by which a cell in doubt is near the nominal size, empty where none or both are."""
+    fitting = [sign for sign in OTHER if (text := canonical_number(cell, sign)) and near(column, float(text))]
+    return fitting[0] if len(fitting) == 1 else ""
+
+
+_MIXED = (
+    "has decimal points in some cells and decimal commas in others; state --decimal where one of "
+    "them groups thousands, or correct the cells"
+)
+
+
+def _signs_as_stated(numeric: Mapping[str, Evidence], stated: str, place: str) -> tuple[dict[str, str], list[Fault]]:
+    """Every column by the stated sign; a column whose numbers all contradict it is a fault."""
+    faults = [
+        Fault(
+            f"{place}: column {name}",
+            f'its numbers have decimal signs that are not "{stated}": state another --decimal',
+        )
+        for name, proof in numeric.items()
+        if proof.votes() == {OTHER[stated]}
+    ]
+    return dict.fromkeys(numeric, stated), faults
+
+
+def _doubt(name: str, cell: str, place: str) -> Fault:
+    decimal, grouped = cell.replace(",", "."), cell.replace(",", "").replace(".", "")
+    text = f'"{cell}" can be {decimal} or {grouped}, and nothing in the file decides'
+    return Fault(f"{place}: column {name}", f"{text}: state --decimal . or --decimal ,")
+
+
+def canonical(cells: Sequence[str], decimal: str) -> list[str]:
+    """The cells with their numbers in plain notation."""
+    return [cell if isinstance(cell, Exact) else canonical_number(cell, decimal) or cell for cell in cells]
+
+
+# Dates and times of day in tables: one format in a column, none guessed.
+
+
+_HOURS = (
+    r"(?P<hour>\d{1,2}):(?P<minute>\d{1,2})(?::(?P<second>\d{1,2})(?:[.,](?P<fraction>\d{1,12}))?)?"
+    r"(?: ?(?P<half>[AaPp])\.?[Mm]\.?)?(?: ?(?P<zone>[Zz]|(?:UTC|GMT)?[+-]\d\d(?::?\d\d)?|UTC|GMT))?"
+)
+_CLOCK = rf"(?:[/ .T]+{_HOURS})?"
+_YEAR = r"(?P<y>\d{4}|\d\d)"
+POINTS, SLASHES, TURNED, ISO = ("day.month.year", "month/day/year", "day/month/year", "year-month-day")
+OF_DAY = "hour:minute"
+_FORMS = {
+    POINTS: re.compile(rf"(?P<d>\d{{1,2}})\.(?P<m>\d{{1,2}})\.{_YEAR}{_CLOCK}"),
+    SLASHES: re.compile(rf"(?P<m>\d{{1,2}})/(?P<d>\d{{1,2}})/{_YEAR}{_CLOCK}"),
+    TURNED: re.compile(rf"(?P<d>\d{{1,2}})/(?P<m>\d{{1,2}})/{_YEAR}{_CLOCK}"),
+    ISO: re.compile(rf"(?P<y>\d{{4}})[-/](?P<m>\d{{1,2}})[-/](?P<d>\d{{1,2}}){_CLOCK}"),
+    OF_DAY: re.compile(rf"(?P<y>1900)?(?P<m>)(?P<d>){_HOURS}"),
+}
+ZONED = ", with the zone"
+
+
+def moment(text: str, forms: Sequence[str] = (POINTS, SLASHES, ISO)) -> tuple[datetime, str]:
+    """The time that a text states, and the name of its format, the first of `forms` that fits.
+
+    A time with its zone (Z, +01:00) is in that zone. Raises ValueError where it is none.
+    """
+    time, _, name = _parsed(text, forms)
+    return time, name
+
+
+def _parsed(text: str, forms: Sequence[str]) -> tuple[datetime, float, str]:
+    """The time to whole microseconds, the rest in seconds, and the name of the format."""
+    for name in forms:
+        if match := _FORMS[name].fullmatch(text.strip()):
+            year = int(match["y"] or 1900)
+            year += (2000 if year < 70 else 1900) if year < 100 else 0
+            hour, minute, second = (int(match[part] or 0) for part in ("hour", "minute", "second"))
+            fraction = (match["fraction"] or "").ljust(12, "0")
+            if match["half"]:
+                hour = hour % 12 + 12 * (match["half"] in "Pp") if 1 <= hour <= 12 else 24
+            day, micro = (int(match["m"] or 1), int(match["d"] or 1)), int(fraction[:6])
+            try:
+                time = datetime(year, *day, hour, minute, second, micro, _zone(match["zone"]))
+            except ValueError:
+                continue
+            return time, 1e-12 * int(fraction[6:]), name + (ZONED if match["zone"] else "")
+    raise ValueError(f'"{text[:60]}" is not a time such as 31.12.2026/08:00:00 or 2026-12-31T08:00:00Z')
+
+
+def _zone(text: str | None) -> timezone | None:
+    """The zone that a time states: Z, +01:00, UTC-5."""
+    if not text:
+        return None
+    match = re.search(r"([+-])(\d\d):?(\d\d)?", text)
+    if match is None:
+        return UTC
+    return timezone(int(match[1] + "1") * timedelta(hours=int(match[2]), minutes=int(match[3] or 0)))
+
+
+def seconds(texts: Sequence[str]) -> tuple[list[float], datetime]:
+    """The times that a column states, in seconds since the earliest of them, which is the second
+    result; NaN where a cell is empty.
+
+    Raises ValueError where a cell is not a time, where times have several formats or only some a
+    zone, and where dates with slashes can be read with the day or the month first.
+    """
+    filled = [text for text in texts if text]
+    fitting = [name for name in _FORMS if all(_fits(text, name) for text in filled)]
+    examples = {_parsed(text, fitting or tuple(_FORMS))[2]: text for text in reversed(filled)}
+    if not fitting or len(examples) > 1:
+        listed = " and ".join(f'{name} ("{text}")' for name, text in examples.items())
+        raise ValueError(f"has times in two formats: {listed}")
+    if {SLASHES, TURNED} <= set(fitting):
+        raise ValueError(
+            f'has dates such as "{filled[0]}" that can be read with the day or the '
+            "month first: write them as 2026-12-31 or 31.12.2026"
+        )
+    times = [_parsed(text, fitting[:1])[:2] if text else None for text in texts]
+    start, rest = min(time for time in times if time is not None)
+    return [(time[0] - start).total_seconds() + (time[1] - rest) if time else float("nan") for time in times], start
+
+
+def _fits(text: str, form: str) -> bool:
+    try:
+        moment(text, (form,))
+    except ValueError:
+        return False
+    return True
+
+
+# Cells of numbers as numbers.
+
+
+LONGEST_NUMBER = 15
+"""Digits of a whole number that a double holds; longer ones are serial numbers."""
+
+
+def whole_if_so(values: NDArray[np.float64], whole_numbers: bool = True) -> NDArray[Any]:
+    """Numbers, as integers where all are whole and may be; None where one is missing."""
+    bad = np.isnan(values)
+    if bad.any():
+        column = values.astype(object)
+        column[bad] = None
+        return column
+    if not whole_numbers:
+        return values
+    whole: NDArray[np.int64] = values.astype(np.int64)
+    return whole if (whole == values).all() else values
+
+
+def typed_column(cells: NDArray[Any], numeric: bool) -> NDArray[Any]:
+    """The cells of a column as numbers or as text, None where one is missing or invalid."""
+    if not numeric:
+        if cells.dtype != object:
+            return cells
+        column = cells.copy()
+        column[np.asarray((cells == "") | pd.isna(cells), dtype=bool)] = None
+        return column
+    if cells.dtype.kind in "fiu":
+        return cells
+    if all(map(_is_whole, cells)):
+        return cells.astype(np.int64)
+    try:
+        if any("_" in cell for cell in cells if isinstance(cell, str)):  # Python reads 1_000 as a number
+            raise ValueError
+        numbers = cells.astype(float)
+    except ValueError:
+        numbers = np.array([_value(cell) for cell in cells])
+    return whole_if_so(np.where(np.isfinite(numbers), numbers, math.nan), False)
+
+
+def _is_whole(cell: Any) -> bool:
+    return isinstance(cell, str) and cell.lstrip("+-").isdecimal() and cell.isascii()
+
+
+def _value(cell: Any) -> float:
+    """The number in a cell, NaN where it is none."""
+    try:
+        return math.nan if isinstance(cell, str) and "_" in cell else float(cell)
+    except (TypeError, ValueError):
+        return math.nan
+
+
+def is_label(cell: str) -> bool:
+    """Whether digits are a label: with a zero in front, or too many for a number."""
+    digits = cell.lstrip("+-−")
+    return digits.isdecimal() and len(digits) > 1 and (digits[0] == "0" or len(digits) > LONGEST_NUMBER)

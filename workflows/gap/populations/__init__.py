@@ -1,1 +1,0 @@
-"""Simulated and measured units compared, and their differences attributed to inputs."""
