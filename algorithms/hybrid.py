@@ -7,7 +7,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..problems.interfaces import Accuracy, Provable
 from ..section import INDIVIDUALS, POINTS, Array
 from .archive import nondominated
 from .engine import GDE3Engine, Space
@@ -49,7 +48,7 @@ class Hybrid(Solver):
         seeds = seed_vectors(run, self.population)
         self._evolve(run, seeds)
         form = closed_form(run.problem)
-        run.problem = Accuracy.of(run.problem).smooth()
+        run.problem = run.problem.smooth()
         try:
             if run.problem.n_obj == 1:
                 self._polish_best(run)
@@ -118,7 +117,7 @@ def seed_vectors(run: Run, count: int) -> Array:
     Variables that a relaxation settles are drawn at random for half of the seeds: the limits that
     it omits may forbid the value that is best for it.
     """
-    problem, form = run.problem, Provable.of(run.problem).guide()
+    problem, form = run.problem, run.problem.guide()
     if form is None or "cost" not in problem.objectives:
         return np.empty((0, problem.n_var))
     closed = closed_form(problem)

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.declaration import Declaration
 from tolevo.problems.forms import Feature, Form, Way
-from tolevo.problems.interfaces import Differentiable, Provable
 from tolevo.problems.settings import Settings
 from tolevo.problems.tolerance_problem import ToleranceProblem
 from tolevo.section import Kind, Output, Variable
@@ -76,7 +75,7 @@ class Parts:
         return named | {"process": [{"name": f"way_{at}"} | way for at, way in enumerate(ways)]}
 
 
-class Watched(ToleranceProblem, Provable):
+class Watched(ToleranceProblem):
     """A problem that tells `note` the objectives (n, m) of every batch that it evaluates.
 
     One that is `formless` knows no convex form of itself. Designs that break a limit are told of
@@ -111,7 +110,7 @@ def beyond(f: Array, g: Array, edge: Array) -> Array:
     return np.where(broken > 0.0, edge * (1.0 + broken), f)
 
 
-class PartsProblem(ToleranceProblem, Provable, Differentiable):
+class PartsProblem(ToleranceProblem):
     """Cost and variation of parts, by the function that all contenders are given."""
 
     def __init__(self, parts: Parts, evaluate: Callable[[Array], Array], settings: Settings | None = None) -> None:

@@ -23,7 +23,6 @@ from ..section import Array, Assumption, Flags, Integers, Kind, Section, Variabl
 from ..units import split_unit
 from .declaration import ConfiguredProblem, Declaration, Interval, Response, evaluations
 from .deviations import Draws
-from .interfaces import Checks, Differentiable, Drawing
 from .promise import WithPromise
 from .settings import ASSURED, Settings, VariableSetting, assured_percent
 from .tolerance_problem import ToleranceProblem
@@ -146,7 +145,7 @@ def _machined(
     )
 
 
-class Machined(ToleranceProblem, Checks, Drawing, Differentiable):
+class Machined(ToleranceProblem):
     """A problem with tolerances that machines may make: `[[variables.NAME.machine]]`.
 
     Good parts count as normal with the mean and standard deviation of their machine. `machinable`

@@ -16,7 +16,6 @@ from pymoo.core.variable import Binary, Choice, Integer, Real
 from ..errors import Fault, raise_all, refuse
 from ..section import Array, Kind, Output, Parameter, Section, Variable, number
 from .declaration import ConfiguredProblem, Declaration
-from .interfaces import WithEffects
 from .settings import Bound, Settings
 from .tolerance_problem import ToleranceProblem
 
@@ -156,7 +155,7 @@ SPREAD = 6
 """Binary logarithm of the designs whose objectives span the box of the hypervolume."""
 
 
-class PlainProblem(ToleranceProblem, WithEffects):
+class PlainProblem(ToleranceProblem):
     """A pymoo `Problem` as it is: its objectives are minimised, its constraints are limits.
 
     Names and units are x1, ..., f1, ..., g1, ..., h1, ... without units unless the problem declares

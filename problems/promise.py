@@ -15,7 +15,6 @@ from ..models.capability import Knowledge
 from ..section import Array, Output, Section
 from .declaration import ConfiguredProblem, Declaration, Interval
 from .deviations import Deviations, PromisedOutput
-from .interfaces import Differentiable, Written
 from .settings import ASSURANCE, ASSURED, PLUG_IN, PROMISED, YIELD, Bound, Promise, Settings, read_promise
 from .tolerance_problem import ToleranceProblem
 
@@ -79,7 +78,7 @@ def _percent(bound: Bound) -> str:
 # Problems that promise a yield, given samples of their processes: `[promise]`.
 
 
-class WithPromise(ToleranceProblem, Written):
+class WithPromise(ToleranceProblem):
     """A problem whose yield may be promised; `promised_of` output is the yield by the estimates."""
 
     promised_of: ClassVar[str] = YIELD
@@ -195,7 +194,7 @@ STEP = 1e-5
 """Relative step of a variable for the slope of a promised yield."""
 
 
-class Promising(WithPromise, Differentiable):
+class Promising(WithPromise):
     """A problem that gives the mean and the variances of the output that its yield is of.
 
     With `deviations` the problem of a plugin can promise a yield by samples of its variables,

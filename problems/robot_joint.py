@@ -20,7 +20,6 @@ from ..models.manipulator.ring import quadrature
 from ..models.robot import ORDER, drives, gravity_torque, links, sobol_poses
 from ..section import Array, Parameter, Section, Value, Variable, completed, number
 from .declaration import ConfiguredProblem, Declaration
-from .interfaces import Written
 from .nested_reducers import Nested, documents_reducer
 from .pose_accuracy.outputs import Grouping, costs_of, read_grouping, standard_deviation
 from .robot import problem as definition
@@ -203,7 +202,7 @@ REDUCERS = ("1", "2")
 DECLARED: dict[str, Any] = {"parameters": PARAMETERS, "model": "manipulator_pose", "reducers": REDUCERS}
 
 
-class RobotJoint(RobotProblem, Written):
+class RobotJoint(RobotProblem):
     """Pose accuracy of the manipulator with its reducers against cost: one machine, one front.
 
     Links by standard deviations of their errors, reducers by what an rms of their backlash and of

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -14,11 +14,16 @@ from pymoo.core.problem import Problem
 
 from ..errors import Fault, ModelError
 from ..journal import recalled_columns
+from ..records import Bars, UnitsShown
 from ..section import Array, Assumption, Integers, Output, Section, Variable, completed
 from .declaration import ConfiguredProblem, Declaration, Interval
-from .interfaces import Accuracy, Checks, refuse_lost_members
-from .limits import limits_of
-from .settings import Bound, Promise, Settings, VariableSetting, assumptions_of, with_currency
+from .limits import impossible, limits_of
+from .settings import Bound, Promise, Settings, VariableSetting, assumptions_of, rising, unit_slips, with_currency
+
+if TYPE_CHECKING:
+    from ..models.capability import PartSample
+    from ..models.costs import CostCurve
+    from .forms import Form
 
 # Full designs of a problem as tables hold them: whole numbers as such, choices by name.
 
@@ -52,11 +57,20 @@ MOVED = {
 """Attributes of a class that its `declaration` has in their place, and their names there."""
 
 
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """A problem with one changed assumption: which one, its new value, and the problem."""
+
+    assumption: str
+    value: str
+    problem: ToleranceProblem
+
+
 class ToleranceProblem(Problem):
     """A tolerance allocation problem: some variables are searched, the others fixed.
 
-    A subclass gives its `declaration` and `_outputs`; what else it provides, such as derivatives or
-    a convex form, belongs to the interfaces of `tolevo.problems.interfaces`, which it inherits.
+    A subclass gives its `declaration` and `_outputs`. What else a problem may provide, such as
+    derivatives or a convex form, are methods with defaults here, which it replaces.
     Guarded against pymoo's silent failures: objectives are always set, unknown keywords are
     refused, shapes and finiteness are checked, bounds are never reversed.
     """
@@ -72,7 +86,6 @@ class ToleranceProblem(Problem):
         for old, new in MOVED.items():
             if old in vars(cls):
                 raise TypeError(f"{cls.__name__}.{old} belongs to its `declaration`, as `{new}`")
-        refuse_lost_members(cls)
 
     def __init__(self, settings: Settings | None = None) -> None:
         given = settings or Settings()
@@ -107,7 +120,7 @@ class ToleranceProblem(Problem):
         """Everything but `_drawn_again`."""
         return {k: value for k, value in self.__dict__.items() if k not in self._drawn_again}
 
-    # ---------------------------------------------------------------- what a subclass gives
+    # ------------------------------------------------ what a subclass gives
 
     @classmethod
     def configured(cls, top: Section) -> ConfiguredProblem | None:
@@ -155,7 +168,7 @@ class ToleranceProblem(Problem):
         """The same problem with some limits replaced."""
         return type(self)(replace(self.given, limits=dict(self.given.limits) | dict(limits)))
 
-    # ---------------------------------------------------------------- set-up
+    # ------------------------------------------------ set-up
 
     def _completed(self, given: Settings) -> Settings:
         """The settings with every default filled in."""
@@ -182,9 +195,9 @@ class ToleranceProblem(Problem):
 
     def faults(self) -> list[Fault]:
         """What is wrong with the settings as a whole: limits that no design can meet, ..."""
-        return Checks.of(self).out_of_reach()
+        return self.out_of_reach()
 
-    # ---------------------------------------------------------------- designs and outputs
+    # ------------------------------------------------ designs and outputs
 
     @property
     def promise(self) -> Promise | None:
@@ -303,7 +316,7 @@ class ToleranceProblem(Problem):
     def tested(self, x: Array) -> tuple[Array, Array]:
         """F and G of search vectors as reported: where a search sees a sample, on a fresh one."""
         designs = self.complete(x)
-        outputs = Accuracy.of(self).needed(designs)
+        outputs = self.needed(designs)
         return self.objective_values(outputs), self.violations(designs, outputs)
 
     def frame(
@@ -323,7 +336,7 @@ class ToleranceProblem(Problem):
         frame["feasible"] = np.all(self.violations(designs, outputs) <= 0.0, axis=1)
         return frame
 
-    # ---------------------------------------------------------------- cost curves
+    # ------------------------------------------------ cost curves
 
     def cost_of(self, designs: Array) -> Array:
         """Sum of the cost curves (n,) at full designs."""
@@ -334,7 +347,7 @@ class ToleranceProblem(Problem):
         with np.errstate(divide="ignore"):
             return {name: curve.cost(self.column(designs, name)) for name, curve in self.settings.costs.items()}
 
-    # ---------------------------------------------------------------- corners
+    # ------------------------------------------------ corners
 
     def _corner(self, tight: bool) -> Array:
         """The design with every free variable at its lower (tight) or upper bound, (all,)."""
@@ -350,3 +363,269 @@ class ToleranceProblem(Problem):
         ends = np.stack([self._corner(tight=False), self._corner(tight=True)])
         low, high = self.cost_of(ends)
         return float(low), float(high)
+
+    # ------------------------------------------------ the same problem at other accuracies
+
+    def reported(self) -> ToleranceProblem:
+        """The same problem at the accuracy that reported points need."""
+        return self
+
+    def coarser(self) -> ToleranceProblem:
+        """The same problem on a smaller sample, for algorithms that evaluate much."""
+        return self
+
+    def smooth(self) -> ToleranceProblem:
+        """The same problem whose values in a search are smooth, for searches by gradients."""
+        return self
+
+    def needed(self, designs: Array) -> dict[str, Array]:
+        """Outputs (n,) of full designs as reported: at least the cost, and those that objectives
+        and limits name.
+        """
+        return self.outputs_of(designs, errors=False)
+
+    # ------------------------------------------------ derivatives, and where a search by gradients begins
+
+    def gradient(self, designs: Array) -> dict[str, Array]:
+        """Derivatives (n, all variables) of the outputs for which the model gives them."""
+        return {}
+
+    def cost_slopes(self, designs: Array) -> Array:
+        """Derivatives of the cost (n, all variables) at full designs (n, all variables)."""
+        slopes = np.zeros_like(designs)
+        for name, curve in self.settings.costs.items():
+            slopes[:, self.names.index(name)] = curve.slope(self.column(designs, name))
+        return slopes
+
+    def starts(self) -> Array:
+        """Full designs (k, all variables) that a search by gradients does well to begin from."""
+        return np.empty((0, len(self.variables)))
+
+    # ------------------------------------------------ what bounds of the cost are proven with
+
+    def form(self) -> Form | None:
+        """The convex form that bounds of the cost are proven with, None where there is none."""
+        return None
+
+    def form_values(self, form: Form, designs: Array, outputs: Mapping[str, Array]) -> Array:
+        """True values (n, r) of the requirements of the form, from the outputs of designs.
+
+        With its own limit, a requirement has the value of that limit plus what is missing.
+        """
+        nothing = np.full(len(designs), -np.inf)
+        return np.stack(
+            [
+                nothing if np.isfinite(most) else self.values(designs, outputs, name)
+                for name, most in zip(form.outputs, form.own_limits, strict=True)
+            ],
+            axis=1,
+        )
+
+    def form_columns(self, columns: Mapping[str, Array]) -> dict[str, Array]:
+        """Variables (n,) from features of the form (n,), where these are not variables."""
+        return dict(columns)
+
+    def stand_in_limit(self, name: str, high: float) -> float:
+        """The upper limit of the requirement of the form that stands for a limit on an output."""
+        return high
+
+    def guide(self) -> Form | None:
+        """A convex form close to the problem, to begin a search from; it proves nothing."""
+        return self.form()
+
+    def unproven(self) -> str:
+        """Why an objective that might have a convex form has none here; empty where not known."""
+        return ""
+
+    def exact_front(self) -> Array | None:
+        """The exact front (k, objectives) where it is known, else None."""
+        return None
+
+    # ------------------------------------------------ what the documents print
+
+    def references(self) -> dict[str, Array]:
+        """Allocations that the documents print, by label: full designs (all variables,)."""
+        return {}
+
+    def least_cost(self) -> tuple[str, ToleranceProblem] | None:
+        """Label and problem of the documents' single-objective allocation, or None."""
+        return None
+
+    # ------------------------------------------------ what a reported allocation is compared with
+
+    def finer_verdicts(self, designs: Array) -> tuple[str, ...]:
+        """A finer model's verdict on each full design (n, all variables), such as "by contact this
+        allocation keeps 1 arcmin in 43 % of units"; empty where there is none.
+        """
+        return ()
+
+    def model_labels(self, designs: Array) -> tuple[str, ...]:
+        """The model of each full design (n, all variables), and a finer model's verdict.
+
+        Empty texts where there is only one model.
+        """
+        alone = self.declaration.model_statement
+        verdicts = self.finer_verdicts(designs)
+        if not alone or not verdicts:
+            return (alone,) * len(designs)
+        return tuple(f"{alone}; {verdict}" for verdict in verdicts)
+
+    def shown_limit(self) -> tuple[str, float] | None:
+        """Output and upper limit that choose the point whose units are shown."""
+        return None
+
+    def shown_units(self, design: Array) -> UnitsShown | None:
+        """One unit and the population of a full design (all variables,), None without units."""
+        return None
+
+    def variants(self) -> tuple[Variant, ...]:
+        """The problem as it is, then with one assumption changed at a time.
+
+        They search the same free variables; empty where no assumption needs trying.
+        """
+        return ()
+
+    def alternatives(self) -> dict[str, ToleranceProblem]:
+        """The machine with another choice, by a label of it: its least cost is reported."""
+        return {}
+
+    # ------------------------------------------------ how a tolerance stands on a drawing
+
+    def room(self, name: str, design: Array) -> Interval:
+        """The range of a variable in which the rest of a full design (all variables,) leaves it."""
+        at = [variable.name for variable in self.free].index(name)
+        return float(self.xl[at]), float(self.xu[at])
+
+    def zone(self, name: str) -> tuple[float | None, float]:
+        """Nominal size of what a variable tolerates, None where it is not known, and the middle of
+        its zone as a deviation from it, both in the unit of the variable.
+        """
+        return None, self.settings.variables[name].mid or 0.0
+
+    def drawn(self, name: str) -> Mapping[str, str]:
+        """What the drawing says of the part that a variable tolerates: `class` (g6), `symbol`,
+        number of the `drawing` and of the `characteristic`; what is not known is left out.
+        """
+        return {}
+
+    def curves_of(self, name: str) -> tuple[tuple[CostCurve, float], ...]:
+        """The cost curve of a variable and how often it is paid, one for each way of making it.
+
+        Empty where nothing is paid, or where what is paid is no function of the variable alone.
+        """
+        curve = self.settings.costs.get(name)
+        return () if curve is None else ((curve, 1.0),)
+
+    # ------------------------------------------------ what physical effects change
+
+    def counterparts(self) -> tuple[str, ...]:
+        """What each active effect does in this problem, in words; empty where it does nothing."""
+        return ("",) * len(self.settings.effects)
+
+    def without_effects(self) -> ToleranceProblem:
+        """The same problem with no effect in its model."""
+        return type(self)(replace(self.given, effects=()))
+
+    def effect_notes(self) -> tuple[str, ...]:
+        """A sentence for each active effect, those without a counterpart included."""
+        settings = self.settings
+        missing = "has no counterpart in this problem: it changes nothing here"
+        notes = tuple(
+            f"effect {effect.effect.name}: {does}" if does else f"effect {effect.effect.name} {missing}"
+            for effect, does in zip(settings.effects, self.counterparts(), strict=True)
+        )
+        zeros = ", ".join(settings.zero)
+        why = "belongs to its instrument: it changes nothing in this problem"
+        return (*notes, f"the zero of {zeros} {why}") if zeros else notes
+
+    # ------------------------------------------------ what `tolevo check` reports
+
+    def cautions(self) -> tuple[str, ...]:
+        """How the configuration was understood, and what the user should know before a run."""
+        settings = self.settings
+        slips = map(str, unit_slips(self))
+        departures = (
+            text
+            for variable in self.variables
+            if (sample := settings.variables[variable.name].sample)
+            for text in sample.departures(variable.name)
+        )
+        prices = filter(None, (rising(name, curve) for name, curve in settings.costs.items()))
+        return (*settings.notes, *slips, *prices, *departures, *self.warnings())
+
+    def samples(self) -> tuple[tuple[str, str, PartSample], ...]:
+        """Name and unit of each measured quantity, and its sample."""
+        return tuple(
+            (variable.name, variable.unit, sample)
+            for variable in self.variables
+            if (sample := self.settings.variables[variable.name].sample)
+        )
+
+    def out_of_reach(self) -> list[Fault]:
+        """Limits that no design can meet."""
+        return impossible(self)
+
+    def search_faults(self) -> list[Fault]:
+        """What is wrong with a search of the problem, though its designs can be evaluated."""
+        return []
+
+    def misplaced(self, designs: Array) -> dict[str, dict[int, str]]:
+        """Messages, by column and row, on designs that break more than variables' bounds."""
+        return {}
+
+    # ------------------------------------------------ what the page of a run shows
+
+    def title(self) -> str:
+        """The mechanism in words, for the heading of a page; empty where the name says it."""
+        return self.settings.labels.name
+
+    def mechanism(self) -> dict[str, object]:
+        """What readers know the mechanism by, for pages, terminal and exports: `name`,
+        `description`, `drawing`, as far as they are stated.
+        """
+        return {**replace(self.settings.labels, name=self.title()).stated()}
+
+    def sketch(self) -> dict[str, Any]:
+        """A drawing of the machine: `parts`, each a `name`, `points` [mm] of a line, and the
+        columns of a front that are its shares; `poses` [mm]. Empty where there is none.
+        """
+        return {}
+
+    def bars(self) -> tuple[Bars, ...]:
+        """Charts of what matters in this problem, whatever is optimised."""
+        return ()
+
+    def warnings(self) -> tuple[str, ...]:
+        """What the user should know before trusting a run of this problem."""
+        return ()
+
+    def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
+        """Remarks on the reported points; `front` has a row for each, as `frame` makes them."""
+        return ()
+
+    def validity(self) -> tuple[str, ...]:
+        """Limits of validity of the model, a sentence each."""
+        return ()
+
+    # ------------------------------------------------ how the problem is written in a configuration
+
+    def tables(self) -> dict[str, Any]:
+        """The top-level tables that the problem is written in, where `configured` reads them.
+
+        They take the place of parameters, variables, costs and propagation.
+        """
+        return {}
+
+    def more_tables(self) -> dict[str, Any]:
+        """Top-level tables that `configured` reads in addition to the usual ones."""
+        return {}
+
+    # ------------------------------------------------ arrays that a run stores with its results
+
+    def kept(self) -> dict[str, Array]:
+        """Arrays by name that took long to compute and depend on the configuration alone."""
+        return {}
+
+    def adopt(self, arrays: Mapping[str, Array]) -> bool:
+        """Take what another process has `kept`; whether it belongs to this configuration."""
+        return False

@@ -19,7 +19,6 @@ from ..models.rv_reducer.geometry import RvGeometry
 from ..section import Array, Kind, Output, Parameter, Value, Variable, number
 from ..units import ARCMIN, MM, UM
 from .declaration import Declaration, Interval
-from .interfaces import Documented
 from .settings import Bound, Settings
 from .tolerance_problem import ToleranceProblem
 
@@ -139,7 +138,7 @@ PRINTED = {"dr_rp_mm": -0.040, "dr_p_mm": -0.070}
 """Document B's optimum."""
 
 
-class ToothModification(ToleranceProblem, Documented):
+class ToothModification(ToleranceProblem):
     """Backlash against mesh force by equidistance and shift modification (document B, section 3).
 
     Both objectives are of the loaded contact with perfect parts: designs are its units, the

@@ -25,7 +25,6 @@ from .configuration import read as read_raw
 from .configuration.source import at_hand as once_read
 from .errors import Fault, InputError, raise_all, refuse
 from .files import unwritable
-from .problems.interfaces import Checks, WithEffects
 from .results import Gap, Reproduction, Run, Scratch, Study
 
 if TYPE_CHECKING:
@@ -220,7 +219,7 @@ def evaluate(
         faults.append(Fault("problem", "is missing: a model alone can only be simulated"))
     raise_all(faults)
     assert problem is not None
-    report_lines(tell, "note", WithEffects.of(problem).effect_notes())
+    report_lines(tell, "note", problem.effect_notes())
     statement = problem.declaration.model_statement
     report_lines(tell, "model", [statement] if statement else ())
     table, place = readable(designs, tables.ReadOptions(encoding, delimiter, decimal))
@@ -394,7 +393,7 @@ def run(
     plan = collected(lambda: _with_problem(read(source, settings, algorithm=algorithm, seed=seed)), faults).plan()
     collected(lambda: searchable(plan.problem, plan.algorithm), faults)
     raise_all(faults)
-    report_lines(tell, "warning", Checks.of(plan.problem).cautions())
+    report_lines(tell, "warning", plan.problem.cautions())
     folder, scratch = folder_for(out)
     done = running(plan, folder, where, progress, resume, overwrite or out is None)
     return Run(done.status, done.lines, done.result, folder, scratch)

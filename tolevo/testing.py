@@ -39,7 +39,6 @@ from .models.input_reading import read_distribution, written
 from .models.inputs import DISTRIBUTIONS, Distribution
 from .models.measurable import Column, MeasurableModel, Role
 from .problems.deviations import Deviations, PromisedOutput
-from .problems.interfaces import Provable
 from .problems.promise import Promising
 from .problems.settings import ASSURED, PROMISED, Promise
 from .problems.tolerance_problem import ToleranceProblem
@@ -531,7 +530,7 @@ class ProblemContract:
 
     def test_known_answer_is_a_front_or_none(self) -> None:
         problem = self.problem()
-        front = Provable.of(problem).exact_front()
+        front = problem.exact_front()
         assert front is None or front.shape[1] == problem.n_obj
 
     def test_box_is_a_box(self) -> None:

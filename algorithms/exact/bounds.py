@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from ...errors import ModelError
 from ...problems.forms import Feature, Form, Way, largest_parts, least_values
-from ...problems.interfaces import Provable
 from ...problems.limits import ROOM, loosened
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Flags
@@ -181,7 +180,7 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
     keeps them and is as good in all other objectives costs less than the bound.
     Raises ModelError where a point disproves its bound.
     """
-    form = Provable.of(problem).form()
+    form = problem.form()
     missing = reason(problem, form)
     if missing or form is None:
         return Proof.without(points, missing)
@@ -253,7 +252,7 @@ def reason(problem: ToleranceProblem, form: Form | None) -> str:
     others = [name for name in problem.objectives if name not in known_by]
     if others:
         known = ", ".join(form.outputs)
-        why = Provable.of(problem).unproven()
+        why = problem.unproven()
         return f"no convex form of {', '.join(others)} is known (there is one of {known}){f': {why}' if why else ''}"
     return ""
 

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from ...journal import recalled
 from ...problems.forms import Feature, Form, Spread, largest_parts, spread_of
-from ...problems.interfaces import Provable
 from ...problems.limits import loosened
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Flags, Integers
@@ -311,7 +310,7 @@ def search_vectors(problem: ToleranceProblem, form: Form, optimum: Optimum) -> A
         if feature.choice:
             choices = np.array([way.choice for way in feature.ways])
             columns[feature.choice] = choices[optimum.chosen[real, at]]
-    columns = Provable.of(problem).form_columns(columns)
+    columns = problem.form_columns(columns)
     x = np.stack([columns[variable.name] for variable in problem.free], axis=1)
     return np.asarray(np.clip(x, problem.xl, problem.xu))
 

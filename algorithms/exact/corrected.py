@@ -13,7 +13,6 @@ import numpy as np
 
 from ...journal import recalled
 from ...problems.forms import Form, least_value
-from ...problems.interfaces import Provable
 from ...section import Array, Flags, Integers
 from ..run import Run
 from .bounds import row_limits
@@ -141,7 +140,7 @@ class Corrected:
             x = search_vector(problem, self.form, ways, t)[0]
             designs = problem.complete(x[None, :])
             outputs = problem.outputs_of(designs, errors=False)
-            values = Provable.of(problem).form_values(self.form, designs, outputs)[0]
+            values = problem.form_values(self.form, designs, outputs)[0]
             kept = np.all(problem.violations(designs, outputs) <= 0.0)
             cost = float(values[least] if least >= 0 else outputs["cost"][0])
             if kept and self._near_enough(values, limit, least) and (best is None or cost < best.cost):

@@ -15,7 +15,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...errors import Fault, raise_all
-from ...problems.interfaces import Accuracy
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Flags
 from ..archive import nondominated
@@ -312,7 +311,7 @@ SOLVED = 48
 
 def epsilon_front(run: Run, points: int) -> None:
     """Evaluate designs along the front of a run's problem; `points` are spread over it."""
-    problem = run.problem = Accuracy.of(run.problem).smooth()
+    problem = run.problem = run.problem.smooth()
     unit = scale_of(problem)
     branches = [Branch(run, x, unit) for x in integer_sets(problem)]
     if problem.declaration.sampled:
@@ -442,7 +441,7 @@ def secured(run: Run) -> None:
     Where none keeps them after that, others of the archive are candidates.
     """
     problem, alone, x = run.problem, run.problem.n_obj == 1, run.chosen
-    smooth = Accuracy.of(problem).smooth()
+    smooth = problem.smooth()
     sampled = smooth is not problem
     if not (alone or sampled):
         return

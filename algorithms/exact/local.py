@@ -11,7 +11,6 @@ import scipy
 from scipy.special import ndtri
 
 from ...journal import recalled_columns
-from ...problems.interfaces import Differentiable
 from ...problems.limits import Limit
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array
@@ -138,7 +137,7 @@ class Smooth:
         kinds = [v.tolerance for v in problem.free if not v.integer]
         self.log = np.array(kinds, dtype=bool) & (self.low > 0.0)
         names = {*problem.objectives, *(limit.name for limit in problem.limits)}
-        known = {*Differentiable.of(problem).gradient(problem.complete(self.x[None, :])[:0]), *problem.names}
+        known = {*problem.gradient(problem.complete(self.x[None, :])[:0]), *problem.names}
         self.analytic = names <= known
         sides = [bound for limit in problem.limits for bound in _percentages(limit)]
         self.least = np.array([] if problem.declaration.sampled else sides)
@@ -187,7 +186,7 @@ class Smooth:
     def _exact(self, y: Array) -> tuple[Array, Array]:
         problem, x = self.run.problem, self.vectors(y[None, :])
         designs = problem.complete(x)
-        slopes = recalled_columns((designs,), lambda: dict(Differentiable.of(problem).gradient(designs)))
+        slopes = recalled_columns((designs,), lambda: dict(problem.gradient(designs)))
         slopes |= {name: unit for name, unit in _units(problem).items() if name not in slopes}
         columns = [problem.names.index(v.name) for v in problem.free if not v.integer]
         width = self.high - self.low
@@ -370,7 +369,7 @@ class Branch:
 
     def starts(self, run: Run) -> Array:
         """Scaled coordinates (n, size) to begin from."""
-        provided = Differentiable.of(run.problem).starts()
+        provided = run.problem.starts()
         if len(provided):
             free = [run.problem.names.index(v.name) for v in run.problem.free]
             return self.smooth.scaled(provided[:, free])

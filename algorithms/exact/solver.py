@@ -10,7 +10,6 @@ import numpy as np
 import scipy
 
 from ...problems.forms import Form
-from ...problems.interfaces import Provable
 from ...problems.limits import ROOM, loosened
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import POINTS, Array, Flags
@@ -227,7 +226,7 @@ def _watched(run: Run, form: Form, optimum: Optimum, share: float) -> None:
 
 def closed_form(problem: ToleranceProblem) -> Form | None:
     """The form, restricted to the requirements of the problem; None where it omits any of them."""
-    form = Provable.of(problem).form()
+    form = problem.form()
     if form is None or form.relaxed or reason(problem, form):
         return None
     asked = {*problem.objectives, *(limit.name for limit in problem.limits)}
@@ -267,7 +266,7 @@ def _solved_limits(problem: ToleranceProblem, form: Form) -> Array:
         rows = np.array([output == row for output in form.outputs])
         limit = upper_limit(problem, name)
         if np.isfinite(limit) and np.any(rows):
-            limits[rows] = np.minimum(limits[rows], Provable.of(problem).stand_in_limit(name, limit))
+            limits[rows] = np.minimum(limits[rows], problem.stand_in_limit(name, limit))
     return limits
 
 
@@ -302,7 +301,7 @@ def _improved(run: Run, form: Form, x: Array) -> Array:
 
 def _cheapest_of_points(problem: ToleranceProblem) -> Array:
     """The cheapest choice where the form omits limits, but all its ways are points; else nothing."""
-    form = Provable.of(problem).form()
+    form = problem.form()
     if form is None or form.also or form.settled or not points_alone(form):
         return np.empty((0, problem.n_var))
     x = cheapest_choice(problem, form, row_limits(problem, form), -np.inf)
@@ -363,6 +362,6 @@ def _by_full_model(problem: ToleranceProblem, form: Form, x: Array, upper: Array
     """
     designs = problem.complete(x)
     outputs = problem.outputs_of(designs, errors=False)
-    values = Provable.of(problem).form_values(form, designs, outputs)
+    values = problem.form_values(form, designs, outputs)
     kept = np.all(problem.violations(designs, outputs) <= 0.0, axis=1)
     return kept, np.where(kept[:, None], 0.0, np.maximum(values - upper, 0.0))

@@ -23,7 +23,6 @@ from ...models.manipulator.ring import (
     worst_quantile,
 )
 from ...section import Array, Integers, number
-from ..interfaces import Differentiable
 from ..machined import ProcessProblem, Shortfall
 from ..settings import PROMISED, Settings
 from .outputs import BOTH, BOUNDS, LIMITED, OVER_MACHINES, UNITS
@@ -253,7 +252,7 @@ STEP = 1e-3
 """Relative step of a standard deviation for the slope of a promised yield."""
 
 
-class PromisingPoses(ProcessProblem, Differentiable):
+class PromisingPoses(ProcessProblem):
     """Machines whose standard deviations are not as the samples say."""
 
     promised_of: ClassVar[str] = BOTH

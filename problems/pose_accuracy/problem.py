@@ -20,7 +20,6 @@ from ...section import Array, Assumption, Section, Value, number
 from ...units import MM, MRAD, UM
 from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..forms import Feature, Form, Way
-from ..interfaces import Documented, Page, Provable
 from ..limits import narrowed
 from ..settings import ASSURANCE, PROMISED, Settings
 from .machines import Population, PromisingPoses
@@ -136,7 +135,7 @@ def declaration_of(grouping: Grouping) -> Declaration:
     )
 
 
-class PoseAccuracy(PromisingPoses, Provable, Documented, Page):
+class PoseAccuracy(PromisingPoses):
     """Pose accuracy of the manipulator with full-circle rotation against cost (document M).
 
     Variables are standard deviations of the orientation sources, grouped into the document's nine

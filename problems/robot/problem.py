@@ -17,7 +17,6 @@ from ...models.robot import CALIBRATED, ratio
 from ...section import Array, Assumption, Output, Parameter, Value, Variable
 from ..declaration import Declaration, Interval
 from ..forms import Feature, Form, Way
-from ..interfaces import Comparison, Documented, Page, Provable, Stored
 from ..limits import narrowed
 from ..nested_reducers import Nested
 from ..settings import Bound, Settings, VariableSetting
@@ -417,7 +416,7 @@ UNITS = 16_384
 ROWS = ("pose_rms_mm", "squareness_mrad", "yaw_mrad")
 
 
-class RobotProblem(ToleranceProblem, Provable, Documented, Comparison, Stored, Page):
+class RobotProblem(ToleranceProblem):
     """Pose accuracy of a machine with reducers against cost.
 
     Links by standard deviations of their errors, reducers by what an rms of their backlash and of

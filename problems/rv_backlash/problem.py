@@ -21,7 +21,6 @@ from ...units import ARCMIN, MM
 from ..declaration import Declaration, Interval
 from ..deviations import Deviations
 from ..forms import Form, ends_of_front
-from ..interfaces import Accuracy, Comparison, Documented, Page, Provable, WithEffects
 from ..machined import Machined
 from ..promise import Promising
 from ..settings import ASSURED, PROMISED, Bound, Settings
@@ -258,7 +257,7 @@ STAGGER_OF_DOCUMENT = 0.2
 STAGGERED = "document B, staggered 0.2 arcmin (delta' = 0.1)"
 
 
-class RvBacklash(Promising, Machined, Accuracy, Provable, Documented, Comparison, WithEffects, Page):
+class RvBacklash(Promising, Machined):
     """Backlash of an RV reducer against cost (default: RV-40E-121, document B).
 
     Variables, outputs and limits: docs/rv_backlash.md. Known answer: none (`exact_front` is None).

@@ -19,11 +19,11 @@ from ...records import UnitsShown
 from ...section import Array, Value, Variable, number
 from ...units import ARCMIN, MM
 from ..declaration import Declaration, Interval
-from ..interfaces import Accuracy, Comparison, Documented, Page, Variant, WithEffects
 from ..machined import Machined
 from ..rv_backlash.problem import DEFAULT_COSTS
 from ..rv_backlash.shift import TERMS
 from ..settings import Bound, Settings, VariableSetting
+from ..tolerance_problem import Variant
 from . import declared as geometry
 from .counterparts import changes_of, sentence, unruled
 from .declared import (
@@ -204,7 +204,7 @@ def unpriced(parameters: Mapping[str, Value]) -> frozenset[str]:
     return frozenset() if parameters.get("involute_stage", True) else frozenset(["involute_grade"])
 
 
-class RvReducer(PromisingUnits, Machined, Accuracy, Documented, Comparison, WithEffects, Page):
+class RvReducer(PromisingUnits, Machined):
     """Tolerances of an RV reducer by exact contact of its units (default: RV-40E-121).
 
     A search sees a fixed population (`search_units` at `search_positions`); what is reported comes

@@ -23,7 +23,6 @@ from ...section import Array, Kind, Variable, number
 from ...units import ARCSEC, MRAD
 from ..declaration import Declaration, Interval
 from ..forms import Form
-from ..interfaces import Documented, Page, Provable, WithEffects
 from ..settings import Bound, VariableSetting
 from ..tolerance_problem import ToleranceProblem
 from . import declared
@@ -218,7 +217,7 @@ class Residual:
         return self.spread @ np.swapaxes(self.spread, 1, 2)
 
 
-class RvTransmissionError(ToleranceProblem, Provable, Documented, WithEffects, Page):
+class RvTransmissionError(ToleranceProblem):
     """Transmission error of an RV reducer against cost and adjustment effort (document A).
 
     Variables are half-widths of the angles of four parts about three axes, and the precision weight

@@ -25,7 +25,6 @@ from ...models.serial_arm.kinematics import (
 from ...section import Array, Assumption, Section, Value, completed, number
 from ...units import MRAD, UM
 from ..declaration import ConfiguredProblem, Declaration
-from ..interfaces import Written
 from ..robot.machine import Machine, Places
 from ..robot.problem import RobotProblem, declaration_of, millimetres, share_name, sketched
 from ..settings import Settings
@@ -139,7 +138,7 @@ NAMED = 5
 DECLARED: dict[str, Any] = {"model": "serial_arm", "tables": ("joint", "base", "tool", "cell"), "reducers_in": "joint"}
 
 
-class SerialArmAllocation(RobotProblem, Written):
+class SerialArmAllocation(RobotProblem):
     """Pose accuracy of a serial arm with its reducers against cost: any chain of joints, one front.
 
     The arm is a Denavit-Hartenberg table in the configuration (`[[joint]]`, `[cell]`); five errors

@@ -21,7 +21,6 @@ from ...section import Array, Assumption, Integers, Output, Section, Variable
 from ...units import family, unit_hint
 from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..forms import Form
-from ..interfaces import Accuracy, Checks, Differentiable, Documented, Drawing, Page, Provable, Written
 from ..limits import keeps
 from ..settings import Promise, Settings, read_promise, rising
 from ..tolerance_problem import ToleranceProblem
@@ -223,7 +222,7 @@ def _loosest_feasible(stack: Stack, measured: Measured) -> tuple[Tolerances, str
     return line[last : last + 1], f"at a variation of {rss:.4g} (rss)"
 
 
-class Stack(ToleranceProblem, Provable, Differentiable, Accuracy, Documented, Drawing, Checks, Written, Page):
+class Stack(ToleranceProblem):
     """Any mechanism written in its configuration: cost of its tolerances against its variation.
 
     Keys, definitions and formulas: docs/stack.md. It is made from `Settings.definition`, which

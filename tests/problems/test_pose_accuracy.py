@@ -19,7 +19,6 @@ from tolevo.models.manipulator.geometry import Manipulator, TaskRing
 from tolevo.models.manipulator.maps import SOURCES as ELEMENTARY
 from tolevo.models.manipulator.pose import ManipulatorPose
 from tolevo.models.manipulator.ring import quadrature
-from tolevo.problems.interfaces import WithEffects
 from tolevo.problems.limits import ROOM
 from tolevo.problems.pose_accuracy import PoseAccuracy
 from tolevo.problems.pose_accuracy.outputs import NINE, SOURCES
@@ -253,4 +252,4 @@ def test_effects_move_the_mean_of_machines_and_not_their_spread(name: str) -> No
     assert max(shift.values()) > 1e-3
     for key, values in plain.items():
         assert moved[key].std() == pytest.approx(values.std(), rel=0.005), key
-    assert WithEffects.of(PoseAccuracy(Settings(effects=(one,)))).counterparts() == ("",)
+    assert PoseAccuracy(Settings(effects=(one,))).counterparts() == ("",)

@@ -8,7 +8,6 @@ import pytest
 from tolevo import registry
 from tolevo.models.effects.measurements import Active, predicted
 from tolevo.models.rv_reducer.batch import RvBatch
-from tolevo.problems.interfaces import WithEffects
 from tolevo.problems.pose_accuracy import PoseAccuracy
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.rv_backlash.form import form_of
@@ -136,4 +135,4 @@ def test_effects_without_a_counterpart_are_named() -> None:
     assert "changes by -0.15 arcmin" in notes[2]
     assert not found.without_effects().settings.effects
     assert found.reported().settings.effects == effects
-    assert WithEffects.of(PoseAccuracy(Settings(effects=(active("drift", rate_mm_per_s=1.0),)))).counterparts() == ("",)
+    assert PoseAccuracy(Settings(effects=(active("drift", rate_mm_per_s=1.0),))).counterparts() == ("",)

@@ -19,7 +19,6 @@ from tolevo.commands.report import report
 from tolevo.commands.run import RunOutcome, RunPlan, run
 from tolevo.configuration.reader import read_table
 from tolevo.page.page import page
-from tolevo.problems.interfaces import Comparison
 from tolevo.problems.pose_accuracy import PoseAccuracy
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Settings
@@ -109,4 +108,4 @@ def test_problems_with_one_model_say_nothing() -> None:
     problem = PoseAccuracy()
     designs = problem.complete(np.atleast_2d(problem.xl))
     assert problem.declaration.model_name == problem.declaration.model_statement == ""
-    assert Comparison.of(problem).model_labels(designs) == ("",)
+    assert problem.model_labels(designs) == ("",)

@@ -17,10 +17,10 @@ from tolevo.cli import app
 from tolevo.commands.run.answers import assumptions_cost
 from tolevo.commands.run.plan import shown_point
 from tolevo.page.document import shown
-from tolevo.problems.interfaces import Comparison, Variant
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.rv_reducer.counterparts import Change
 from tolevo.problems.settings import Bound, Settings
+from tolevo.problems.tolerance_problem import Variant
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 
@@ -153,7 +153,7 @@ def test_the_point_shown_is_that_at_the_limit_or_the_knee() -> None:
     problem = _problem(("cost", "backlash_max_arcmin"))
     front = pd.DataFrame({"cost": [8.0, 12.0, 20.0], "backlash_max_arcmin": [1.6, 1.04, 0.8],
                           "knee": [True, False, False]})  # fmt: skip
-    comparison = Comparison.of(problem)
+    comparison = problem
     assert shown_point(front, comparison) == (1, "the point nearest to backlash_max_arcmin 1")
     assert shown_point(front.iloc[[0, 2]], comparison) == (0, "the knee")
     assert shown_point(front.iloc[:0], comparison) is None

@@ -10,7 +10,6 @@ import pandas as pd
 from .. import tables
 from ..blocks import ArrayRows, Computed
 from ..errors import nearest, raise_all
-from ..problems.interfaces import Checks
 from ..problems.settings import slip
 from ..problems.tolerance_problem import ToleranceProblem
 from ..section import Array, Variable
@@ -76,7 +75,7 @@ def designs_in(
     understood([*_slips(problem, frame), *table.lines(place), *fitted.notes, *unused])
     frame = frame.assign(**{n: v for n, v in problem.fixed.items() if n not in frame})
     designs = frame[names].to_numpy(dtype=float)
-    for name, bad_rows in Checks.of(problem).misplaced(designs).items():
+    for name, bad_rows in problem.misplaced(designs).items():
         bad = {frame.index[row]: reason for row, reason in bad_rows.items()}
         faults += tables.cell_faults(place, name, bad)
     left = _beyond(problem, designs, frame.index)

@@ -13,7 +13,6 @@ from ..commands.study.configuration import is_study, read_study
 from ..commands.study.plan import StudyPlan
 from ..models.effects.effect import Target
 from ..models.effects.measurements import target_of
-from ..problems.interfaces import Accuracy, Checks, WithEffects
 from ..problems.settings import VariableSetting, unit_of_cost
 from ..section import Assumption, Variable
 from .configuration import TABLE, Configuration, table_model
@@ -38,7 +37,7 @@ def describe(configuration: Configuration) -> str:
         *_assumptions(problem.assumptions()),
         *_assumptions(roughness_assumptions(problem, configuration.choice)),
     ]
-    if warnings := Checks.of(problem).cautions():
+    if warnings := problem.cautions():
         lines += ["", "Warnings", *(f"  {warning}" for warning in warnings)]
     return _commented(configuration.toml(), lines)
 
@@ -60,7 +59,7 @@ def _effects(configuration: Configuration) -> list[str]:
         parameters += [f"{name} = {value:.6g} {unit}" for name, (value, unit) in more.items()]
         lines.append(f"  {active.effect.name} ({active.effect.family}): {active.effect.cause}")
         lines.append(f"    {', '.join(parameters)}")
-    notes = WithEffects.of(problem).effect_notes() if problem is not None else ()
+    notes = problem.effect_notes() if problem is not None else ()
     return ["Effects", *lines, *(f"  {note}" for note in notes), ""]
 
 
@@ -123,6 +122,6 @@ def checked(source: Source, overrides: Sequence[str] = ()) -> str:
     if configuration.problem is None:
         build_model(configuration)  # raises faults that only the physics of the model can detect
     else:
-        coarser = Accuracy.of(configuration.problem).coarser()  # whatever its size, in seconds
+        coarser = configuration.problem.coarser()  # whatever its size, in seconds
         searchable(coarser, configuration.algorithm)
     return describe(configuration)

@@ -14,7 +14,6 @@ from ..commands.run.choice import RULES, ChoiceSettings, Step
 from ..commands.run.tolerances import rounding_faults
 from ..errors import Fault, InputError, raise_all, refuse
 from ..problems.declaration import Declaration
-from ..problems.interfaces import Checks
 from ..problems.settings import METHODS, Bound, PropagationSetting, Settings, VariableSetting, unit_slips
 from ..problems.tolerance_problem import ToleranceProblem
 from ..section import POSITIVE, SAMPLES, Kind, Output, Range, Section, Value, Variable, completed
@@ -291,7 +290,7 @@ def _read_problem(
 
 def _check_as_a_whole(problem: ToleranceProblem, choice: ChoiceSettings, algorithm: str, reachable: bool) -> None:
     """Raise InputError with every fault of a problem whose sections are valid."""
-    beyond = [] if reachable else Checks.of(problem).out_of_reach()
+    beyond = [] if reachable else problem.out_of_reach()
     wrong = [fault for fault in problem.faults() if fault not in beyond]
     raise_all([*wrong, *(unit_slips(problem) if wrong else ()), *rounding_faults(problem, choice)])
     from ..commands.run.proofs import contradictions  # imports the exact solver

@@ -10,7 +10,6 @@ from typing import Any
 from ..models.cost_reading import curve_table
 from ..models.input_reading import written as distribution_table
 from ..models.inputs import Uniform
-from ..problems.interfaces import Written
 from ..problems.promise import means_promise
 from ..problems.settings import Bound, Settings, VariableSetting
 from ..problems.tolerance_problem import ToleranceProblem
@@ -49,7 +48,7 @@ def resolved_measurement(settings: Settings) -> dict[str, Any]:
 
 def resolved_problem(problem: ToleranceProblem) -> dict[str, Any]:
     """The tables of a problem from its completed settings, or those it is written in."""
-    settings, written = problem.settings, Written.of(problem)
+    settings, written = problem.settings, problem
     return {
         **(written.tables() or _tables(problem)),
         **written.more_tables(),

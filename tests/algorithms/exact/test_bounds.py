@@ -23,7 +23,6 @@ from tolevo.models.capability.knowledge import Surplus
 from tolevo.models.costs import CostCurve, Reciprocal, Table
 from tolevo.models.propagation.convolution import EvenPlateau
 from tolevo.problems.forms import Feature, Form, Piece, Quantile, Way
-from tolevo.problems.interfaces import Provable
 from tolevo.problems.limits import ROOM, Limit
 from tolevo.problems.tolerance_problem import ToleranceProblem
 
@@ -47,7 +46,7 @@ def upper(name: str, high: float) -> Limit:
 
 
 @dataclass
-class Plain(Provable):
+class Plain:
     """As much of a problem as a proof looks at."""
 
     own: Form | None
@@ -60,6 +59,10 @@ class Plain(Provable):
 
     def unproven(self) -> str:
         return self.why
+
+    stand_in_limit = ToleranceProblem.stand_in_limit
+    form_values = ToleranceProblem.form_values
+    form_columns = ToleranceProblem.form_columns
 
 
 def proven(problem: Plain, /, **values: list[float]) -> Proof:

@@ -12,7 +12,6 @@ import pytest
 from tolevo.algorithms.exact.corrected import CLOSE, DEARER, FURTHER, ROUNDS, Corrected
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.forms import Feature, Form, Way
-from tolevo.problems.interfaces import Provable
 
 Array = np.ndarray
 LIMIT = np.array([1.0])
@@ -34,7 +33,7 @@ class Told(Corrected):
     def __init__(self, form: Form, truth: Callable[[int, float, int], float]) -> None:
         self.truth, self.asked = truth, 0
         prices = [way.curve for way in form.features[0].ways]
-        problem = Provable()
+        problem = SimpleNamespace()
         vars(problem).update(
             free=[SimpleNamespace(name="p"), SimpleNamespace(name="t")],
             xl=-np.inf,

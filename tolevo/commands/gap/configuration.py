@@ -25,7 +25,6 @@ from ...directory import kind_of, standing
 from ...errors import Fault, InputError, nearest, raise_all
 from ...models.effects.measurements import EXTRAS
 from ...models.measurable import Column, MeasurableModel, MeasuredTable, Role
-from ...problems.interfaces import WithEffects
 from ...problems.settings import Labels
 from ...section import PLAIN, POSITIVE, Need, Range, Section, completed, flat, shown
 from ...units import converted, split_unit
@@ -296,7 +295,7 @@ def counterparts(text: str) -> dict[str, str]:
     problem = read_table(tomllib.loads(text), []).problem
     if problem is None:
         return {}
-    pairs = zip(problem.settings.effects, WithEffects.of(problem).counterparts(), strict=True)
+    pairs = zip(problem.settings.effects, problem.counterparts(), strict=True)
     return {active.effect.name: counterpart for active, counterpart in pairs}
 
 

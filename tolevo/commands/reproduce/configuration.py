@@ -18,7 +18,6 @@ from ...configuration.reader import arguments_of, read_table
 from ...configuration.source import Table, load, override
 from ...errors import Fault, nearest, raise_all
 from ...models.expressions import Formula, FormulaError
-from ...problems.interfaces import Documented
 from ...section import POSITIVE, SAMPLES, Range, Section, shown
 from ...units import converted, dimension
 from .claims import RELATIONS, Claim, ClaimsFile, Interpretation, ReproducePlan, Source
@@ -160,7 +159,7 @@ def by_problem(section: Section, count: int) -> Recipe | None:
         return None
     problem = configuration.problem
     names = names_of(section, "output", count, {output.name: output.unit for output in problem.outputs})
-    printed = Documented.of(problem).references()
+    printed = problem.references()
     label = section.text("reference", printed)
     values = {v.name: v.document for v in problem.variables if v.document is not None} | problem.fixed
     if label is not None and label in printed:

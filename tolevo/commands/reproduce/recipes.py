@@ -19,7 +19,6 @@ from ...models.effects.measurements import Active, predicted
 from ...models.expressions import Formula
 from ...models.inputs import Distribution
 from ...models.measurable import MeasurableModel
-from ...problems.interfaces import Accuracy
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Output, Parameter, Scalar, Value, completed, number
 from ...units import converted
@@ -415,7 +414,7 @@ class ByProblem(Recipe):
     outputs: tuple[str, ...]
 
     def recomputed(self, rng: np.random.Generator) -> Recomputed:
-        whole = Accuracy.of(self.problem).reported().outputs_of(np.array([self.design]))
+        whole = self.problem.reported().outputs_of(np.array([self.design]))
         errors = {output.error_of: output.name for output in self.problem.outputs if output.error_of}
         units = {output.name: output.unit for output in self.problem.outputs}
         return Recomputed(

@@ -18,7 +18,6 @@ from ...configuration.reader import read_table
 from ...configuration.source import Table, load
 from ...errors import Fault, InputError, UnknownKey, nearest, raise_all
 from ...files import content, read_own_csv
-from ...problems.interfaces import Checks
 from ...problems.promise import WithPromise
 from ...problems.settings import ASSURED, PLUG_IN, PROMISED, YIELD
 from ...problems.stack import Stack
@@ -89,7 +88,7 @@ def reopened(run: Path, parts: Sequence[Path], since: Sequence[Path], options: t
     raise_all(faults)
     assert problems[0] is not None
     assert problems[1] is not None
-    reset = None if Checks.of(problems[1]).out_of_reach() else problems[1]
+    reset = None if problems[1].out_of_reach() else problems[1]
     since_problem, earlier_parts = (problems[2], earlier[1]) if earlier else (None, ())
     notes = list(dict.fromkeys(notes))
     return Reopened(before, design, problems[0], reset, now[1], since_problem, attributed, earlier_parts, tuple(notes))

@@ -14,10 +14,9 @@ from ...algorithms.exact.local import NEARLY, Branch
 from ...algorithms.exact.solver import closed_form
 from ...algorithms.run import Progress, Run
 from ...algorithms.settings import Budget
-from ...problems.interfaces import Checks, Comparison, Documented, Page, Variant
 from ...problems.limits import Limit
 from ...problems.settings import Bound
-from ...problems.tolerance_problem import ToleranceProblem, designs_of
+from ...problems.tolerance_problem import ToleranceProblem, Variant, designs_of
 from ...records import Axis, RunResult
 from ...section import Array
 from ...units import drawing_number, plain_number
@@ -95,7 +94,7 @@ def chosen_point(result: RunResult) -> int:
 
 def _mechanism(problem: ToleranceProblem) -> dict[str, object]:
     """The stated properties of the mechanism; empty where nothing but its name is stated."""
-    known = Page.of(problem).mechanism()
+    known = problem.mechanism()
     return {"mechanism": known} if set(known) - {"name"} else {}
 
 
@@ -212,7 +211,7 @@ class Sentences:
         return f"Found: {len(front)} allocations, {ends}; the {words(rule)} has {self.row(row)}."
 
     def published(self) -> str:
-        printed = [str(label) for label in Documented.of(self.problem).references()]
+        printed = [str(label) for label in self.problem.references()]
         for row in self.result.references.to_dict("records"):
             if row["label"] in printed:
                 return self._comparison({str(name): value for name, value in row.items()})
@@ -446,7 +445,7 @@ def with_assumptions(
     progress: Callable[[Progress], None] | None,
 ) -> RunResult:
     """The result with the table of its shown point; `progress` continues `history`."""
-    chosen = shown_point(result.front, Comparison.of(problem))
+    chosen = shown_point(result.front, problem)
     if chosen is None:
         return result
 
@@ -470,7 +469,7 @@ def with_assumptions(
 
 def _aim(point: pd.DataFrame, problem: ToleranceProblem) -> tuple[str, float] | None:
     """The problem's limit where the point is near to it: the level of all costs."""
-    limit = Comparison.of(problem).shown_limit()
+    limit = problem.shown_limit()
     if limit is None or limit[0] not in point:
         return None
     return limit if abs(float(point[limit[0]].iloc[0]) / limit[1] - 1.0) <= NEAR else None
@@ -506,7 +505,7 @@ def assumptions_cost(
     """
     if not _applicable(problem):
         return None
-    variants = Comparison.of(problem).variants()
+    variants = problem.variants()
     rows: list[dict[str, Any]] = []
     for row in _rows(problem, variants, design, (unit, more)):
         rows.append(row)
@@ -579,7 +578,7 @@ def _least_value(branch: Branch, cost: int, start: Array, limit: Array) -> float
 
 def with_capability(result: RunResult, problem: ToleranceProblem) -> RunResult:
     """The result with what is known of measured parts, where there are some."""
-    if not Checks.of(problem).samples():
+    if not problem.samples():
         return result
     from .promise import capability_table
 

@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...problems.interfaces import Accuracy, Drawing
 from ...problems.limits import Limit, limits_of
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem
@@ -61,7 +60,7 @@ def neighbours(problem: ToleranceProblem, design: Array, values: dict[str, Array
     """
     at, below, above = [], [], []
     for name, orderable in values.items():
-        low, high = Drawing.of(problem).room(name, design)
+        low, high = problem.room(name, design)
         column = problem.names.index(name)
         value = design[column]
         edge = SLACK * max(abs(low), abs(high))
@@ -102,7 +101,7 @@ class Ranking:
     def _outputs(self, designs: Array) -> dict[str, Array]:
         if self.searching:
             return self.extended.outputs_of(designs, searching=True)
-        return Accuracy.of(self.extended).needed(designs)
+        return self.extended.needed(designs)
 
     def use(self, designs: Array) -> tuple[Array, Array]:
         """How far designs use up limits and other objectives (n, columns), and their cost (n,).
@@ -178,7 +177,7 @@ def changes(
     `untried` (steps of the point that were too many to be tried: those that save least). A point
     for which none is left of the budget has no row.
     """
-    whole, size = Accuracy.of(problem).reported(), len(problem.variables)
+    whole, size = problem.reported(), len(problem.variables)
     rows: list[dict[str, Any]] = []
     used = 0
     for point, design in designs.items():
@@ -218,7 +217,7 @@ def _limited(problem: ToleranceProblem) -> list[str]:
 
 def _evaluated(problem: ToleranceProblem, designs: Array) -> dict[str, Array]:
     """The outputs that are asked for of full designs, a batch at a time."""
-    parts = [Accuracy.of(problem).needed(designs[at : at + BATCH]) for at in range(0, len(designs), BATCH)]
+    parts = [problem.needed(designs[at : at + BATCH]) for at in range(0, len(designs), BATCH)]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
@@ -279,7 +278,7 @@ def _next(
     problem: ToleranceProblem, variable: Variable, design: Array, values: Mapping[float, str]
 ) -> list[tuple[float, str]]:
     """The orderable values below and above that of a design, in the room that it has."""
-    low, high = Drawing.of(problem).room(variable.name, design)
+    low, high = problem.room(variable.name, design)
     own = float(design[problem.names.index(variable.name)])
     within = [value for value in values if low * (1.0 - SAME) <= value <= high * (1.0 + SAME)]
     below = max((value for value in within if value < own * (1.0 - SAME)), default=None)
@@ -298,7 +297,7 @@ def _processes(problem: ToleranceProblem, variable: Variable, design: Array, own
     if tolerance not in problem.names:
         return others
     at = problem.names.index(tolerance)
-    rooms = [Drawing.of(problem).room(tolerance, step[3]) for step in others] if _is_free(problem, tolerance) else []
+    rooms = [problem.room(tolerance, step[3]) for step in others] if _is_free(problem, tolerance) else []
     if not rooms or any(low < high for low, high in rooms):
         return others
     others.sort(key=lambda step: step[3][at])
@@ -513,7 +512,7 @@ def rounded(
     if not len(near.at):
         return design
     quick = Ranking(problem, design, True, bounds)
-    full = Ranking(Accuracy.of(problem).reported(), design, False, bounds)
+    full = Ranking(problem.reported(), design, False, bounds)
     rounded_design, keys = _best(near, quick, full)
     if keys[0] > 0.0:
         quick.learn(full, design)

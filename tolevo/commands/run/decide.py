@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...problems.interfaces import Accuracy, Comparison
 from ...problems.limits import limits_of
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem, designs_of
@@ -115,7 +114,7 @@ def _table(
     tried: pd.DataFrame,
 ) -> pd.DataFrame:
     """`choices.csv`: the chosen points, unrounded and rounded, and how sure each choice is."""
-    after = Accuracy.of(problem).reported().frame(np.stack([new[at] for at in choices.values()]))
+    after = problem.reported().frame(np.stack([new[at] for at in choices.values()]))
     limits = [limit.name for limit in problem.limits if limit.count]
     broken = [" ".join(name for name in limits if row[f"margin_{name}"] < 0.0) for row in after.to_dict("records")]
     selected = front.iloc[list(choices.values())].reset_index(drop=True)
@@ -138,7 +137,7 @@ def _table(
     table["rounded_feasible"] = after["feasible"]
     table["rounded_violated_limits"] = broken
     if problem.declaration.model_statement:
-        table["model"] = Comparison.of(problem).model_labels(designs_of(problem, selected))
+        table["model"] = problem.model_labels(designs_of(problem, selected))
     same = spread.groupby("choice")["same"].mean() if len(spread) else pd.Series(dtype=float)
     table["unchanged_percent"] = [100.0 * same.get(name, np.nan) for name in choices]
     return table

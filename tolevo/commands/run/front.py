@@ -39,7 +39,6 @@ from ...execution import (
     next_of,
     pinned,
 )
-from ...problems.interfaces import Accuracy, Comparison, Provable
 from ...problems.tolerance_problem import ToleranceProblem, designs_of
 from ...section import Array, differences, flat
 from .plan import RunPlan
@@ -60,7 +59,7 @@ def reported_front(problem: ToleranceProblem, result: SearchResult) -> pd.DataFr
     no point is feasible.
     """
     candidates = result.chosen if len(result.chosen) else result.x[_candidates(problem, result)]
-    whole, designs = Accuracy.of(problem).reported(), problem.complete(candidates)
+    whole, designs = problem.reported(), problem.complete(candidates)
     values = whole.outputs_of(designs, errors=False) if len(designs) else {}
     rows = _best(whole, designs, values) if len(designs) else np.arange(0)
     if not len(rows):
@@ -94,7 +93,7 @@ def nearest_miss(problem: ToleranceProblem, result: SearchResult) -> pd.DataFram
     """The evaluated design with the least total violation, at full accuracy (one row or none)."""
     if not len(result.miss):
         return pd.DataFrame()
-    return Accuracy.of(problem).reported().frame(problem.complete(result.miss))
+    return problem.reported().frame(problem.complete(result.miss))
 
 
 def knee(values: Array) -> NDArray[np.bool_]:
@@ -172,7 +171,7 @@ def alternatives(problem: ToleranceProblem, front: pd.DataFrame) -> list[dict[st
 
     Empty where a problem has no alternatives, or where its least cost is not proven.
     """
-    others = Comparison.of(problem).alternatives()
+    others = problem.alternatives()
     if front.empty or not others:
         return []
     row = middle_point(front)
@@ -205,7 +204,7 @@ def sentences(rows: list[dict[str, Any]]) -> tuple[str, ...]:
 
 def _least(problem: ToleranceProblem, asked: ToleranceProblem, row: pd.Series[Any]) -> float | None:
     """Least cost of a problem at a row's values of the goals and limits of `asked`, or None."""
-    form = Provable.of(problem).form()
+    form = problem.form()
     if form is None:
         return None
     names = {*asked.objectives, *(limit.name for limit in asked.limits)}

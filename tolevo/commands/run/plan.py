@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 
 from ...algorithms.settings import AlgorithmSettings, Budget
-from ...problems.interfaces import Comparison, Page
 from ...problems.tolerance_problem import ToleranceProblem, designs_of
 from ...records import RunResult
 from .choice import ChoiceSettings
@@ -60,16 +59,16 @@ def with_units(result: RunResult, problem: ToleranceProblem) -> RunResult:
 
     Unchanged for problems without them.
     """
-    validity = Page.of(problem).validity()
+    validity = problem.validity()
     if validity:
         result = replace(result, summary={**result.summary, "validity": list(validity)})
-    comparison = Comparison.of(problem)
+    comparison = problem
     chosen = shown_point(result.front, comparison)
     if chosen is None:
         return result
     row, reason = chosen
     shown = comparison.shown_units(designs_of(problem, result.front.iloc[[row]])[0])
-    limit = comparison.shown_limit()
+    limit = problem.shown_limit()
     if shown is None or limit is None:
         return result
     point = result.front.iloc[row]
@@ -87,12 +86,12 @@ def with_units(result: RunResult, problem: ToleranceProblem) -> RunResult:
     )
 
 
-def shown_point(front: pd.DataFrame, comparison: Comparison) -> tuple[int, str] | None:
+def shown_point(front: pd.DataFrame, problem: ToleranceProblem) -> tuple[int, str] | None:
     """Row of the point whose units are shown, and by what it was chosen; None without any.
 
     The point nearest to the problem's limit; where none is `NEAR`, the knee.
     """
-    limit = comparison.shown_limit()
+    limit = problem.shown_limit()
     if limit is None or front.empty or limit[0] not in front:
         return None
     name, most = limit

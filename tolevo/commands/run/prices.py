@@ -10,7 +10,6 @@ import pandas as pd
 import scipy
 from numpy.typing import NDArray
 
-from ...problems.interfaces import Differentiable, Drawing
 from ...problems.limits import Limit
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Kind, Variable
@@ -53,7 +52,7 @@ def slopes_of(problem: ToleranceProblem, designs: Array) -> Slopes:
     """
     rows = np.unique(np.linspace(0, len(designs) - 1, MOST).astype(np.int64))
     selected, tolerances = designs[rows], tolerances_of(problem)
-    known = Differentiable.of(problem).gradient(selected)
+    known = problem.gradient(selected)
     names = [name for name in problem.objectives if name != COST]
     limited = [limit.name for limit in problem.limits if limit.count and limit.name != COST]
     names += [name for name in limited if name in known and name not in names]
@@ -66,7 +65,7 @@ def slopes_of(problem: ToleranceProblem, designs: Array) -> Slopes:
         if slopes is None:
             slopes = _differences(problem, selected, source[name], tolerances)
         along[name] = wide * slopes[:, at]
-    cost = known[COST] if COST in known else Differentiable.of(problem).cost_slopes(selected)
+    cost = known[COST] if COST in known else problem.cost_slopes(selected)
     with np.errstate(invalid="ignore"):
         saved = -wide * cost[:, at]
     return Slopes(rows, selected, along, source, saved)
@@ -216,7 +215,7 @@ def _fitted(
     inside = np.zeros_like(save, dtype=bool)
     for at, v in enumerate(tolerances):
         if v.name in free and not v.integer:
-            ends = np.array([Drawing.of(problem).room(v.name, design) for design in designs])
+            ends = np.array([problem.room(v.name, design) for design in designs])
             edge = EDGE * (ends[:, 1] - ends[:, 0])
             widths = problem.column(designs, v.name)
             inside[:, at] = (widths > ends[:, 0] + edge) & (widths < ends[:, 1] - edge)

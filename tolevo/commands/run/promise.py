@@ -23,7 +23,6 @@ from ...algorithms.search import search
 from ...algorithms.settings import Budget
 from ...models.capability import Knowledge, PartSample, cumulants_drawn, fraction_within_limits
 from ...problems.forms import Form, spread_of
-from ...problems.interfaces import Checks
 from ...problems.limits import loosened
 from ...problems.settings import ASSURANCE, ASSURED, PROMISED, STATEMENTS, YIELD, Bound, Promise, VariableSetting
 from ...problems.stack import Stack
@@ -99,7 +98,7 @@ def capability_table(problem: ToleranceProblem) -> pd.DataFrame:
     characteristic with one limit, which has no Cp, from the nominal.
     """
     rows: list[dict[str, Any]] = []
-    for name, unit, sample in Checks.of(problem).samples():
+    for name, unit, sample in problem.samples():
         base = {
             "part": name,
             "parts": len(sample.deviations),
@@ -357,7 +356,7 @@ DRAWS = 4000
 
 def withheld(problem: ToleranceProblem) -> list[str]:
     """Why the word "assured" is withheld, a phrase for each part; none where it is not."""
-    return [f"{name} {why}" for name, _, sample in Checks.of(problem).samples() if (why := doubt(sample))]
+    return [f"{name} {why}" for name, _, sample in problem.samples() if (why := doubt(sample))]
 
 
 def any_not_normal(stack: Stack) -> bool:

@@ -32,7 +32,6 @@ from ...algorithms.settings import AlgorithmSettings, Budget
 from ...errors import Fault, ModelError, raise_all
 from ...models.stack import Law
 from ...problems.forms import Form, largest_parts, least_value, spread_of
-from ...problems.interfaces import Checks, Differentiable, Provable
 from ...problems.limits import Limit, keeps, loosened
 from ...problems.stack import Stack
 from ...problems.tolerance_problem import ToleranceProblem
@@ -87,7 +86,7 @@ def with_bounds(
     frame = frame[[name for name in frame if name != "knee"] + ["knee"] * ("knee" in frame)]
     eligible = frame[frame["feasible"].astype(bool)] if "feasible" in frame else frame
     eligible = eligible if within is None else eligible[within[frame.index.isin(eligible.index)]]
-    form = Provable.of(problem).form()
+    form = problem.form()
     rows = () if form is None else tuple(name for name in form.stands if name in eligible)
     names = dict.fromkeys((*problem.objectives, *rows))
     values = {name: eligible[name].to_numpy(dtype=float) for name in names}
@@ -256,7 +255,7 @@ def contradictions(problem: ToleranceProblem, algorithm: str) -> list[Fault]:
     requirements against each other where their deviations compensate.
     """
     faults = _below_half(problem) if algorithm == "exact" else []
-    form = Provable.of(problem).form() if problem.limits else None
+    form = problem.form() if problem.limits else None
     if form is None or form.also or len(problem.limits) < 2:
         return faults
     limits = row_limits(problem, form)
@@ -351,7 +350,7 @@ ATTEMPTS = 3
 def searchable(problem: ToleranceProblem, algorithm: AlgorithmSettings | None = None) -> None:
     """Raises InputError with every reason why a problem cannot be searched as it is set."""
     many = _too_many_choices(problem) if isinstance(algorithm, Exact) else []
-    raise_all([*many, *(Checks.of(problem).search_faults() or unreachable(problem))])
+    raise_all([*many, *(problem.search_faults() or unreachable(problem))])
 
 
 def _too_many_choices(problem: ToleranceProblem) -> list[Fault]:
@@ -367,7 +366,7 @@ def unreachable(problem: ToleranceProblem) -> list[Fault]:
     the finest grades, which proves nothing but is rarely wrong by more than its sample. There is no
     search where one of the problem's own starts keeps all limits.
     """
-    starts = Differentiable.of(problem).starts() if problem.declaration.sampled else np.empty((0, 0))
+    starts = problem.starts() if problem.declaration.sampled else np.empty((0, 0))
     if not len(starts) or _any_feasible(problem, starts):
         return []
     return [
@@ -405,13 +404,13 @@ def _least(problem: ToleranceProblem, name: str) -> tuple[float, Array]:
     branch = Branch(run, alone.xl.copy(), scale_of(alone))
     none = np.full(1, np.inf)
     columns = [alone.names.index(v.name) for v in alone.free]
-    start = branch.smooth.scaled(Differentiable.of(alone).starts()[:1, columns])[0]
+    start = branch.smooth.scaled(alone.starts()[:1, columns])[0]
     for _ in range(ATTEMPTS):
         branch.minimise(0, start, none)
         if branch.f:
             start = branch.y[int(np.argmin([f[0] for f in branch.f]))]
     if not branch.f:
-        return -np.inf, Differentiable.of(alone).starts()[0]
+        return -np.inf, alone.starts()[0]
     best = alone.complete(branch.smooth.vectors(start[None, :]))
     return float(min(f[0] for f in branch.f)), best[0]
 
@@ -438,7 +437,7 @@ def requirements_of(problem: ToleranceProblem, front: pd.DataFrame) -> tuple[pd.
     cost at the values of the point; the saving is proven to lie between that of an allocation that
     is known and that of the bound at the relaxed limit.
     """
-    form = Provable.of(problem).form()
+    form = problem.form()
     if front.empty or form is None or len(set(form.outputs)) < 2 or reason(problem, form):
         return None
     at = int(np.argmax(front["knee"].to_numpy(dtype=bool) if "knee" in front else np.zeros(len(front), bool)))

@@ -18,7 +18,6 @@ from ...algorithms.run import Progress
 from ...algorithms.search import search
 from ...algorithms.settings import AlgorithmSettings, Budget, Crossover, Mutation
 from ...files import write_bytes
-from ...problems.interfaces import Accuracy, Documented, Stored, WithEffects
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem, designs_of
 from ...section import Array
@@ -69,10 +68,10 @@ class SideSearch:
 
 def documents(problem: ToleranceProblem) -> pd.DataFrame:
     """The printed allocations, evaluated by the same model: one row each, with `label`."""
-    printed = Documented.of(problem).references()
+    printed = problem.references()
     if not printed:
         return pd.DataFrame()
-    frame = Accuracy.of(problem).reported().frame(np.stack(list(printed.values())))
+    frame = problem.reported().frame(np.stack(list(printed.values())))
     frame.insert(0, "label", list(printed))
     return frame
 
@@ -81,7 +80,7 @@ def side_searches(plan: RunPlan, printed: pd.DataFrame) -> tuple[SideSearch, ...
     """The searches that the references need, each with its own seed."""
     problem, searches = plan.problem, []
     seeds = iter(np.random.SeedSequence(plan.seed).generate_state(1 + len(printed)).tolist())
-    optimum = Documented.of(problem).least_cost()
+    optimum = problem.least_cost()
     first = next(seeds)
     if optimum is not None and (len(printed) or plan.reference_search):
         label, cheapest = optimum
@@ -139,11 +138,11 @@ def exact_optimum(problem: ToleranceProblem, exact: ExactFront | None) -> pd.Dat
     if problem.n_obj == 1:
         proven = exact
     else:
-        optimum = Documented.of(problem).least_cost()
+        optimum = problem.least_cost()
         proven = exact_front(optimum[1]) if optimum else None
     if proven is None:
         return pd.DataFrame()
-    frame = Accuracy.of(problem).reported().frame(proven.designs[:1])
+    frame = problem.reported().frame(proven.designs[:1])
     frame.insert(0, "label", EXACT)
     return frame
 
@@ -156,7 +155,7 @@ def table(
     frames = [frame for frame in (printed, optimum) if len(frame)]
     for side, front in fronts.items():
         if not (side.relaxed or side.apart or side.overlay) and front is not None and len(front):
-            row = Accuracy.of(plan.problem).reported().frame(designs_of(plan.problem, front.iloc[:1]))
+            row = plan.problem.reported().frame(designs_of(plan.problem, front.iloc[:1]))
             row.insert(0, "label", side.label)
             frames.append(row)
     if not frames:
@@ -248,7 +247,7 @@ def side_search(plan: RunPlan) -> tuple[SideSearch, ...]:
     if not problem.declaration.sampled or problem.n_obj != 2:
         return ()
     if isinstance(plan.algorithm, Exact):
-        return (_side("NSGA-II", Accuracy.of(problem).coarser(), EVOLUTION, BUDGET),)
+        return (_side("NSGA-II", problem.coarser(), EVOLUTION, BUDGET),)
     return (_side("exact", problem, Exact(points=POINTS), Budget()),)
 
 
@@ -338,11 +337,11 @@ def store_reducer_fronts(problem: ToleranceProblem, folder: Path) -> None:
     if path.is_file():
         try:
             with np.load(path, allow_pickle=False) as stored:
-                if Stored.of(problem).adopt({name: stored[name] for name in stored.files}):
+                if problem.adopt({name: stored[name] for name in stored.files}):
                     return
         except (OSError, ValueError, KeyError):
             pass  # a file that cannot be read is written anew
-    arrays = Stored.of(problem).kept()
+    arrays = problem.kept()
     if arrays:
         content = io.BytesIO()
         np.savez(content, allow_pickle=False, **arrays)
@@ -359,9 +358,9 @@ LEVELS = (0.25, 0.5, 0.75)
 
 def search_without_effects(plan: RunPlan) -> tuple[SideSearch, ...]:
     """The same search in the model without its effects, where at least one changes the model."""
-    if not any(WithEffects.of(plan.problem).counterparts()):
+    if not any(plan.problem.counterparts()):
         return ()
-    before = WithEffects.of(plan.problem).without_effects()
+    before = plan.problem.without_effects()
     return (SideSearch(LABEL, before, plan.algorithm, plan.budget, plan.seed, False, plan.engine, apart=True),)
 
 
@@ -379,7 +378,7 @@ def moved(problem: ToleranceProblem, before: pd.DataFrame, after: pd.DataFrame) 
     rows = []
     for level in _levels(before, after, names):
         old, new = (_cheapest(front, names, level) for front in (before, after))
-        unchanged = Accuracy.of(problem).reported().frame(designs_of(problem, old)).reindex(columns=before.columns)
+        unchanged = problem.reported().frame(designs_of(problem, old)).reindex(columns=before.columns)
         for label, row in (("before", old), ("kept", unchanged), ("after", new)):
             rows.append(row.assign(level=level, allocation=label))
     if not rows:
@@ -404,7 +403,7 @@ def _cheapest(front: pd.DataFrame, names: list[str], level: float) -> pd.DataFra
 
 def summary(problem: ToleranceProblem) -> dict[str, object]:
     """The active effects as they stand in `summary.json`; empty where there are none."""
-    pairs = zip(problem.settings.effects, WithEffects.of(problem).counterparts(), strict=True)
+    pairs = zip(problem.settings.effects, problem.counterparts(), strict=True)
     rows = [
         {
             "name": active.effect.name,

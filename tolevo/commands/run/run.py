@@ -27,7 +27,6 @@ from ...execution import Background, Closing, Execution, Lost, Processes, execut
 from ...files import csv_text, write_bytes, write_text
 from ...journal import recorded
 from ...page_data import as_json, records
-from ...problems.interfaces import Checks, Page, WithEffects
 from ...problems.tolerance_problem import ToleranceProblem, designs_frame
 from ...records import Axis, RunResult, mechanism_lines, model_lines
 from ...units import plain_number
@@ -180,7 +179,7 @@ def drawn(problem: ToleranceProblem, front: pd.DataFrame) -> dict[str, Any]:
     """`machine`: the parts with their shares [%] at the point in the middle of the front by cost,
     its cost, and the poses. Empty where a problem has no drawing.
     """
-    sketch = Page.of(problem).sketch()
+    sketch = problem.sketch()
     if front.empty or not sketch:
         return {}
     row = middle_point(front)
@@ -337,9 +336,9 @@ def _concluded(
     comparisons = [
         n for label, other_front in overlays.items() for n in overlay.notes(front, label, other_front, names)
     ]
-    warned = (*WithEffects.of(plan.problem).effect_notes(), *Checks.of(plan.problem).cautions(), *comparisons)
+    warned = (*plan.problem.effect_notes(), *plan.problem.cautions(), *comparisons)
     alternative_costs = alternatives(plan.problem, front)
-    remarks = (*Page.of(plan.problem).remarks(front), *sentences(alternative_costs))
+    remarks = (*plan.problem.remarks(front), *sentences(alternative_costs))
     failures = _failure_notes(search_result)
     notes = (*failures, *warned, *remarks, *resume_notes, *_notes(references, dropped, joined))
     decisions = decide(plan.problem, front, plan.choice)
@@ -455,7 +454,7 @@ def _result(
     whole = exact.hypervolume if exact is not None else float("nan")
     convergence.insert(4, "hypervolume_ratio", convergence["hypervolume"] / whole)
     return RunResult(
-        Page.of(plan.problem).title() or described(plan.problem) or plan.title,
+        plan.problem.title() or described(plan.problem) or plan.title,
         front,
         references,
         convergence,
@@ -463,7 +462,7 @@ def _result(
         objectives=_axes(plan.problem, plan.problem.objectives),
         variables=tuple(Axis(v.name, v.unit, v.meaning) for v in plan.problem.variables),
         notes=notes,
-        bars=Page.of(plan.problem).bars(),
+        bars=plan.problem.bars(),
         configuration=plan.configuration,
     )
 

@@ -12,7 +12,6 @@ from ...errors import Fault
 from ...models.cost_reading import curve_table
 from ...models.costs import CostCurve, Table
 from ...models.iso286 import GRADES, LARGEST, grade_um
-from ...problems.interfaces import Comparison, Drawing
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Assumption, Kind, Variable
 from ...units import converted, drawing_number, fits
@@ -42,7 +41,7 @@ def _step_below(most: float) -> float:
 
 def size_mm(problem: ToleranceProblem, variable: Variable) -> float | None:
     """Nominal size [mm] that ISO grades can be looked up by, None where there is none."""
-    nominal, _ = Drawing.of(problem).zone(variable.name)
+    nominal, _ = problem.zone(variable.name)
     if nominal is None or variable.kind is not Kind.HALF_WIDTH:
         return None
     try:
@@ -195,7 +194,7 @@ def tolerances(
 def _record(
     problem: ToleranceProblem, v: Variable, free: bool, rule: str, values: Mapping[float, str]
 ) -> dict[str, Any]:
-    nominal, mid = Drawing.of(problem).zone(v.name)
+    nominal, mid = problem.zone(v.name)
     low, high = problem.interval(v.name) if free else (problem.fixed[v.name],) * 2
     return {
         "name": v.name,
@@ -216,8 +215,8 @@ def _record(
         ],
         "grades": _grades(problem, v),
         "process": f"{v.name.removesuffix('_t')}_process",
-        "costs": [_cost_curve(curve) | {"count": count} for curve, count in Drawing.of(problem).curves_of(v.name)],
-        **Drawing.of(problem).drawn(v.name),
+        "costs": [_cost_curve(curve) | {"count": count} for curve, count in problem.curves_of(v.name)],
+        **problem.drawn(v.name),
     }
 
 
@@ -346,14 +345,14 @@ def _models(problem: ToleranceProblem, rounded: Mapping[int, Array]) -> dict[int
     """By point: the model by which its rounded design was chosen; empty where there is only one."""
     if not problem.declaration.model_statement:
         return {point: {} for point in rounded}
-    labels = Comparison.of(problem).model_labels(np.stack(list(rounded.values())))
+    labels = problem.model_labels(np.stack(list(rounded.values())))
     return {point: {"model": label} for point, label in zip(rounded, labels, strict=True)}
 
 
 def _row(problem: ToleranceProblem, variable: Variable, old: float, new: float, grade: str) -> dict[str, Any]:
-    nominal, mid = Drawing.of(problem).zone(variable.name)
+    nominal, mid = problem.zone(variable.name)
     lower, upper = _limits(variable, nominal, mid, new)
-    half, drawn = variable.kind is Kind.HALF_WIDTH, Drawing.of(problem).drawn(variable.name)
+    half, drawn = variable.kind is Kind.HALF_WIDTH, problem.drawn(variable.name)
     if variable.kind is Kind.GRADE:
         grade = f"grade {new:g}"
     return {
@@ -380,8 +379,8 @@ def _written(
     problem: ToleranceProblem, variable: Variable, design: Array, new: float, grade: str, roughness_share: float
 ) -> dict[str, Any]:
     """What to write on the drawing, and what those who make and inspect the part need to know."""
-    drawn = Drawing.of(problem).drawn(variable.name)
-    nominal, mid = Drawing.of(problem).zone(variable.name)
+    drawn = problem.drawn(variable.name)
+    nominal, mid = problem.zone(variable.name)
     law = problem.settings.variables[variable.name].distribution
     stated = drawn.get("cpk")
     cpk = float(stated) if stated else _capability(law)

@@ -21,7 +21,6 @@ from ...configuration.reader import read_table
 from ...configuration.search import by_default, evaluations, read_search, settings_of
 from ...configuration.source import Source, Table, folder_of, load, override
 from ...errors import Fault, InputError, nearest, raise_all
-from ...problems.interfaces import Checks
 from ...problems.settings import Labels
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import EVALUATIONS, POSITIVE, RUNS, SETTINGS, Range, Section, flat, shown, too_many
@@ -398,7 +397,7 @@ def _planned(
         for text in dict.fromkeys(unsuitable(name, problem) for problem in problems)
         if text
     ]
-    searched = {fault for problem in problems for fault in Checks.of(problem).search_faults()}
+    searched = {fault for problem in problems for fault in problem.search_faults()}
     faults += sorted((Fault(f"{RUN}.{fault.place}", fault.message) for fault in searched), key=str)
     wanted = sum(evaluations(point.algorithm, point.budget) for point in points)
     evaluations_per_replicate = wanted * len(design) // max(len(points), 1)

@@ -18,7 +18,6 @@ from ...algorithms.exact.bounds import proof, reason
 from ...algorithms.exact.solver import closed_form
 from ...algorithms.settings import AlgorithmSettings, Budget
 from ...errors import Fault, ModelError
-from ...problems.interfaces import Checks, Provable
 from ...problems.settings import Labels
 from ...problems.tolerance_problem import ToleranceProblem
 
@@ -213,7 +212,7 @@ class StudyPlan:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What the user should know before trusting the study."""
-        texts = [text for problem in self.problems for text in Checks.of(problem).cautions()]
+        texts = [text for problem in self.problems for text in problem.cautions()]
         if any(point.budget.time_limit_s is not None for point in self.points):
             texts.append("algorithm.time_limit_s ends a run by the clock: no two studies are equal")
         return tuple(dict.fromkeys(texts))
@@ -366,7 +365,7 @@ def unsuitable(name: str, problem: ToleranceProblem) -> str:
     if name == "hypervolume_ratio" and problem.n_obj == 1:
         return "has no meaning for one objective: use gap_percent"
     if name == "gap_percent":
-        text = reason(problem, Provable.of(problem).form())
+        text = reason(problem, problem.form())
         return f"cannot be computed ({text}): use hypervolume" if text else ""
     if name in ("hypervolume_ratio", "evaluations_to_99", "cpu_s_to_99"):
         text = _no_exact_front(problem)
