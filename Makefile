@@ -60,7 +60,7 @@ lint-mypy:
 	$(BIN)/mypy
 
 lint-imports:
-	PYTHONPATH=.links $(BIN)/lint-imports --no-cache
+	cd .links && PYTHONPATH=. ../$(BIN)/lint-imports --no-cache
 
 docs: $(READY)  ## the documentation site, in site/; a warning is an error
 	$(BIN)/python tools/link_packages.py

@@ -9,10 +9,7 @@ import pytest
 pytest.importorskip("tools.configuration_keys", reason="the tools are not shipped")
 pytestmark = pytest.mark.source_tree
 
-from tolevo.registry import (
-    load,
-    names,  # noqa: E402
-)
+from tolevo.registry import load, names  # noqa: E402
 from tools.configuration_keys import Key, all_keys, in_the_code, pattern  # noqa: E402
 from tools.configuration_page import configuration_page, meanings  # noqa: E402
 

@@ -5,6 +5,8 @@ import importlib.metadata
 import importlib.resources
 import pkgutil
 import re
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -15,8 +17,19 @@ import tolevo
 
 ROOT = Path(__file__).resolve().parent.parent
 PYPROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-PACKAGES: list[str] = PYPROJECT["tool"]["setuptools"]["packages"]
 FOLDERS: dict[str, str] = PYPROJECT["tool"]["setuptools"]["package-dir"]
+
+
+def installed_packages() -> list[str]:
+    """Dotted name of every package that is installed, below each mapped name."""
+    found = {name for name in FOLDERS if name != "tolevo.configs"}
+    for package in [*found]:
+        path = importlib.import_module(package).__path__
+        found |= {module.name for module in pkgutil.walk_packages(path, f"{package}.") if module.ispkg}
+    return sorted(found)
+
+
+PACKAGES = installed_packages()
 
 
 def packages_on_disk() -> set[str]:
@@ -28,21 +41,20 @@ def packages_on_disk() -> set[str]:
     }
 
 
-def folder_of(package: str) -> Path:
-    """Folder of a package: that of its longest mapped parent, and the rest of its name."""
-    parent = max((name for name in FOLDERS if f"{package}.".startswith(f"{name}.")), key=len)
-    return ROOT.joinpath(FOLDERS[parent], *package.removeprefix(parent).strip(".").split("."))
+@pytest.mark.source_tree
+def test_setup_finds_every_folder_with_python_files() -> None:
+    text = "from distutils.core import run_setup; print(*run_setup('setup.py', stop_after='init').packages)"
+    done = subprocess.run(
+        [sys.executable, "-c", "import setuptools; " + text], cwd=ROOT, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert set(done.stdout.split()) == packages_on_disk()
 
 
 @pytest.mark.source_tree
-def test_every_folder_with_python_files_is_listed() -> None:
-    assert packages_on_disk() == set(PACKAGES)
-
-
-@pytest.mark.source_tree
-def test_every_listed_package_has_its_init() -> None:
-    inits = [folder_of(package) / "__init__.py" for package in PACKAGES]
-    assert [init for init in inits if not init.is_file()] == []
+def test_every_folder_with_python_files_has_its_init() -> None:
+    folders = {file.parent for folder in FOLDERS.values() for file in (ROOT / folder).rglob("*.py")}
+    assert [folder for folder in folders if not (folder / "__init__.py").is_file()] == []
 
 
 @pytest.mark.parametrize("package", PACKAGES)

@@ -426,7 +426,6 @@ def review(
 @command("list")
 def list_(json_: Annotated[bool, typer.Option("--json", help="As JSON.")] = False) -> None:
     """List models, problems, algorithms, effects and calculations, including those of plugins."""
-
     typer.echo(listed(json_))
 
 

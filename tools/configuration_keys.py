@@ -237,7 +237,7 @@ def _shipped() -> list[Path]:
 def in_the_code() -> dict[str, str]:
     """Every key that production code asks a section for by its name, with one place of it."""
     found: dict[str, str] = {}
-    for room in ("core/configuration", "models", "problems"):
+    for room in ("tolevo", "models", "problems"):
         for file in sorted((ROOT / room).rglob("*.py")):
             for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
                 if key := _asked(node):

@@ -216,9 +216,9 @@ class Changed(MetaPathFinder):
 
 
 def module_of(file: str) -> str:
-    """`algorithms/exact/combination.py` is `tolevo.algorithms.exact.combination`, and core/ is tolevo itself."""
+    """`algorithms/exact/combination.py` is `tolevo.algorithms.exact.combination`, and tolevo/ is tolevo itself."""
     parts = Path(file).with_suffix("").parts
-    return ".".join(("tolevo", *(parts[1:] if parts[0] == "core" else parts)))
+    return ".".join(("tolevo", *(parts[1:] if parts[0] == "tolevo" else parts)))
 
 
 def tried(place: Place, known: Map) -> dict[str, object]:

@@ -67,7 +67,7 @@ def _incomplete(archive: Path) -> list[str]:
     else:
         with tarfile.open(archive) as opened_tar:
             names = opened_tar.getnames()
-        wanted = {"core/py.typed", "configs/rv40e_backlash.toml", "pyproject.toml", "README.md"}
+        wanted = {"tolevo/py.typed", "configs/rv40e_backlash.toml", "pyproject.toml", "README.md"}
     wanted |= {LICENCE}
     return [f"{archive.name} lacks {one}" for one in sorted(wanted)
             if not any(name.endswith(one) for name in names)]  # fmt: skip

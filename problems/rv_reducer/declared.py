@@ -524,8 +524,8 @@ def _gears(geometry: ContactGeometry) -> Iterator[str]:
     formula = f"(reduction_ratio - 1)/pins = {ratio:.6g}"
     if all(abs(sun * ratio - round(sun * ratio)) > ROUNDING for sun in GEAR_PARAMETERS):
         yield (
-            f"no pair of gears has the ratio z2/z1 = {formula} with {GEAR_PARAMETERS[0]} to {GEAR_PARAMETERS[-1]} teeth of the sun: "
-            "reduction_ratio and pins may contradict each other"
+            f"no pair of gears has the ratio z2/z1 = {formula} with {GEAR_PARAMETERS[0]} to "
+            f"{GEAR_PARAMETERS[-1]} teeth of the sun: reduction_ratio and pins may contradict each other"
         )
     apart = nominal.sun_pitch_radius * (1.0 + ratio)
     if abs(apart / nominal.centre_distance - 1.0) > OUT_OF_LINE:

@@ -116,11 +116,11 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
         sentences += () if part.sample is None else part.sample.departures(f"part {part.name}")
     for part in stack.definition.parts:
         sentences += departures(part.machines, f"part {part.name}")
-    for measured in stack.measured:
-        if text := measured.off_nominal:
-            most = "fewer than half of the units conform whatever the tolerances" if measured.off_limits else ""
+    for values in stack.measured:
+        if text := values.off_nominal:
+            most = "fewer than half of the units conform whatever the tolerances" if values.off_limits else ""
             sentences.append(
-                f"{measured.requirement.place} {text}: {most or 'the tolerances are not what breaks its limits'}; move "
+                f"{values.requirement.place} {text}: {most or 'the tolerances are not what breaks its limits'}; move "
                 "the nominal values or the limits"
             )
         sentences += [_domain(measured)] if measured.partial else []
@@ -190,12 +190,12 @@ def _worst(measured: Measured, t: Tolerances) -> Array:
 def domain_remarks(requirements: Sequence[Measured], front: pd.DataFrame) -> tuple[str, ...]:
     """Which reported points have a corner of their tolerances at which a formula has no value."""
     sentences = []
-    for measured in requirements:
-        name = measured.name("domain_margin")
+    for values in requirements:
+        name = values.name("domain_margin")
         below = int((front[name] < 0.0).sum()) if name in front and len(front) else 0
         if below:
             sentences.append(
-                f"{below} of {len(front)} points leave the domain of {measured.requirement.place}.formula at a corner "
+                f"{below} of {len(front)} points leave the domain of {values.requirement.place}.formula at a corner "
                 f"of their tolerances ({name} down to {front[name].min():.3g}, 0 at the edge): units there have no "
                 "value and do not conform"
             )

@@ -179,6 +179,6 @@ _documentation = artist.kwdoc
 artist.kwdoc = lambda artist: ""
 try:
     import matplotlib.axes
-    import matplotlib.figure  # noqa: F401
+    import matplotlib.figure
 finally:
     artist.kwdoc = _documentation

@@ -504,9 +504,9 @@ def population_figure(result: RunResult) -> Figure:
         ("quantile", f"{shown(units.get('coverage_percent'))} % of the units", "--", 1),
         ("limit", "limit", ":", 2),
     )
-    for name, words, style, colour in marks:
+    for name, meaning, style, colour in marks:
         if isinstance(units.get(name), int | float):
-            label = f"{words}: {shown(units[name])} arcmin"
+            label = f"{meaning}: {shown(units[name])} arcmin"
             sums.axvline(float(units[name]), linestyle=style, color=COLOURS[colour], linewidth=1.4, label=label)
     lines = [panel.get_legend_handles_labels() for panel in (axes, sums)]
     handles, labels = lines[0][0] + lines[1][0], lines[0][1] + lines[1][1]

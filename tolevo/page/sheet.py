@@ -68,8 +68,8 @@ def workbook(sheets: Mapping[str, pd.DataFrame]) -> bytes:
         ),
         "xl/styles.xml": _STYLES,
     }
-    for at, table in zip(places, sheets.values(), strict=True):
-        parts[f"xl/worksheets/sheet{at}.xml"] = _workbook_sheet(table)
+    for at, content in zip(places, sheets.values(), strict=True):
+        parts[f"xl/worksheets/sheet{at}.xml"] = _workbook_sheet(content)
     buffer = BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, text in parts.items():

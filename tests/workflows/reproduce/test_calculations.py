@@ -44,7 +44,7 @@ def test_contract(name: str) -> None:
         assert np.isfinite([one.value, one.standard_error]).all()
     for table in found.tables:
         assert len(table.columns) == len(table.values)
-        assert len({len(column) for column in table.values})  # noqa: PD011 == 1
+        assert len({len(column) for column in table.values}) == 1
         names = {axis.name for axis in table.columns}
         assert table.chart is None or {table.chart.x, *table.chart.y} <= names
 

@@ -353,7 +353,7 @@ def _slopes(names: list[str], slopes: Array) -> dict[str, Quantity]:
 def _ranking(names: list[str], effect: Array) -> dict[str, Quantity]:
     """Place and lead of the relative rod length, each kind by its largest source or by its rss."""
     numbers: dict[str, float] = {}
-    for column, output in enumerate(("squareness", "yaw")):
+    for column, angle in enumerate(("squareness", "yaw")):
         effects_by_kind = {kind: effect[[name.startswith(kind) for name in names], column] for kind in KINDS}
         sizes = {
             "": {kind: float(effects.max()) for kind, effects in effects_by_kind.items()},
@@ -361,8 +361,8 @@ def _ranking(names: list[str], effect: Array) -> dict[str, Quantity]:
         }
         for how, kinds in sizes.items():
             rod = kinds.pop("rod_length")
-            numbers[f"{output}_{how}rank"] = 1 + sum(size > rod for size in kinds.values())
-            numbers[f"{output}_{how}lead"] = rod / max(kinds.values())
+            numbers[f"{angle}_{how}rank"] = 1 + sum(size > rod for size in kinds.values())
+            numbers[f"{angle}_{how}lead"] = rod / max(kinds.values())
     return quantities(numbers)
 
 
