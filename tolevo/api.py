@@ -384,8 +384,8 @@ def run(
     every generation. The result does not depend on `workers`. With `resume`, `out` may hold the
     same run, which is then continued. Raises ConfigurationError with every fault.
     """
-    from .commands.run import run as running
     from .commands.run.proofs import searchable
+    from .commands.run.run import run as running
 
     faults = start_faults_of(out, workers, resume, overwrite)
     source = at_hand(source)
