@@ -448,9 +448,9 @@ def study(
     With the address of a `store` that machines share, several machines may work on it, each with
     its own `out`. Raises ConfigurationError with every fault.
     """
-    from .commands.study import study as studying
     from .commands.study.configuration import read_study
     from .commands.study.storage import other_study
+    from .commands.study.study import study as studying
     from .execution import executor_of
     from .registry import needed
 
