@@ -22,7 +22,7 @@ from tolevo.algorithms.exact.choices import least_cost
 from tolevo.algorithms.hybrid import Hybrid
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 from tolevo.problems.settings import Bound, Settings
 from tolevo.problems.tolerance_problem import ToleranceProblem
 from tolevo.section import Array

@@ -20,8 +20,8 @@ import pandas as pd
 
 from . import tables
 from .arguments import choice_faults, file_faults, page_faults, page_next_to, source_faults, start_faults, watch_faults
-from .configuration import Configuration
-from .configuration import read as read_raw
+from .configuration.configuration import Configuration
+from .configuration.reader import read as read_raw
 from .configuration.source import at_hand as once_read
 from .errors import Fault, InputError, raise_all, refuse
 from .files import unwritable

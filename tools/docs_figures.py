@@ -22,7 +22,7 @@ from tolevo.algorithms.exact.bounds import proof
 from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.rv_reducer.declared import DISC_TO_DISC

@@ -19,7 +19,7 @@ import tomli_w
 
 import tolevo
 from tolevo.commands.template import template
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "tests" / "pinned"

@@ -19,7 +19,8 @@ import pandas as pd
 
 from tolevo.commands.run.plan import RunPlan
 from tolevo.commands.run.run import run
-from tolevo.configuration import Configuration, read
+from tolevo.configuration.configuration import Configuration
+from tolevo.configuration.reader import read
 from tolevo.page.drawing import as_png
 from tolevo.page.figures import front_figure
 from tolevo.records import Axis, RunResult

@@ -11,8 +11,8 @@ import pytest
 
 import tolevo
 from tolevo import registry
-from tolevo.configuration import Configuration, read
-from tolevo.configuration.reader import read_table
+from tolevo.configuration.configuration import Configuration
+from tolevo.configuration.reader import read, read_table
 from tolevo.errors import InputError, refuse
 from tolevo.models.costs import Exponential, Reciprocal, Table
 from tolevo.models.inputs import Normal

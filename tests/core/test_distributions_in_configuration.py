@@ -11,7 +11,8 @@ import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tolevo.configuration import Configuration, read
+from tolevo.configuration.configuration import Configuration
+from tolevo.configuration.reader import read
 from tolevo.errors import Fault, InputError
 from tolevo.models.input_reading import keys, name_of, read_distribution, written
 from tolevo.models.inputs import (

@@ -8,7 +8,8 @@ import pytest
 from typer.testing import CliRunner
 
 from tolevo.cli import app
-from tolevo.configuration import Configuration, read
+from tolevo.configuration.configuration import Configuration
+from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 
 EXPANSION = """[[effect]]

@@ -54,3 +54,32 @@ def test_the_package_alone_is_light() -> None:
     code = "import sys, tolevo; print(sorted({'numpy', 'pandas', 'scipy'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_every_module_can_be_the_first_that_is_imported() -> None:
+    """Each in a copy of a process that has only the packages of others: no module leans on the order."""
+    code = """
+import importlib, os, pkgutil, sys
+import matplotlib, numpy, pandas, pint, pyarrow, pydantic, pymoo.core.problem, scipy.optimize, scipy.stats, typer
+import tolevo
+names = []
+for package in ("tolevo", "tolevo.models", "tolevo.problems", "tolevo.algorithms"):
+    names += [one.name for one in pkgutil.walk_packages(importlib.import_module(package).__path__, f"{package}.")]
+print(*names)
+"""
+    names = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert len(names) > 200
+    code = """
+import importlib, os, sys
+import matplotlib, numpy, pandas, pint, pyarrow, pydantic, pymoo.core.problem, scipy.optimize, scipy.stats, typer
+for name in sys.argv[1:]:
+    if not (child := os.fork()):
+        try:
+            importlib.import_module(name)
+        except ImportError as error:
+            print(name, error, flush=True)
+        os._exit(0)
+    os.waitpid(child, 0)
+"""
+    done = subprocess.run([sys.executable, "-c", code, *names], capture_output=True, text=True, check=True)
+    assert done.stdout == ""

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from tolevo import registry
 from tolevo.cli import app
 from tolevo.commands.gap.configuration import read_gap
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.models.effects.measurements import target_of
 from tolevo.section import Section

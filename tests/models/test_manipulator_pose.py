@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import tolevo
 from tolevo.cli import app
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.models.manipulator import pose as declared
 from tolevo.models.manipulator.geometry import Manipulator, TaskRing

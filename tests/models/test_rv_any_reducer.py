@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 from tolevo.models.rv_reducer.contact import contact as performance
 from tolevo.models.rv_reducer.contact.contact import LoadedContact, faults
 from tolevo.models.rv_reducer.contact.geometry import Axes, ContactGeometry, Nominal, PartErrors, displacements

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import tomli_w
 
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 
 VALUES = np.random.default_rng(3).normal(0.8, 1.2, 30).round(3)

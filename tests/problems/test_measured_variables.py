@@ -12,7 +12,7 @@ import tomli_w
 from typer.testing import CliRunner
 
 from tolevo.cli import app
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 
 VALUES = np.random.default_rng(7).normal(0.6, 1.1, 40).round(3)

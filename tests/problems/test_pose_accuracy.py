@@ -11,7 +11,7 @@ from tolevo.algorithms.exact.choices import least_cost
 from tolevo.algorithms.exact.solver import Exact, closed_form
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.models.effects.measurements import Active, acting, changes_of, measurements_of, target_of
 from tolevo.models.manipulator.effects import unit_effects

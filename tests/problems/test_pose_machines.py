@@ -11,7 +11,7 @@ from tolevo.algorithms.exact.solver import Exact, closed_form
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.commands.run.changes import Ranking
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.models.manipulator.forward import exact_pose
 from tolevo.models.manipulator.geometry import Manipulator, TaskRing

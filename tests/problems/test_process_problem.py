@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 from tolevo.models.capability import Knowledge, PartSample
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.declaration import Declaration

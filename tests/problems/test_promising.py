@@ -14,7 +14,7 @@ from tolevo.algorithms.exact.bounds import proof, row_limits
 from tolevo.algorithms.exact.choices import least_cost
 from tolevo.algorithms.exact.combination import Combination
 from tolevo.commands.run.promise import cheapest
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.models.capability import Knowledge
 from tolevo.models.costs import Reciprocal

@@ -13,7 +13,7 @@ from tolevo.algorithms.exact.bounds import proof
 from tolevo.algorithms.exact.solver import Exact, closed_form, exact_vectors
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.models.expressions import Formula, domain_margin
 from tolevo.problems.stack import Stack

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 
 HEAD = """

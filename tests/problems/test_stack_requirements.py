@@ -14,7 +14,7 @@ from tolevo.algorithms.exact.choices import least_cost
 from tolevo.algorithms.exact.solver import Exact, closed_form, exact_vectors
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 from tolevo.errors import Fault, InputError
 from tolevo.problems.settings import Bound, Settings
 from tolevo.problems.stack import Stack

@@ -22,7 +22,7 @@ from tolevo.commands.gap.page import gap_page
 from tolevo.commands.reproduce.page import claims_page
 from tolevo.commands.run.decide import decide
 from tolevo.commands.study.page import study_page
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 from tolevo.page import page
 from tolevo.page.sheet import drawing_page
 from tolevo.problems.tolerance_problem import designs_of

@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 
 from tolevo.cli import app
 from tolevo.commands.gap.configuration import read_gap
-from tolevo.configuration import read
 from tolevo.configuration.plugins import belongs, stranger
+from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.problems.rv_backlash import RvBacklash

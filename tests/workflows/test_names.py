@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from tolevo.cli import app
 from tolevo.commands.gap.configuration import read_gap
 from tolevo.commands.study.configuration import read_study
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 
 pytestmark = pytest.mark.usefixtures("unrendered")

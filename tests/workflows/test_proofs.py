@@ -19,7 +19,7 @@ from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.cli import app
 from tolevo.commands.run.proofs import exact_front, informative
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 

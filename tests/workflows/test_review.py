@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 import tolevo
 from tolevo.cli import app
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 from tolevo.problems.tolerance_problem import designs_frame
 
 pytestmark = pytest.mark.usefixtures("unrendered")

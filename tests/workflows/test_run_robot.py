@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from tolevo.cli import app
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 from tolevo.problems.nested_reducers import Nested, documents_reducer
 from tolevo.problems.robot_joint import RobotJoint
 

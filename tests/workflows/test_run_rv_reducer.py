@@ -12,7 +12,7 @@ from tolevo.algorithms.settings import Budget
 from tolevo.cli import app
 from tolevo.commands.run import references as overlay
 from tolevo.commands.run.proofs import searchable
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 
 pytestmark = pytest.mark.usefixtures("unrendered")

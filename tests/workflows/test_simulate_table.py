@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from tolevo.cli import app
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 
 CONFIG = """model = "table"

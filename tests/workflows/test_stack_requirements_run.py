@@ -12,7 +12,7 @@ from typer.testing import CliRunner, Result
 from tolevo.algorithms.exact.choices import least_cost
 from tolevo.algorithms.exact.solver import closed_form
 from tolevo.cli import app
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from typer.testing import CliRunner, Result
 
 from tolevo.cli import app
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 

@@ -13,7 +13,7 @@ from tolevo.commands.run.changes import rounded
 from tolevo.commands.run.prices import front_slopes, prices, slopes_of
 from tolevo.commands.run.promise import cheapest
 from tolevo.commands.run.tolerances import tolerances, values_of
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 
 HEAD = """
 problem = "stack"

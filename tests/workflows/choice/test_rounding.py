@@ -16,7 +16,7 @@ from tolevo.commands.run.choice import ChoiceSettings
 from tolevo.commands.run.decide import decide
 from tolevo.commands.run.prices import contributions, slopes_of
 from tolevo.commands.run.tolerances import R20, step_of, values_of
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.problems.pose_accuracy import PoseAccuracy
 from tolevo.problems.settings import Bound, Settings

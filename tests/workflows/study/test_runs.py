@@ -17,7 +17,7 @@ from tolevo.commands.run.proofs import exact_front
 from tolevo.commands.study.configuration import read_study
 from tolevo.commands.study.plan import StudyOutcome, StudyPlan
 from tolevo.commands.study.study import study
-from tolevo.configuration import read
+from tolevo.configuration.reader import read
 from tolevo.errors import RunError
 from tolevo.execution import InProcess
 from tolevo.problems.pose_accuracy import PoseAccuracy
