@@ -4,6 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 STACK = """
 problem = "stack"
 [requirement]
@@ -56,6 +58,7 @@ def test_the_package_alone_is_light() -> None:
     assert done.stdout.strip() == "[]"
 
 
+@pytest.mark.slow  # a minute of imports
 def test_every_module_can_be_the_first_that_is_imported() -> None:
     """Each in a copy of a process that has only the packages of others: no module leans on the order."""
     code = """
