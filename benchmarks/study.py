@@ -33,7 +33,7 @@ from pymoo.optimize import minimize
 
 from tolevo.commands.study.configuration import read_study
 from tolevo.commands.study.plan import StudyPlan, Yardstick, yardstick
-from tolevo.commands.study.storage import Database, Site
+from tolevo.commands.study.storage import DATABASE, Database
 from tolevo.commands.study.study import Work
 from tolevo.execution import Executor, InProcess, executor_of
 
@@ -88,7 +88,7 @@ def against_pymoo(folder: Path) -> None:
 def round_of(plan: StudyPlan, folder: Path) -> float:
     """CPU time of all runs of a plan, without that of the exact front, which is found once."""
     folder.mkdir()
-    with Database(Site(folder).backend(), len(plan.points), plan.settings.responses) as database:
+    with Database(folder / DATABASE, len(plan.points), plan.settings.responses) as database:
         keep_yardsticks(database, plan)
         work = Work(plan, database, InProcess(), None)
         start = time.process_time()
@@ -121,7 +121,7 @@ def measured(out: Path, seeds: int, executor: Executor, cpu: Callable[[], float]
     """
     plan = planned(out.parent, f"seeds={seeds}", LONG)
     out.mkdir()
-    with Database(Site(out).backend(), len(plan.points), plan.settings.responses) as database:
+    with Database(out / DATABASE, len(plan.points), plan.settings.responses) as database:
         keep_yardsticks(database, plan)
         work = Work(plan, database, executor, None)
         start, clock = cpu(), time.monotonic()

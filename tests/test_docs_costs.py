@@ -1,4 +1,4 @@
-"""The configurations of docs/stack.md on costs and machines run as they stand."""
+"""The configurations of the documentation on costs and machines run as they stand."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.configuration.reader import read
 
-STACK = Path(__file__).resolve().parent.parent / "docs" / "stack.md"
+DOCS = Path(__file__).resolve().parent.parent / "docs"
 
 
 def block(name: str) -> str:
-    text = STACK.read_text(encoding="utf-8")
+    text = "".join((DOCS / name).read_text(encoding="utf-8") for name in ("own_costs.md", "stack.md"))
     found = re.search(rf"<!-- test: {re.escape(name)} -->\n```\w+[^\n]*\n(.*?)```", text, re.DOTALL)
     assert found is not None
     return found[1]

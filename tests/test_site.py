@@ -40,7 +40,6 @@ BATCH = ("settings.simulations=200", 'effects.consider=["spread_inflation", "lot
 REDUCED: dict[str, tuple[str, ...]] = {
     "gap docs/gearbox/gap.toml": ("settings.simulations=200", 'effects.consider=["lot_offset"]'),
     "gap docs/rv40e_batch/gap.toml": BATCH,
-    "gap batch.toml": BATCH,
     "gap tests/data/ur5/ur5.toml": ("settings.simulations=200", 'effects.consider=["delay"]'),
     "run configs/pose_accuracy.toml": EXACT,
     "run configs/pose_accuracy_ga.toml": ("algorithm.population=40", "algorithm.generations=40"),

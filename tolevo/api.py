@@ -75,29 +75,24 @@ def executing(
     dask: str,
     faults: list[Fault],
     block_rows: int | None = None,
-    store: str | None = None,
 ) -> Execution:
     """Where a command computes: by its options and, where they state nothing, by its configuration;
     faults are added to `faults`.
-
-    A command that can keep finished parts in a shared `store` passes its address, "" for none.
     """
     from .configuration.search import read_execution
     from .execution import Execution
 
-    options = Execution(workers, dask, block_rows, store=store or "")
+    options = Execution(workers, dask, block_rows)
     configuration = {} if isinstance(source, Configuration) else raw(source)
-    execution, execution_faults = read_execution(configuration, settings, options, store is not None)
+    execution, execution_faults = read_execution(configuration, settings, options)
     faults += execution_faults
-    return execution if store is not None else replace(execution, store="")
+    return execution
 
 
-def start_faults_of(
-    out: AnyPath | None, workers: int | None, resume: bool, overwrite: bool, shared: bool = False
-) -> list[Fault]:
+def start_faults_of(out: AnyPath | None, workers: int | None, resume: bool, overwrite: bool) -> list[Fault]:
     """What keeps a command from starting with these arguments."""
     if out is not None:
-        return start_faults(Path(out), workers, resume, overwrite, shared)
+        return start_faults(Path(out), workers, resume, overwrite)
     faults = choice_faults(workers, resume, overwrite)
     if resume:
         faults.append(Fault("--resume", "needs the directory of the result that it continues: out"))
@@ -183,7 +178,6 @@ def evaluate(
     quality: str = "reported",
     workers: int | None = None,
     dask: str = "",
-    store: str = "",
     block_rows: int | None = None,
     partitioned: bool = False,
     resume: bool = False,
@@ -201,8 +195,7 @@ def evaluate(
     and named in `.attrs["notes"]`. With `quality` "search" outputs are as coarse as a search sees
     them, and empty where it does not look. Blocks of `block_rows` rows run in `workers` processes
     or on the Dask scheduler at `dask`; no byte depends on it. `out` is a file, or a directory with
-    a Parquet file per block (`partitioned`); `resume` computes what is missing of it. Machines
-    that name the same `store` share the blocks, each with its own `out`. Without
+    a Parquet file per block (`partitioned`); `resume` computes what is missing of it. Without
     `frame` an empty frame is returned, for results too large to be held. Raises ConfigurationError
     with every fault.
     """
@@ -212,7 +205,7 @@ def evaluate(
     if quality not in QUALITIES:
         faults.append(Fault("--quality", f'must be one of {", ".join(QUALITIES)}, got "{quality}"'))
     source = at_hand(source)
-    where = executing(source, settings, workers, dask, faults, block_rows, store)
+    where = executing(source, settings, workers, dask, faults, block_rows)
     configuration = collected(lambda: read(source, settings), faults)
     problem, notes = configuration.problem, list[str]()
     if problem is None:
@@ -238,7 +231,6 @@ def simulate(
     settings: Sequence[str] = (),
     workers: int | None = None,
     dask: str = "",
-    store: str = "",
     block_rows: int | None = None,
     partitioned: bool = False,
     resume: bool = False,
@@ -260,7 +252,7 @@ def simulate(
 
     faults = table_faults_of(out, inputs, partitioned, resume, overwrite)
     source = at_hand(source)
-    where = executing(source, settings, workers, dask, faults, block_rows, store)
+    where = executing(source, settings, workers, dask, faults, block_rows)
     configuration = collected(lambda: read(source, settings), faults)
     raise_all(faults)
     model_settings = configuration.settings
@@ -319,8 +311,7 @@ def _computed(
 
     if not where.dask:
         where = replace(where, workers=min(where.workers or 1, computing.about(where.block_rows).total))
-    shared = (where.store, where.store_place) if where.store else None
-    done = computed(computing, executor_of(where), target, where.block_rows, progress, frame, shared)
+    done = computed(computing, executor_of(where), target, where.block_rows, progress, frame)
     done.attrs[NOTES] = tuple(notes)
     return done
 
@@ -346,14 +337,14 @@ def read(
 def check(source: Source, settings: Sequence[str] = ()) -> str:
     """The resolved configuration of any command as TOML with comments, as `tolevo check` prints it.
 
-    Raises ConfigurationError with every fault, those of `[execution]` included: a scheduler or a
-    store that it names is looked at, and nothing is written there.
+    Raises ConfigurationError with every fault, those of `[execution]` included: a scheduler that it
+    names is asked for an answer.
     """
     from .configuration.description import checked, describe
 
     faults: list[Fault] = []
     source = at_hand(source)
-    executing(source, settings, None, "", faults, store="")
+    executing(source, settings, None, "", faults)
     text = collected(
         lambda: (
             describe(read(source, settings)) if isinstance(source, Configuration) else checked(raw(source), settings)
@@ -436,7 +427,6 @@ def study(
     settings: Sequence[str] = (),
     workers: int | None = None,
     dask: str = "",
-    store: str = "",
     progress: Callable[[StudyProgress], None] | None = None,
     tell: Tell | None = None,
     resume: bool = False,
@@ -445,25 +435,21 @@ def study(
     """Many optimisations over settings and seeds, and what the settings do.
 
     They run in `workers` processes (one where none are named), or on the Dask scheduler at `dask`.
-    With the address of a `store` that machines share, several machines may work on it, each with
-    its own `out`. Raises ConfigurationError with every fault.
+    Raises ConfigurationError with every fault.
     """
     from .commands.study.configuration import read_study
-    from .commands.study.storage import other_study
     from .commands.study.study import study as studying
     from .execution import executor_of
     from .registry import needed
 
-    faults = start_faults_of(out, workers, resume, overwrite, shared=True) + needed("study")
+    faults = start_faults_of(out, workers, resume, overwrite) + needed("study")
     tables_given = raw(at_hand(source))
-    where = executing(tables_given, settings, workers, dask, faults, store=store)
+    where = executing(tables_given, settings, workers, dask, faults)
     plan = collected(lambda: read_study(tables_given, settings), faults)
-    if where.store and not any(fault.place == where.store_place for fault in faults):
-        faults += other_study(plan, where.store, where.store_place)
     raise_all(faults)
     report_lines(tell, "warning", plan.warnings)
     folder, scratch = folder_for(out)
-    done = studying(plan, folder, executor_of(where), progress, resume, overwrite or out is None, where.store)
+    done = studying(plan, folder, executor_of(where), progress, resume, overwrite or out is None)
     return Study(done.status, done.lines, done.data, folder, scratch)
 
 

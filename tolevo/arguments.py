@@ -15,20 +15,17 @@ TABLES = (".csv", ".txt", ".parquet", ".pq", "")
 """Endings of tables that can be written."""
 
 
-def start_faults(out: Path, workers: int | None, resume: bool, overwrite: bool, shared: bool = False) -> list[Fault]:
-    """Faults in the arguments of a command that writes a directory.
-
-    Where the result may be `shared`, a command that resumes it joins those at work.
-    """
-    faults = directory_faults(out, overwrite or resume, busy=not (shared and resume))
+def start_faults(out: Path, workers: int | None, resume: bool, overwrite: bool) -> list[Fault]:
+    """Faults in the arguments of a command that writes a directory."""
+    faults = directory_faults(out, overwrite or resume)
     return faults + choice_faults(workers, resume, overwrite)
 
 
-def directory_faults(out: Path, replace: bool, busy: bool = True) -> list[Fault]:
-    """A directory that cannot be written, that others work in (where `busy` looks for them), or
+def directory_faults(out: Path, replace: bool) -> list[Fault]:
+    """A directory that cannot be written, that others work in, or
     that holds something and is not to be used.
     """
-    faults = unwritable(out, "--out") or (busy_faults(out, "--out") if busy else [])
+    faults = unwritable(out, "--out") or busy_faults(out, "--out")
     if not faults and not replace and occupied(out):
         faults.append(Fault("--out", OCCUPIED.format(out)))
     return faults

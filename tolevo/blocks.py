@@ -1,11 +1,13 @@
-"""A table computed block by block; the blocks are computed anywhere, and stored as they end."""
+"""A table computed block by block: the blocks are computed anywhere, and stored as they end.
+
+The bytes of a table are the same whatever computes it, and however many rows a block has.
+"""
 
 from __future__ import annotations
 
 import fcntl
 import hashlib
 import io
-import json
 import os
 import pickle
 import re
@@ -24,44 +26,122 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
-from sqlalchemy import Connection, delete, select
 
 from .errors import Fault, RunError, raise_all, refuse
 from .execution import Executor, InProcess, Lost, built, check_version, pinned
 from .files import PART as LEFTOVER
-from .files import (
-    clear_parts,
-    csv_text,
-    loads,
-    read_record,
-    sealed_record,
-    unsealed_record,
-    write_bytes,
-    write_record,
-    write_with,
-)
-from .store.address import read_address
-from .store.backend import DAMAGE, Backend, reason
-from .store.postgresql import PostgreSQL
-from .store.store import Store
-from .store.tables import BLOCKS, STUDY, TABLE
+from .files import clear_parts, csv_text, read_record, write_bytes, write_record, write_with
 
-__all__ = [
-    "PART",
-    "ArrayRows",
-    "BlockFolder",
-    "BlockProgress",
-    "Computed",
-    "FrameRows",
-    "ParquetRows",
-    "Rows",
-    "Target",
-    "computed",
-    "folder_faults",
-]
+# rows that a table is computed from
 
-# Where the blocks of a table are stored until all have ended.
+Columns = Mapping[str, NDArray[Any]]
 
+
+class Rows(ABC):
+    """Rows 0 to `count`; `digest` is the same for the same rows alone."""
+
+    count: int
+    digest: str
+
+    @abstractmethod
+    def part(self, start: int, stop: int) -> Any:
+        """Rows `start` to `stop` in the form that the computation takes."""
+
+
+class ArrayRows(Rows):
+    """The rows of an array (n, k)."""
+
+    def __init__(self, values: NDArray[np.float64]) -> None:
+        self.values = np.ascontiguousarray(values)
+        self.count = len(values)
+        self.digest = hashlib.sha256(self.values.tobytes()).hexdigest()
+
+    def part(self, start: int, stop: int) -> NDArray[np.float64]:
+        return self.values[start:stop]
+
+
+class FrameRows(Rows):
+    """The rows of columns (n,) by name."""
+
+    def __init__(self, columns: Columns, count: int) -> None:
+        self.columns = columns
+        self.count = count
+        self.digest = digest_of(columns)
+
+    def part(self, start: int, stop: int) -> Columns:
+        return {name: values[start:stop] for name, values in self.columns.items()}
+
+
+class ParquetRows(Rows):
+    """The rows of Parquet files, one after the other, of which a few blocks are in memory.
+
+    `names` maps a column of the files to its name here; numbers become float64.
+    """
+
+    def __init__(self, paths: Sequence[Path], names: Mapping[str, str], count: int, digest: str) -> None:
+        self.paths = tuple(paths)
+        self.names = dict(names)
+        self.count = count
+        self.digest = digest
+        self._at = 0
+        self._batches: Iterator[Columns] = iter(())
+        self._held: Columns = {}
+
+    def part(self, start: int, stop: int) -> Columns:
+        if start < self._at:  # an earlier block: from the beginning
+            self._at, self._batches, self._held = 0, iter(()), {}
+        if self._at == 0 and not self._held:
+            self._batches = batches(self.paths, self.names)
+        parts = []
+        while start < stop:
+            if not _length(self._held):
+                self._held = next(self._batches)
+            length = _length(self._held)
+            if self._at + length <= start:  # not wanted
+                self._at, self._held = self._at + length, {}
+                continue
+            low, high = start - self._at, min(stop - self._at, length)
+            parts.append({name: values[low:high] for name, values in self._held.items()})
+            start = self._at + high
+            if high == length:
+                self._at, self._held = self._at + length, {}
+        return {name: np.concatenate([part[name] for part in parts]) for name in self.names.values()}
+
+
+BATCH = 65_536
+"""Rows that are read at once."""
+
+
+def batches(paths: Sequence[Path], names: Mapping[str, str]) -> Iterator[Columns]:
+    """The columns of Parquet files, `BATCH` rows at a time."""
+    for path in paths:
+        with pq.ParquetFile(path) as file:
+            for batch in file.iter_batches(BATCH, columns=list(names)):
+                yield {
+                    names[name]: _as_floats(batch.column(at).to_numpy(zero_copy_only=False))
+                    for at, name in enumerate(batch.schema.names)
+                }
+
+
+def _as_floats(values: NDArray[Any]) -> NDArray[Any]:
+    return values.astype(float) if values.dtype.kind in "iufb" else values
+
+
+def digest_of(columns: Columns) -> str:
+    """SHA-256 of columns (n,) by name."""
+    digest = hashlib.sha256()
+    for name, values in columns.items():
+        digest.update(f"{name}\0{len(values)}\0".encode())
+        plain = values if values.dtype.kind in "iufb" else np.asarray(values).astype(str)
+        digest.update(np.ascontiguousarray(plain).tobytes())
+    return digest.hexdigest()
+
+
+def _length(columns: Columns) -> int:
+    return len(next(iter(columns.values()))) if columns else 0
+
+
+# blocks that have ended
 
 IDENTITY = {
     "command": "another command",
@@ -116,13 +196,6 @@ class BlockStore(ABC):
     def block(self, number: int) -> Path | io.BytesIO:
         """A block that has ended, to be read."""
 
-    def claim(self, number: int) -> bool:
-        """Whether a block is ours to be computed; others may be at work on the same table."""
-        return True
-
-    def refresh(self) -> None:  # noqa: B027 - nobody else is at work
-        """Read which blocks others have computed."""
-
     @abstractmethod
     def saved(self) -> str:
         """What is saved where a table cannot be finished, and how to continue."""
@@ -156,8 +229,75 @@ class InMemory(BlockStore):
         return "nothing is saved"
 
 
-# The directory of a table's blocks: the table's identity, and the blocks that are computed.
+# the file, or the directory, that the table ends in
 
+PARQUET = (".parquet", ".pq")
+GROUP = 131_072
+"""Rows of a row group of one Parquet file, however many a block had."""
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """Where the rows go: one file, or (`partitioned`) a directory of Parquet files.
+
+    `resume` continues with the blocks of an earlier command, `overwrite` replaces them.
+    """
+
+    path: Path
+    partitioned: bool = False
+    resume: bool = False
+    overwrite: bool = False
+
+    @property
+    def blocks(self) -> Path:
+        """The directory of the blocks: the result itself, or one next to the file."""
+        return self.path if self.partitioned else self.path.with_name(self.path.name + ".blocks")
+
+    @property
+    def occupied(self) -> bool:
+        """Whether there are blocks already."""
+        return self.blocks.exists()
+
+
+def joined(blocks: Iterable[Any], path: Path) -> None:
+    """Write the rows of all blocks, Parquet files, into one file, CSV or Parquet by its name.
+
+    Few blocks are in memory at once, and the bytes do not depend on how many rows a block had.
+    """
+    clear_parts(path)
+    parquet = path.suffix.lower() in PARQUET
+    write_with(path, lambda part: _parquet(blocks, part) if parquet else _csv(blocks, part))
+
+
+def _parquet(blocks: Iterable[Any], path: Path) -> None:
+    tables = _tables(blocks)
+    held = next(tables)
+    with pq.ParquetWriter(path, held.schema) as writer:
+        for table in tables:
+            while held.num_rows >= GROUP:
+                writer.write_table(held.slice(0, GROUP))
+                held = held.slice(GROUP)
+            held = pa.concat_tables([held, table])
+        for at in range(0, max(held.num_rows, 1), GROUP):
+            writer.write_table(held.slice(at, GROUP))
+
+
+def _csv(blocks: Iterable[Any], path: Path) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        for at, table in enumerate(_tables(blocks)):
+            file.write(csv_text(table.to_pandas(), header=at == 0))
+
+
+def _tables(blocks: Iterable[Any]) -> Iterator[Any]:
+    """The blocks as tables of the schema of the first."""
+    schema = None
+    for block in blocks:
+        table = pq.read_table(block)
+        schema = schema or table.schema
+        yield table.cast(schema) if table.schema != schema else table
+
+
+# blocks in a directory
 
 PART = "part-{:06d}.parquet"
 """Name of a block: numbered by the rows in it, so that the names are in their order."""
@@ -286,192 +426,10 @@ def folder_faults(path: Path, resume: bool, overwrite: bool) -> list[Fault]:
     return [Fault("--out", f"{path} holds blocks of an earlier command; continue with --resume, or --overwrite")]
 
 
-# The rows that a table is computed from, handed out by their numbers.
+# blocks as tasks
 
-
-Columns = Mapping[str, NDArray[Any]]
-
-
-class Rows(ABC):
-    """Rows 0 to `count`; `digest` is the same for the same rows alone."""
-
-    count: int
-    digest: str
-
-    @abstractmethod
-    def part(self, start: int, stop: int) -> Any:
-        """Rows `start` to `stop` in the form that the computation takes."""
-
-
-class ArrayRows(Rows):
-    """The rows of an array (n, k)."""
-
-    def __init__(self, values: NDArray[np.float64]) -> None:
-        self.values = np.ascontiguousarray(values)
-        self.count = len(values)
-        self.digest = hashlib.sha256(self.values.tobytes()).hexdigest()
-
-    def part(self, start: int, stop: int) -> NDArray[np.float64]:
-        return self.values[start:stop]
-
-
-class FrameRows(Rows):
-    """The rows of columns (n,) by name."""
-
-    def __init__(self, columns: Columns, count: int) -> None:
-        self.columns = columns
-        self.count = count
-        self.digest = digest_of(columns)
-
-    def part(self, start: int, stop: int) -> Columns:
-        return {name: values[start:stop] for name, values in self.columns.items()}
-
-
-class ParquetRows(Rows):
-    """The rows of Parquet files, one after the other, of which a few blocks are in memory.
-
-    `names` maps a column of the files to its name here; numbers become float64.
-    """
-
-    def __init__(self, paths: Sequence[Path], names: Mapping[str, str], count: int, digest: str) -> None:
-        self.paths = tuple(paths)
-        self.names = dict(names)
-        self.count = count
-        self.digest = digest
-        self._at = 0
-        self._batches: Iterator[Columns] = iter(())
-        self._held: Columns = {}
-
-    def part(self, start: int, stop: int) -> Columns:
-        if start < self._at:  # an earlier block: from the beginning
-            self._at, self._batches, self._held = 0, iter(()), {}
-        if self._at == 0 and not self._held:
-            self._batches = batches(self.paths, self.names)
-        parts = []
-        while start < stop:
-            if not _length(self._held):
-                self._held = next(self._batches)
-            length = _length(self._held)
-            if self._at + length <= start:  # not wanted
-                self._at, self._held = self._at + length, {}
-                continue
-            low, high = start - self._at, min(stop - self._at, length)
-            parts.append({name: values[low:high] for name, values in self._held.items()})
-            start = self._at + high
-            if high == length:
-                self._at, self._held = self._at + length, {}
-        return {name: np.concatenate([part[name] for part in parts]) for name in self.names.values()}
-
-
-BATCH = 65_536
-"""Rows that are read at once."""
-
-
-def batches(paths: Sequence[Path], names: Mapping[str, str]) -> Iterator[Columns]:
-    """The columns of Parquet files, `BATCH` rows at a time."""
-    for path in paths:
-        with pq.ParquetFile(path) as file:
-            for batch in file.iter_batches(BATCH, columns=list(names)):
-                yield {
-                    names[name]: _as_floats(batch.column(at).to_numpy(zero_copy_only=False))
-                    for at, name in enumerate(batch.schema.names)
-                }
-
-
-def _as_floats(values: NDArray[Any]) -> NDArray[Any]:
-    return values.astype(float) if values.dtype.kind in "iufb" else values
-
-
-def digest_of(columns: Columns) -> str:
-    """SHA-256 of columns (n,) by name."""
-    digest = hashlib.sha256()
-    for name, values in columns.items():
-        digest.update(f"{name}\0{len(values)}\0".encode())
-        plain = values if values.dtype.kind in "iufb" else np.asarray(values).astype(str)
-        digest.update(np.ascontiguousarray(plain).tobytes())
-    return digest.hexdigest()
-
-
-def _length(columns: Columns) -> int:
-    return len(next(iter(columns.values()))) if columns else 0
-
-
-# The file, or the directory, that a table computed in blocks ends in.
-
-
-PARQUET = (".parquet", ".pq")
-GROUP = 131_072
-"""Rows of a row group of one Parquet file, however many a block had."""
-
-
-@dataclass(frozen=True, slots=True)
-class Target:
-    """Where the rows go: one file, or (`partitioned`) a directory of Parquet files.
-
-    `resume` continues with the blocks of an earlier command, `overwrite` replaces them.
-    """
-
-    path: Path
-    partitioned: bool = False
-    resume: bool = False
-    overwrite: bool = False
-
-    @property
-    def blocks(self) -> Path:
-        """The directory of the blocks: the result itself, or one next to the file."""
-        return self.path if self.partitioned else self.path.with_name(self.path.name + ".blocks")
-
-    @property
-    def occupied(self) -> bool:
-        """Whether there are blocks already."""
-        return self.blocks.exists()
-
-
-def joined(blocks: Iterable[Any], path: Path) -> None:
-    """Write the rows of all blocks, Parquet files, into one file, CSV or Parquet by its name.
-
-    Few blocks are in memory at once, and the bytes do not depend on how many rows a block had.
-    """
-    clear_parts(path)
-    parquet = path.suffix.lower() in PARQUET
-    write_with(path, lambda part: _parquet(blocks, part) if parquet else _csv(blocks, part))
-
-
-def _parquet(blocks: Iterable[Any], path: Path) -> None:
-    tables = _tables(blocks)
-    held = next(tables)
-    with pq.ParquetWriter(path, held.schema) as writer:
-        for table in tables:
-            while held.num_rows >= GROUP:
-                writer.write_table(held.slice(0, GROUP))
-                held = held.slice(GROUP)
-            held = pa.concat_tables([held, table])
-        for at in range(0, max(held.num_rows, 1), GROUP):
-            writer.write_table(held.slice(at, GROUP))
-
-
-def _csv(blocks: Iterable[Any], path: Path) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
-        for at, table in enumerate(_tables(blocks)):
-            file.write(csv_text(table.to_pandas(), header=at == 0))
-
-
-def _tables(blocks: Iterable[Any]) -> Iterator[Any]:
-    """The blocks as tables of the schema of the first."""
-    schema = None
-    for block in blocks:
-        table = pq.read_table(block)
-        schema = schema or table.schema
-        yield table.cast(schema) if table.schema != schema else table
-
-
-# Blocks of rows as tasks: computed anywhere, stored as they end, the same bytes each time.
-
-
-BLOCKS_AT_ONCE = 250
+BLOCKS = 250
 """Blocks at most, where nothing else is asked for."""
-POLL_S = 0.5
-"""Seconds between two queries of what other machines have done."""
 Compute = Callable[[Any, int], pd.DataFrame]
 """The frame of a grain of rows, by the rows and the grain's number; it is pickled."""
 
@@ -517,7 +475,7 @@ class Computed:
     def about(self, block_rows: int | None) -> About:
         """The identity of this table, to which its blocks belong."""
         grains = max(1, -(-self.rows.count // self.grain))
-        grains_per_block = -(-grains // BLOCKS_AT_ONCE) if block_rows is None else -(-block_rows // self.grain)
+        grains_per_block = -(-grains // BLOCKS) if block_rows is None else -(-block_rows // self.grain)
         digest = hashlib.sha256(self.configuration.encode()).hexdigest()
         count, rows = self.rows.count, grains_per_block * self.grain
         return About(self.command, digest, self.rows.digest, version("tolevo"), self.quality, count, rows)
@@ -534,19 +492,16 @@ def computed(
     block_rows: int | None = None,
     progress: Callable[[BlockProgress], None] | None = None,
     frame: bool = True,
-    shared: tuple[str, str] | None = None,
 ) -> pd.DataFrame:
     """Compute every block that is missing, and write the table; its frame where it is wanted.
 
     A table of one block is stored only when it is written, and no other table is stored without a
-    `target`. Where blocks are `shared` with other machines (the address of the store, and the place
-    where that was stated) they stay there, and each machine writes the table. Raises InputError
-    where blocks of another table are in its place, RunError where blocks are lost; what has ended
-    is kept.
+    `target`. Raises InputError where blocks of another table are in its place, RunError where blocks
+    are lost; what has ended is kept.
     """
-    if target is None and isinstance(executor, InProcess) and shared is None:
+    if target is None and isinstance(executor, InProcess):
         return _frame(table.compute, table.grains(0, table.rows.count))
-    with closing(_store_of_blocks(table.about(block_rows), target, shared)) as store:
+    with closing(_store_of_blocks(table.about(block_rows), target)) as store:
         _finish(table, store, executor, progress)
         total = store.about.total
         wanted = range(total if frame else 1)
@@ -554,26 +509,14 @@ def computed(
         if target is not None and not target.partitioned:
             joined(map(store.block, range(total)), target.path)
             store.remove()
-        elif target is not None and not isinstance(store, BlockFolder):
-            _copied(store, target)
     return whole if frame else whole.iloc[:0]
 
 
-def _store_of_blocks(about: About, target: Target | None, shared: tuple[str, str] | None) -> BlockStore:
-    if shared is not None:
-        return block_table(shared[0], about, shared[1])
+def _store_of_blocks(about: About, target: Target | None) -> BlockStore:
     small = target is not None and about.total == 1 and not target.occupied
     if target is None or (small and not target.partitioned):
         return InMemory(about)
     return BlockFolder(target.blocks, about, target.resume, target.overwrite)
-
-
-def _copied(store: BlockStore, target: Target) -> None:
-    """Write the blocks of a store as the files of a directory."""
-    with closing(BlockFolder(target.blocks, store.about, target.resume, target.overwrite)) as folder:
-        for number in sorted(store.completed - folder.completed):
-            block = store.block(number)
-            folder.keep(number, block.read_bytes() if isinstance(block, Path) else block.getvalue())
 
 
 def _frame(compute: Compute, grains: Iterable[Any], first: int = 0) -> pd.DataFrame:
@@ -598,16 +541,11 @@ def _finish(
     report()
     try:
         with executor:
-            while len(store.completed) < total:
-                before, tasks = len(store.completed), _tasks(table, store, total, apart)
-                for task, outcome in executor.completed(perform, lambda: next(tasks, None)):  # noqa: B023
-                    if isinstance(outcome, Lost):
-                        raise RunError(f"block {task.number}: {outcome.reason}")
-                    store.keep(task.number, outcome)
-                    report()
-                store.refresh()
-                if len(store.completed) == before:
-                    time.sleep(POLL_S)  # others are at work on the remaining blocks
+            tasks = _tasks(table, store, total, apart)
+            for task, outcome in executor.completed(perform, lambda: next(tasks, None)):
+                if isinstance(outcome, Lost):
+                    raise RunError(f"block {task.number}: {outcome.reason}")
+                store.keep(task.number, outcome)
                 report()
     except RunError as error:
         raise RunError(f"{error}; {store.saved()}") from error
@@ -619,7 +557,7 @@ def _tasks(table: Computed, store: BlockStore, total: int, apart: bool) -> Itera
     content = pickle.dumps(table.compute) if apart else table.compute
     name = hashlib.sha256(repr(store.about).encode()).hexdigest()[:24]
     for number in range(total):
-        if number in store.completed or not store.claim(number):
+        if number in store.completed:
             continue
         start, stop = number * block_rows, min((number + 1) * block_rows, table.rows.count)
         rows = tuple(table.grains(start, stop))
@@ -633,100 +571,3 @@ def perform(task: Block) -> bytes:
     content = _frame(compute, task.parts, task.first)
     encoded: bytes = content.reset_index(drop=True).to_parquet(index=False)
     return encoded
-
-
-# Blocks in a store that machines share.
-
-
-class BlockTable(BlockStore):
-    """The blocks of a table, of which each machine computes those that no other has begun.
-
-    Whole blocks that are there already are kept, damaged ones are computed again. Raises
-    InputError, which names `place`, where the store holds anything else.
-    """
-
-    def __init__(self, backend: Backend, about: About, place: str = "--store") -> None:
-        self._store = Store(backend)
-        self.completed = set()
-        try:
-            self._store.migrate()
-            self.about = self._agreed(about, place)
-            self.refresh()
-            if damaged := [number for number in self.completed if not self._is_intact(number)]:
-                dropped = delete(BLOCKS).where(BLOCKS.c.number.in_(damaged))
-                self._store.write(lambda connection: connection.execute(dropped))
-                self.completed.difference_update(damaged)
-        except BaseException:
-            self._store.close()
-            raise
-
-    @property
-    def _database_name(self) -> str:
-        return self._store.backend.display_name
-
-    def claim(self, number: int) -> bool:
-        return self._store.claim([number], BLOCKS) == [number]
-
-    def keep(self, number: int, content: bytes) -> None:
-        digest = hashlib.sha256(content).hexdigest()
-        row = self._store.backend.insert(BLOCKS).on_conflict_do_nothing()
-
-        def work(connection: Connection) -> None:
-            connection.execute(row.values(number=number, content=content, digest=digest))
-            self._store.finished(connection, [number])
-
-        self._store.write(work)
-        self._store.let_go([number])
-        self.completed.add(number)
-
-    def refresh(self) -> None:
-        statement = select(BLOCKS.c.number).where(BLOCKS.c.number < self.about.total)
-        self.completed = {number for (number,) in self._read(lambda connection: connection.execute(statement).all())}
-
-    def block(self, number: int) -> io.BytesIO:
-        statement = select(BLOCKS.c.content).where(BLOCKS.c.number == number)
-        return io.BytesIO(bytes(self._read(lambda connection: connection.execute(statement).scalar_one())))
-
-    def saved(self) -> str:
-        return f"{self._count(self._database_name)}; run the same command again to continue"
-
-    def close(self) -> None:
-        self._store.close()
-
-    def _read(self, work: Any) -> Any:
-        try:
-            return self._store.read(work)
-        except DAMAGE as error:
-            raise RunError(f"{self._database_name} cannot be read: {reason(error)}") from error
-
-    def _is_intact(self, number: int) -> bool:
-        statement = select(BLOCKS.c.digest).where(BLOCKS.c.number == number)
-        digest = self._read(lambda connection: connection.execute(statement).scalar_one())
-        return bool(hashlib.sha256(self.block(number).getvalue()).hexdigest() == digest)
-
-    def _agreed(self, about: About, place: str) -> About:
-        """The identity of the blocks: those that are there decide how many rows a block has."""
-        identity = json.dumps(sealed_record(asdict(about)))
-        while not self._store.meta(TABLE):
-            if self._store.meta(STUDY):
-                raise refuse(place, f"{self._database_name} holds a study; {self._store.backend.alternative}")
-            self._store.set_meta({TABLE: identity}, TABLE, "")
-        try:
-            stored = unsealed_record(loads(self._store.meta(TABLE)))
-        except ValueError as error:
-            raise refuse(place, f"{self._database_name} cannot be read: {error}") from error
-        raise_all(
-            Fault(place, f"{self._database_name} belongs to {other}; {self._store.backend.alternative}")
-            for other in about.differences(stored)
-        )
-        return about.with_blocks_of(stored)
-
-
-def block_table(address: str, about: About, place: str) -> BlockTable:
-    """The blocks at the address of a store."""
-    backend = PostgreSQL(read_address(address))
-    try:
-        return BlockTable(backend, about, place)
-    except DAMAGE as error:
-        cause, remedy = backend.explained(error)
-        raise refuse(place, f"{backend.display_name}: {cause}; {remedy}") from error

@@ -111,16 +111,6 @@ class Asked(MessageOptions):
         return {"settings": self.set_, "tell": self.report}
 
 
-Kept = Annotated[str, typer.Option(help="A database that machines share (postgresql://...).")]
-
-
-@dataclass(frozen=True)
-class Shared:
-    """Options of commands whose runs several machines may do."""
-
-    store: Kept = ""
-
-
 @dataclass(frozen=True)
 class Into:
     """Options of commands that write a directory."""
@@ -155,7 +145,6 @@ class Blocks:
     ] = False
     resume: Annotated[bool, typer.Option("--resume", help="Compute what is missing.")] = False
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace earlier blocks, or another file.")] = False
-    store: Kept = ""
 
 
 @dataclass(frozen=True)
@@ -312,9 +301,9 @@ def gap(
 
 
 @command("study")
-def study(config: Config, *, into: Into, shared: Shared, asked: Asked) -> Finished:
+def study(config: Config, *, into: Into, asked: Asked) -> Finished:
     """Run many optimisations over settings and seeds, and report what the settings do."""
-    return _called("study", asked, config, **into.arguments(), **asked.arguments(), **asdict(shared))
+    return _called("study", asked, config, **into.arguments(), **asked.arguments())
 
 
 @command("reproduce")

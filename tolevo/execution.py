@@ -40,11 +40,33 @@ __all__ = [
     "unreachable",
 ]
 
-# The interface of everything that runs tasks.
+# What runs tasks: the interface, this process itself, and a thread beside it.
+#
+# One thread per worker: the libraries below numpy must not divide the cores a second time. Objects
+# that are sent to workers are pickled once, built once, and of the same version.
 
 
 ATTEMPTS = 3
 """Workers that may be lost in a task before it is given up."""
+KEPT = 4
+"""Objects that a worker keeps built."""
+VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Environment variables that those libraries read when they are loaded."""
+
+
+@dataclass(frozen=True, slots=True)
+class Execution:
+    """`[execution]` of a configuration, or the options of a command: no result depends on it.
+
+    `workers` are processes of this machine, `dask` the address of a scheduler instead of them,
+    `block_rows` the rows of a block of a table; None where nothing is stated.
+    """
+
+    workers: int | None = None
+    dask: str = ""
+    block_rows: int | None = None
+    dask_place: str = "--dask"
+    """Where the address stands, as faults name it."""
 
 
 class Task(Protocol):
@@ -98,7 +120,16 @@ class Executor(Closing, ABC):
         """
 
 
-# Tasks during the work of this process: an executor in a separate thread.
+class InProcess(Executor):
+    """Only this process; a task that ends it ends the study, which can be resumed."""
+
+    workers = 1
+
+    def completed(
+        self, function: Callable[[TaskT], Result], source: Callable[[], TaskT | None]
+    ) -> Iterator[tuple[TaskT, Result | Lost]]:
+        while (task := source()) is not None:
+            yield task, function(task)
 
 
 def next_of(tasks: deque[TaskT]) -> TaskT | None:
@@ -157,26 +188,17 @@ class Background(Generic[TaskT, Result]):
         self._thread.join()
 
 
-# Tasks in this process, one after the other.
+@lru_cache(maxsize=KEPT)
+def built(content: bytes) -> Any:
+    """The pickled object; the next task with the same one finds it built."""
+    return pickle.loads(content)
 
 
-class InProcess(Executor):
-    """Only this process; a task that ends it ends the study, which can be resumed."""
-
-    workers = 1
-
-    def completed(
-        self, function: Callable[[TaskT], Result], source: Callable[[], TaskT | None]
-    ) -> Iterator[tuple[TaskT, Result | Lost]]:
-        while (task := source()) is not None:
-            yield task, function(task)
-
-
-# One thread per worker: the libraries below numpy must not divide the cores a second time.
-
-
-VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Environment variables that those libraries read when they are loaded."""
+def check_version(sent: str) -> None:
+    """Raises RunError where a worker has another version of the package than the sender."""
+    installed = version("tolevo")
+    if sent != installed:
+        raise RunError(f"a worker has tolevo {installed}, this is {sent}: install the same everywhere")
 
 
 def pinned() -> AbstractContextManager[object]:
@@ -310,47 +332,6 @@ def _begin() -> None:
 def _follow(parent: Any) -> None:
     connection.wait([parent.sentinel])
     os._exit(ORPHANED)
-
-
-# Where the work of a command is done, as it was asked for.
-
-
-@dataclass(frozen=True, slots=True)
-class Execution:
-    """`[execution]` of a configuration, or the options of a command: no result depends on it.
-
-    `workers` are processes of this machine, `dask` the address of a scheduler instead of them,
-    `block_rows` the rows of a block of a table; None where nothing is stated.
-    """
-
-    workers: int | None = None
-    dask: str = ""
-    block_rows: int | None = None
-    dask_place: str = "--dask"
-    """Where the address stands, as faults name it."""
-    store: str = ""
-    """Address of the database in which several machines keep what has ended; empty for files."""
-    store_place: str = "--store"
-
-
-# Objects that are sent to workers: pickled once, built once, and of the same version.
-
-
-KEPT = 4
-"""Objects that a worker keeps built."""
-
-
-@lru_cache(maxsize=KEPT)
-def built(content: bytes) -> Any:
-    """The pickled object; the next task with the same one finds it built."""
-    return pickle.loads(content)
-
-
-def check_version(sent: str) -> None:
-    """Raises RunError where a worker has another version of the package than the sender."""
-    installed = version("tolevo")
-    if sent != installed:
-        raise RunError(f"a worker has tolevo {installed}, this is {sent}: install the same everywhere")
 
 
 def executor_of(execution: Execution | int, dask: str = "") -> Executor:

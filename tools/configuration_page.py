@@ -11,6 +11,7 @@ from typing import Any
 from tolevo import registry
 
 from .configuration_keys import NAME, Key, all_keys
+from .declared_pages import of_the_project
 
 TEXTS = Path(__file__).with_name("keys.toml")
 FILES = {"run": "run", "gap": "gap", "study": "study", "claims": "reproduce"}
@@ -22,7 +23,8 @@ its type, its range and its choices. A key that is not here is a fault, and the 
 nearest one. `{NAME}` stands for a name of your own or of a variable, output or column. A number
 with a unit may also be written as text with any unit of the same dimension, such as `"2 um"`
 ([units](units_and_counts.md)). `--set key=value` changes any key from the command line. `tolevo
-check CONFIG` prints a configuration with all its defaults.
+check CONFIG` prints a configuration with all its defaults. Names of `[parameters]` and `[variables]`:
+[variables, outputs and parameters](names.md).
 """
 
 
@@ -39,7 +41,7 @@ def configuration_page() -> str:
     for table in tables:
         parts += [f"## `{heading(table, keys)}`\n", texts[table] + _read_by(keys[table]) + "\n",
                   *_rows(keys, texts, table, tables)]  # fmt: skip
-    parts += [*_plugins(), *_parameters()]
+    parts += _plugins()
     return "\n".join(parts)
 
 
@@ -86,11 +88,6 @@ def _read_by(key: Key) -> str:
     return f" Read by {', '.join(f'`{one}`' for one in files)}." if files and len(files) < 4 else ""
 
 
-def _ours(group: str) -> list[str]:
-    entries = registry.listing()[group]
-    return [one["name"] for one in entries if one["origin"].startswith("tolevo ")]
-
-
 def _plugins() -> Iterable[str]:
     """Algorithms, cost curves, distributions and designs with their own keys."""
     titles = {"algorithms": "Algorithms", "curves": "Cost curves",
@@ -98,49 +95,13 @@ def _plugins() -> Iterable[str]:
     for group, title in titles.items():
         yield f"## {title}\n"
         yield "| name | keys and defaults | what it is |\n|---|---|---|"
-        for name in _ours(group):
+        for name in of_the_project(group):
             kind = registry.load(group, name)
-            own = ", ".join(_field(one) for one in fields(kind)) or "none"
-            yield f"| `{name}` | {own} | {registry.describe(group, name)} |"
+            keys = ", ".join(_field(one) for one in fields(kind)) or "none"
+            yield f"| `{name}` | {keys} | {registry.describe(group, name)} |"
         yield ""
 
 
 def _field(one: Any) -> str:
     plain = isinstance(one.default, int | float | str)
     return f"`{one.name}`" + (f" = {one.default}" if plain else "")
-
-
-def _parameters() -> Iterable[str]:
-    """The parameters and variables that every problem and model declares."""
-    for group, title in (("problems", "Problem"), ("models", "Model")):
-        for name in _ours(group):
-            kind = registry.load(group, name)
-            declared = kind.declaration if group == "problems" else kind
-            if not declared.parameters:
-                continue
-            yield f"## {title} `{name}`\n"
-            yield "| parameter | default | unit | meaning |\n|---|---|---|---|"
-            for one in declared.parameters:
-                mark = " (assumed)" if one.assumed else ""
-                text = " ".join(one.meaning.split()).replace("|", "\\|")
-                yield f"| `{one.name}` | {_default(one.default)} | {one.unit} | {text}{mark} |"
-            yield ""
-            yield from _variables(declared)
-
-
-def _default(value: object) -> str:
-    if isinstance(value, float):
-        return f"{value:g}"
-    text = ", ".join(map(_default, value)) if isinstance(value, tuple) else str(value)
-    return text if len(text) < 60 else "see `tolevo check`"
-
-
-def _variables(kind: Any) -> Iterable[str]:
-    declared = getattr(kind, "variables", ())
-    if not isinstance(declared, tuple) or not declared:
-        return
-    yield "| variable | unit | is | range | meaning |\n|---|---|---|---|---|"
-    for one in declared:
-        text = " ".join(one.meaning.split()).replace("|", "\\|")
-        yield f"| `{one.name}` | {one.unit} | {one.kind} | {one.low:g} to {one.high:g} | {text} |"
-    yield ""

@@ -1,7 +1,8 @@
-"""Licences of everything that an installation with all extras brings along: docs/licences.md.
+"""Licences of everything that an installation with all extras brings along: docs/licences.csv.
 
-`python tools/licences.py` writes the page, `--check` fails where an installed package is not on it
-or has a licence that nobody has looked at. Packages of other versions of Python may stay on it.
+`python tools/licences.py` writes the table and the page docs/licences.md, `--check` fails where an
+installed package is not in the table or has a licence that nobody has looked at. Packages of other
+versions of Python may stay in it.
 """
 
 from __future__ import annotations
@@ -14,28 +15,24 @@ from pathlib import Path
 
 from packaging.requirements import Requirement
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "licences.md"
-EXTRAS = ("fast", "gap", "postgres", "report", "study")
+TABLE = Path(__file__).resolve().parents[1] / "docs" / "licences.csv"
+PAGE = TABLE.with_suffix(".md")
+EXTRAS = ("fast", "gap", "report", "study")
 BY_HAND = {"graphemeu": "MIT"}
 """Licences of packages whose metadata do not say: read in their files."""
-KNOWN = {"moocore": "LGPL-2.1-or-later", "psycopg": "LGPL-3.0-only", "psycopg-binary": "LGPL-3.0-only"}
+KNOWN = {"moocore": "LGPL-2.1-or-later"}
 """Licences that ask for more than to be named; what follows from them stands on the page."""
 PERMISSIVE = re.compile(r"MIT|BSD|Apache|ISC|PSF|Python Software Foundation|Unlicense|Zlib|HPND|0BSD|PIL|MPL-2|CC0")
 HEAD = """# Licences
 
-tolevo is MIT. At run time it uses the packages below (with the extras {extras});
-none of them is part of its wheel. All are permissive but two: **moocore is under the LGPL,
-version 2.1 or later, and psycopg (the extra `postgres` alone) under the LGPL, version 3**. They
-are called at run time, as libraries that may be replaced: moocore for hypervolumes and sorting of
-fronts, psycopg for a store in PostgreSQL. Who passes tolevo on together with them, in a container
-or a frozen application, passes on their licences, their sources or an offer of them, and a way to
-replace them. psycopg-binary contains libpq (PostgreSQL licence) and OpenSSL (Apache-2.0).
+tolevo is MIT. At run time it uses the packages in [licences.csv](licences.csv) (with the extras {extras});
+none of them is part of its wheel. All are permissive but one: **moocore is under the LGPL,
+version 2.1 or later**. It is called at run time, as a library that may be replaced, for hypervolumes
+and sorting of fronts. Who passes tolevo on together with it, in a container or a frozen application,
+passes on its licence, its source or an offer of it, and a way to replace it.
 
-`python tools/licences.py` writes this page from the installed packages; `make lint` fails where
-one of them is missing here or comes under a licence that nobody has looked at.
-
-| package | licence | needed by |
-|---|---|---|
+`python tools/licences.py` writes page and table from the installed packages; `make lint` fails where
+one of them is missing or comes under a licence that nobody has looked at.
 """
 
 
@@ -81,26 +78,27 @@ def closure() -> dict[str, str]:
     return found
 
 
-def page() -> tuple[str, list[str]]:
-    """The text of the page, and the packages whose licence nobody has looked at."""
-    rows, doubted = [], []
+def table() -> tuple[str, list[str]]:
+    """The table as CSV, and the packages whose licence nobody has looked at."""
+    rows, doubted = ["package,licence,needed by\n"], []
     for name, parent in sorted(closure().items()):
         licence = licence_of(distribution(name))
-        rows.append(f"| {name} | {licence} | {parent} |\n")
+        rows.append(f'{name},"{licence}",{parent}\n')
         if KNOWN.get(name) != licence and not PERMISSIVE.search(licence):
             doubted.append(f"{name}: {licence}")
-    return HEAD.format(extras=", ".join(EXTRAS)) + "".join(rows), doubted
+    return "".join(rows), doubted
 
 
 def main() -> int:
-    """0 where the page is right."""
-    text, doubted = page()
+    """0 where the table is right."""
+    text, doubted = table()
     for one in doubted:
         print(f"a licence that nobody has looked at: {one}", file=sys.stderr)
     if "--check" not in sys.argv:
-        PAGE.write_text(text, encoding="utf-8")
-    elif missing := set(text.splitlines()) - set(PAGE.read_text("utf-8").splitlines()):
-        print(f"docs/licences.md lacks {sorted(missing)}: python tools/licences.py", file=sys.stderr)
+        TABLE.write_text(text, encoding="utf-8")
+        PAGE.write_text(HEAD.format(extras=", ".join(EXTRAS)), encoding="utf-8")
+    elif missing := set(text.splitlines()) - set(TABLE.read_text("utf-8").splitlines()):
+        print(f"docs/licences.csv lacks {sorted(missing)}: python tools/licences.py", file=sys.stderr)
         return 1
     return 1 if doubted else 0
 

@@ -1,7 +1,8 @@
 """Hook of mkdocs: the pages of the site that are made from the code.
 
-`configuration.md` has every key of a configuration, `commands.md` every command with its options;
-the list of decisions goes on their first page.
+`configuration.md` has every key of a configuration, `commands.md` every command with its options,
+`names.md` what problems and models declare, `library.md` every effect; the list of decisions goes on
+their first page.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import typer
 
 from tolevo.cli import app
 from tools.configuration_page import configuration_page
+from tools.declared_pages import effects_page, names_page
 
 if TYPE_CHECKING:
     from mkdocs.config.defaults import MkDocsConfig
@@ -33,7 +35,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated pages."""
     from mkdocs.structure.files import File
 
-    made = {"configuration.md": configuration_page, "commands.md": commands_page}
+    made = {"configuration.md": configuration_page, "commands.md": commands_page,
+            "names.md": names_page, "library.md": effects_page}  # fmt: skip
     for name, page in made.items():
         files.append(File.generated(config, name, content=page()))
     return files

@@ -24,7 +24,7 @@ from benchmarks.gap.answers import Asked, Key, as_text, kept, missing
 from benchmarks.gap.asked import asked, count
 from benchmarks.gap.generator.records import BENCH_GROUPS, GROUPS
 from benchmarks.gap.namers.baselines import BASELINES
-from benchmarks.gap.page import families, page, parts_of, written
+from benchmarks.gap.page import details, families, page, parts_of, written
 from benchmarks.gap.scoring.scorer import figures
 from benchmarks.gap.trial import NAMERS, lines, namer_of, printed, scored
 
@@ -134,6 +134,7 @@ def main(argv: Sequence[str]) -> int:
             if own:
                 head = f"{name}, {family}: {len(own)} records"
                 sys.stdout.write(f"\n{head}\n{printed(figures(own))}\n")
+    sys.stdout.write(f"\n{text}\n" if (text := details(answers)) else "")
     return 0
 
 

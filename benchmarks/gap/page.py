@@ -41,14 +41,15 @@ def goal(value: float, one: Figure) -> str:
     return f"{'<=' if one.at_most else '>='} {text}"
 
 
-def cell(one: Figure) -> str:
-    """A figure with its interval, of how many, and where it is not met, that."""
+def cell(one: Figure, name: str) -> str:
+    """A figure of a method, and where it is not met, that; with interval and number but for baselines."""
     if one.count == 0:
         return "-"
     low, high = number(one.low, one.rate), number(one.high, one.rate)
     word = "" if one.met else f" {one.word}"
     unit = " %" if one.rate else ""
-    return f"{number(one.value, one.rate)}{unit} [{low}, {high}] of {one.count}{word}"
+    sample = "" if name in BASELINES else f" [{low}, {high}] of {one.count}"
+    return f"{number(one.value, one.rate)}{unit}{sample}{word}"
 
 
 def figure_table(answers: Answers) -> str:
@@ -57,7 +58,7 @@ def figure_table(answers: Answers) -> str:
     every = {name: one for column in columns.values() for name, one in column.items()}
     lines = [
         [name, goal(one.must, one), goal(one.aim, one),
-         *(cell(column[name]) if name in column else "-" for column in columns.values())]
+         *(cell(column[name], by) if name in column else "-" for by, column in columns.items())]
         for name, one in every.items()
     ]  # fmt: skip
     return table(["figure", "must", "aim", *columns], lines)
@@ -80,7 +81,7 @@ def dominant_table(answers: Answers) -> str:
     if not columns:
         return ""
     lines = [
-        [same[0].name, goal(same[0].must, same[0]), goal(same[0].aim, same[0]), *map(cell, same)]
+        [same[0].name, goal(same[0].must, same[0]), goal(same[0].aim, same[0]), *map(cell, same, columns)]
         for same in zip(*columns.values(), strict=True)
     ]
     return table(["figure", "must", "aim", *columns], lines)
@@ -178,18 +179,23 @@ def of_bench(answers: Answers) -> list[str]:
     parts = ["### Figures", figure_table(bench)]
     if text := dominant_table(bench):
         parts += ["### Beside a dominant effect", text]
-    if any(name in BASELINES for name in bench):
-        parts += ["### Where the baselines fail", baseline_table(bench)]
-    for name, found in bench.items():
-        parts += [] if name in BASELINES else in_detail(name, found)
     return parts
+
+
+def details(answers: Answers) -> str:
+    """What the figures of all methods are made of, for the terminal."""
+    parts = ["### Where the baselines fail", baseline_table(answers)] if set(answers) & set(BASELINES) else []
+    for name, found in answers.items():
+        if name not in BASELINES and (own := [one for one in found if one.truth.group in BENCH_GROUPS]):
+            parts += in_detail(name, own)
+    return "\n\n".join(parts)
 
 
 def page(answers: Answers, seconds: Mapping[str, Sequence[float]], command: str) -> str:
     """All tables, under the command that made them."""
     parts = [f"By `{command}`. In brackets the 95 % interval (of the first line, 90 %: its upper "
-             "end is the bound that is judged), then of how many records, or of how many names "
-             "given.", *of_bench(answers)]  # fmt: skip
+             "end is the bound that is judged), then of how many records, or of how many effects "
+             "given; of the baselines the value alone.", *of_bench(answers)]  # fmt: skip
     for name, found in answers.items():
         parts += of_models(name, found)
     return "\n\n".join([*parts, "### Time", "CPU seconds per record.", time_table(seconds)])

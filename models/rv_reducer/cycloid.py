@@ -32,7 +32,7 @@ def coefficients(geometry: RvGeometry) -> dict[str, float]:
 
     Twice the relative sensitivities that document B prints: with the factor two the printed
     e z_c/(2 a_0) of the crank bearing agrees with the printed phi_3, the printed optimum with the
-    printed 0.11', and exact geometry with the formula (docs/decisions/0003).
+    printed 0.11', and exact geometry with the formula (docs/decisions/0030).
     """
     k1, flank = geometry.k1, geometry.flank
     return {

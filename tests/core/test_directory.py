@@ -6,16 +6,15 @@ import json
 import os
 import socket
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tolevo.directory import MANIFEST, UNFINISHED, Ownership, holders, owned, ownership, standing
+from tolevo.directory import MANIFEST, UNFINISHED, Ownership, holders, owned, standing
 from tolevo.directory.lock import LOCK, Held, acquire, hold
 from tolevo.directory.standing import KINDS, digest, kind_of, read_manifest, read_unfinished, write_unfinished
-from tolevo.errors import InputError, RunError
+from tolevo.errors import InputError
 from tolevo.files import write_text
 
 
@@ -103,11 +102,11 @@ def test_what_is_not_to_be_replaced_is_looked_for_under_the_lock(out: Path) -> N
 
 def test_a_look_at_the_lock_is_no_owner(tmp_path: Path) -> None:
     """While somebody looks who holds it, a start waits for a moment instead of giving up."""
-    looking = hold(tmp_path / LOCK, 2)
+    looking = hold(tmp_path / LOCK)
     assert looking is not None
     timer = threading.Timer(0.05, os.close, (looking,))
     timer.start()
-    acquire(tmp_path, "run", patience=5.0).release()
+    acquire(tmp_path, "run").release()
     timer.join()
 
 
@@ -118,87 +117,9 @@ def test_a_lock_file_that_was_taken_away_is_no_lock(tmp_path: Path) -> None:
     first.release()
     second = acquire(tmp_path, "run")
     with pytest.raises(Held):
-        acquire(tmp_path, "run", patience=0.0)
+        acquire(tmp_path, "run")
     second.release()
     os.close(late)
-
-
-# ---------------------------------------------------------------- those that share
-
-
-def test_helpers_share_and_the_last_one_completes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ownership, "READY", 0.0)
-    out = tmp_path / "out"
-    with owned(out, "study", resume=True, shared=True) as one:
-        one.begin()
-        made(one, "study.sqlite")
-        with pytest.raises(InputError, match="is in use"), owned(out, "study", resume=True, shared=True):
-            pass  # not yet: the first one is still getting it ready
-        one.share()
-        with owned(out, "study", resume=True, shared=True) as two:
-            assert two.joined
-            with pytest.raises(InputError, match="is in use"), owned(out, "study", overwrite=True, shared=True):
-                pass
-            with pytest.raises(InputError, match="is in use"), owned(out, "run", resume=True):
-                pass
-        assert one.exclude()
-        made(one, "study.csv")
-        one.complete()
-    assert standing(out).complete
-    assert LOCK not in names(out)
-
-
-def test_a_helper_waits_until_the_first_one_is_ready(tmp_path: Path) -> None:
-    """Two that are started at the same moment with --resume, as on a cluster, both work."""
-    out, joined = tmp_path / "out", list[bool]()
-
-    def help_() -> None:
-        with owned(out, "study", resume=True, shared=True) as place:
-            joined.append(place.joined)
-
-    helper = threading.Thread(target=help_)
-    with owned(out, "study", resume=True, shared=True) as place:
-        helper.start()
-        time.sleep(0.5)  # longer than a look at the lock takes
-        assert joined == []
-        place.begin()
-        place.share()
-        helper.join()
-    assert joined == [True]
-
-
-def test_of_two_that_end_together_one_completes(tmp_path: Path) -> None:
-    """Both let go of their share before they ask for the whole, or they would wait for ever."""
-    out, mine = tmp_path / "out", list[bool]()
-
-    def end(place: Ownership) -> None:
-        mine.append(place.exclude())
-        if mine[-1]:
-            place.complete()
-        place.release()
-
-    with owned(out, "study", resume=True, shared=True) as one:
-        one.begin()
-        one.share()
-        with owned(out, "study", resume=True, shared=True) as two:
-            threads = [threading.Thread(target=end, args=(place,)) for place in (one, two)]
-            for thread in threads:
-                thread.start()
-            for thread in threads:
-                thread.join()
-    assert sorted(mine) == [False, True]
-    assert standing(out).complete
-    assert LOCK not in names(out)
-
-
-def test_who_began_anew_meanwhile_is_not_written_over(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    with owned(out, "study", resume=True, shared=True) as place:
-        place.begin()
-        place.share()
-        write_unfinished(out, "study", "another token")
-        with pytest.raises(RunError, match="was taken by another command meanwhile"):
-            place.exclude()
 
 
 # ---------------------------------------------------------------- what is retired

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
-from tests.postgres import Server, server
 from tolevo.algorithms.exact import bounds as between
 from tolevo.commands.gap import gap as write
 
@@ -27,15 +24,3 @@ def without_figures() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(write, "drawings", lambda result: ())
         yield
-
-
-@pytest.fixture(scope="session")
-def postgres() -> Iterator[Server]:
-    with server() as found:
-        yield found
-
-
-@pytest.fixture
-def schema(tmp_path: Path) -> str:
-    """The name of a schema for one test."""
-    return re.sub(r"\W", "_", f"s_{tmp_path.name}_{tmp_path.parent.name}".lower())[:60]

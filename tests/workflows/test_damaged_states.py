@@ -194,17 +194,6 @@ def test_a_changed_identity_is_refused(finished: Path, database: Path, key: str,
     assert str(caught.value).startswith(f"{database}: cannot be read: ")
 
 
-def test_names_of_claims_may_be_anything(finished: Path, database: Path) -> None:
-    for number, name in enumerate((b"\xff", b"../x\x00y", b"")):
-        text = "INSERT INTO claims VALUES (?, CAST(? AS TEXT), 9e99)"
-        changed(database, text, number, name)
-    changed(database, "DELETE FROM runs WHERE number < 3")
-    outcome = study(read_study(finished / "study.toml"), database.parent, InProcess(), resume=True)
-    assert outcome.status == "done"
-    there, whole = (one / "study.csv" for one in (database.parent, finished / "out"))
-    assert there.read_bytes() == whole.read_bytes()
-
-
 def test_bytes_changed_anywhere_in_a_database(finished: Path, database: Path) -> None:
     """Refused, or what was lost is done again: the table is the same in every case."""
     out, whole = database.parent, database.read_bytes()

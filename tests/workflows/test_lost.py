@@ -1,6 +1,6 @@
 """What dies in the middle of a study or of an evaluation: no result is lost or doubled.
 
-Workers are killed at twenty moments, the Dask scheduler and PostgreSQL at ten, in either. The
+Workers are killed at twenty moments, the Dask scheduler at ten, in either. The
 moments are shares of the work, so that all of them fall into its middle whatever else the machine
 does.
 """
@@ -21,7 +21,6 @@ import pytest
 
 import tolevo
 from tests.dask_daemons import cluster, worker
-from tests.postgres import Server
 from tolevo.commands.evaluate import GRAIN
 from tolevo.commands.study.configuration import read_study
 from tolevo.commands.study.storage import DATABASE
@@ -64,18 +63,8 @@ class Work(ABC):
     def result(self, out: Path) -> bytes:
         """The table."""
 
-    @abstractmethod
-    def kept(self, postgres: Server, schema: str) -> list[tuple[Any, ...]]:
-        """The numbers of what a store holds."""
-
     def sound(self, out: Path) -> None:
         assert self.result(out) == self.whole
-
-    def sound_in(self, postgres: Server, schema: str) -> None:
-        """Every part is in a store once, and no claim is left."""
-        rows = self.kept(postgres, schema)
-        assert len(rows) == len(set(rows)) == self.total
-        assert postgres.ask(schema, "SELECT * FROM claims") == []
 
 
 class Studied(Work):
@@ -87,22 +76,17 @@ class Studied(Work):
 
     def do(self, out: Path, report: Any = None, resume: bool = False, **where: Any) -> None:
         executor = executor_of(where.get("workers", 1), where.get("dask", ""))
-        study(self.plan, out, executor, report, resume, store=where.get("store", ""))
+        study(self.plan, out, executor, report, resume)
 
     def result(self, out: Path) -> bytes:
         return (out / "study.csv").read_bytes()
-
-    def kept(self, postgres: Server, schema: str) -> list[tuple[Any, ...]]:
-        return postgres.ask(schema, "SELECT point, replicate FROM runs")
 
     def sound(self, out: Path) -> None:
         super().sound(out)
         connection = sqlite3.connect(out / DATABASE)
         rows = connection.execute("SELECT point, replicate FROM runs").fetchall()
-        claims = connection.execute("SELECT * FROM claims").fetchall()
         connection.close()
         assert len(rows) == len(set(rows)) == self.total
-        assert claims == []
 
 
 class Evaluated(Work):
@@ -122,9 +106,6 @@ class Evaluated(Work):
 
     def result(self, out: Path) -> bytes:
         return out.with_suffix(".csv").read_bytes()
-
-    def kept(self, postgres: Server, schema: str) -> list[tuple[Any, ...]]:
-        return postgres.ask(schema, "SELECT number FROM blocks")
 
 
 @pytest.fixture(scope="module", params=[Studied, Evaluated])
@@ -200,17 +181,3 @@ def test_the_scheduler_is_killed_at_ten_moments(work: Work, tmp_path: Path) -> N
         assert len(striking.struck) == 1
     work.do(tmp_path / "out", resume=True)
     work.sound(tmp_path / "out")
-
-
-def test_postgresql_is_killed_at_ten_moments(work: Work, postgres: Server, schema: str, tmp_path: Path) -> None:
-    """By SIGKILL to all of its processes, while two workers compute."""
-
-    def strike() -> None:
-        postgres.kill()
-        postgres.start()
-
-    striking = Striking(strike, moments(10))
-    work.do(tmp_path / "out", striking, workers=2, store=postgres.store(schema))
-    assert len(striking.struck) == 10
-    assert work.result(tmp_path / "out") == work.whole
-    work.sound_in(postgres, schema)

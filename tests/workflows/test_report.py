@@ -15,7 +15,7 @@ from typer.testing import CliRunner, Result
 from tolevo.algorithms.archive import CURVE
 from tolevo.cli import app
 from tolevo.commands.comparison import compared
-from tolevo.commands.study.storage import Database, Site
+from tolevo.commands.study.storage import DATABASE, Database
 from tolevo.commands.study.trial import RunRecord
 from tolevo.directory import MANIFEST
 from tolevo.directory.standing import write_unfinished
@@ -195,7 +195,7 @@ def test_a_study_without_its_page_data_says_what_to_do(tmp_path: Path) -> None:
 
 
 def of_a_study(folder: Path) -> None:
-    with Database(Site(folder).backend(), 2, ()) as database:
+    with Database(folder / DATABASE, 2, ()) as database:
         empty = np.empty((0, len(CURVE)))
         database.record([RunRecord(at, 0, 0, "done", "", 1, 0.0, {}, empty) for at in range(2)])
 

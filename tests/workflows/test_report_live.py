@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from tolevo.algorithms.archive import CURVE
 from tolevo.cli import app
 from tolevo.commands.report import Report, report, watch
-from tolevo.commands.study.storage import Database, Site
+from tolevo.commands.study.storage import DATABASE, Database
 from tolevo.commands.study.trial import RunRecord
 from tolevo.directory.standing import write_unfinished
 
@@ -21,7 +21,7 @@ RENEWS = 'http-equiv="refresh" content="5"'
 
 def ended(folder: Path, *gaps: tuple[int, float]) -> None:
     """Runs of a study that have ended: point of the design and gap."""
-    with Database(Site(folder).backend(), 2, ("gap_percent",)) as database:
+    with Database(folder / DATABASE, 2, ("gap_percent",)) as database:
         before = len(database.runs(10**6))
         database.record([
             RunRecord(point, before + at, 0, "done", "", 1, 0.0, {"gap_percent": gap},

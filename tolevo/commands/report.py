@@ -38,7 +38,7 @@ from .reproduce.records import ClaimsResult
 from .run.answers import FORMAT, TABLES
 from .run.front import CHECKPOINT
 from .study.plan import RESPONSES
-from .study.storage import site_of
+from .study.storage import DAMAGE, DATABASE, Database, Unusable
 
 __all__ = ["Report", "report", "watch"]
 
@@ -154,19 +154,12 @@ def _replicates(folder: Path) -> dict[str, pd.DataFrame]:
 
 def _runs(folder: Path) -> pd.DataFrame:
     """The runs of a study that have ended, with their responses; none where nothing can be read."""
-    from sqlalchemy import select
-
-    from ..store.backend import DAMAGE, Foreign, Newer
-    from ..store.store import Store
-    from ..store.tables import RUNS
-
-    columns = [RUNS.c.point, *(RUNS.c[name] for name in RESPONSES)]
     try:
-        with Store(site_of(folder).backend(reading=True), reading=True) as store:
-            rows = store.read(lambda connection: connection.execute(select(*columns)).all())
-    except (*DAMAGE, Foreign, Newer, InputError):
+        with Database(folder / DATABASE, reading=True) as database:
+            rows = database.responses_by_point()
+    except (*DAMAGE, Unusable):
         rows = []
-    return pd.DataFrame([tuple(row) for row in rows], columns=[column.name for column in columns])
+    return pd.DataFrame(rows, columns=["point", *RESPONSES])
 
 
 # The files of a result directory, read with a remark for everything that is wrong with them.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, fields, is_dataclass, replace
 from math import inf
 from typing import Any, get_type_hints
@@ -14,7 +14,6 @@ from ..arguments import choice_faults
 from ..errors import Fault
 from ..execution import Execution, unreachable
 from ..section import BLOCK_ROWS, EVALUATIONS, GENERATIONS, PLAIN, POINTS, POSITIVE, Range, Section, too_many
-from ..store.faults import store_faults
 from .plugins import load_named
 from .source import EXECUTION, Source, parsed_tables
 
@@ -160,25 +159,31 @@ def resolved_algorithm(name: str, algorithm: AlgorithmSettings, engine: str, bud
 # its hash contains it.
 
 
+GONE = (
+    "is no key any more: machines no longer share a database; leave it out, and name a Dask scheduler by "
+    "execution.dask or --dask, whose workers may be on any machines"
+)
+
+
 class Usual(int):
     """A command's default number of processes, which a configuration may override."""
 
 
-def read_execution(
-    source: Source, overrides: Sequence[str], options: Execution, keeps: bool = False
-) -> tuple[Execution, list[Fault]]:
+def read_execution(source: Source, overrides: Sequence[str], options: Execution) -> tuple[Execution, list[Fault]]:
     """Where to compute: by the `options` or, where they state nothing, by the configuration.
 
-    Returns every fault, including those of a Dask scheduler that does not answer and, for a command
-    that `keeps` blocks or runs, of a store that does not. A configuration that cannot be read at
-    all is reported by its own reader.
+    Returns every fault, including those of a Dask scheduler that does not answer. A configuration
+    that cannot be read at all is reported by its own reader.
     """
     faults: list[Fault] = []
-    section = Section(parsed_tables(source, overrides), "", faults).section(EXECUTION)
+    tables = parsed_tables(source, overrides)
+    section = Section(tables, "", faults).section(EXECUTION)
     dask = section.text("dask") or ""
     workers = section.integer("workers", Range(low=1), None)
     block_rows = section.integer("block_rows", Range(low=1), BLOCK_ROWS)
-    store = section.text("store") or ""
+    if isinstance(stated := tables.get(EXECUTION), Mapping) and "store" in stated:
+        section.accept(["store"])
+        section.fault("store", GONE)
     section.finish()
     if dask and workers is not None:
         section.fault("dask", "is a scheduler with its own workers; leave out workers")
@@ -194,11 +199,7 @@ def read_execution(
         execution = replace(execution, workers=None)
     if execution.block_rows is None and block_rows is not None:
         execution = replace(execution, block_rows=block_rows)
-    if not execution.store and store:
-        execution = replace(execution, store=store, store_place=section.place("store"))
     faults += unreachable(execution)
-    if execution.store and (keeps or execution.store == store):
-        faults += store_faults(execution.store, execution.store_place, look=keeps)
     return execution, faults
 
 

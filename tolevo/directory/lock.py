@@ -9,24 +9,18 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-import re
-import shutil
 import socket
 import time
-from collections.abc import Callable, Iterable
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
-from typing import Any, TypeVar
-
-from ..files import PART
+from typing import Any
 
 LOCK = ".tolevo-lock"
 OTHER = "another process"
 PATIENCE = 0.3
 """Time [s] within which another process has finished testing the lock."""
 STEP = 0.02
-Outcome = TypeVar("Outcome")
 
 
 class Held(Exception):
@@ -34,32 +28,13 @@ class Held(Exception):
 
 
 class Lock:
-    """The lock on a directory, of one process or shared with others that do the same."""
+    """The lock on a directory, signed by the command that holds it."""
 
-    def __init__(self, path: Path, handle: int, exclusive: bool, command: str) -> None:
+    def __init__(self, path: Path, handle: int, command: str) -> None:
         self.path = path
-        self.exclusive = exclusive
         self.command = command
         self._handle: int | None = handle
         self._sign()
-
-    def share(self) -> None:
-        """Share the lock with others. Raises Held where another process took it meanwhile."""
-        handle = self._handle
-        if handle is None or not self.exclusive:
-            return
-        self.exclusive = False
-        if not patient(lambda: _flock(handle, fcntl.LOCK_SH) or None):
-            self._let_go()
-            raise Held(holders(self.path.parent) or OTHER)
-
-    def exclude(self, patience: float) -> None:
-        """Wait until no process shares any more. Raises Held where that takes longer."""
-        if self.exclusive:
-            return
-        self._let_go()  # two processes that both kept it would wait for each other
-        taken = acquire(self.path.parent, self.command, patience=patience)
-        self._handle, taken._handle, self.exclusive = taken._handle, None, True
 
     def holds(self) -> bool:
         """Whether the lock is still that of the directory, and not of one that was removed."""
@@ -69,13 +44,9 @@ class Lock:
             return False
 
     def release(self) -> None:
-        """Release the lock; its last holder removes the file."""
-        handle = self._handle
-        if handle is not None and self.holds() and (self.exclusive or _flock(handle, fcntl.LOCK_EX)):
+        """Release the lock, and remove its file."""
+        if self.holds():
             self.path.unlink(missing_ok=True)
-        self._let_go()
-
-    def _let_go(self) -> None:
         if self._handle is not None:
             os.close(self._handle)
         self._handle = None
@@ -90,37 +61,26 @@ class Lock:
         }
         handle = self._handle
         assert handle is not None
-        if self.exclusive:
-            os.ftruncate(handle, 0)
-        os.lseek(handle, 0, os.SEEK_END)
+        os.ftruncate(handle, 0)
         with suppress(OSError):  # on a full disk the lock holds without its entry
             os.write(handle, json.dumps(entry).encode() + b"\n")
 
 
-def acquire(folder: Path, command: str, sharing: Callable[[], bool] | None = None, patience: float = PATIENCE) -> Lock:
-    """The lock on `folder` for a `tolevo <command>`, shared only where `sharing` allows it.
+def acquire(folder: Path, command: str) -> Lock:
+    """The lock on `folder` for a `tolevo <command>`.
 
     Raises Held where another process has it, OSError where no file can be made there.
     """
-    path = folder / LOCK
-
-    def attempt() -> Lock | None:
-        if (handle := hold(path, fcntl.LOCK_EX)) is not None:
-            return Lock(path, handle, True, command)
-        if sharing is not None and (handle := hold(path, fcntl.LOCK_SH)) is not None:
-            if sharing():
-                return Lock(path, handle, False, command)
-            os.close(handle)
-        return None
-
-    lock = patient(attempt, patience)
-    if lock is None:
-        raise Held(holders(folder) or OTHER)
-    return lock
+    until = time.monotonic() + PATIENCE
+    while (handle := hold(folder / LOCK)) is None:
+        if time.monotonic() >= until:
+            raise Held(holders(folder) or OTHER)
+        time.sleep(STEP)
+    return Lock(folder / LOCK, handle, command)
 
 
-def hold(path: Path, kind: int) -> int | None:
-    """A handle on `path` with a lock on it, None where another process holds a lock.
+def hold(path: Path) -> int | None:
+    """A handle on `path` with a lock on it, None where another process holds it.
 
     The file is made where there is none. A file that its last holder removed meanwhile does not
     count: the next process would lock another file.
@@ -128,7 +88,7 @@ def hold(path: Path, kind: int) -> int | None:
     while True:
         handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
         try:
-            if not _flock(handle, kind):
+            if not _flock(handle):
                 os.close(handle)
                 return None
             same = os.path.samestat(os.fstat(handle), os.stat(path))
@@ -151,7 +111,7 @@ def is_held(path: Path) -> bool:
     except OSError:
         return False
     try:
-        return not _flock(handle, fcntl.LOCK_EX)
+        return not _flock(handle)
     except OSError:  # a file system that locks only what can be written
         return False
     finally:
@@ -165,11 +125,6 @@ def holders(folder: Path) -> str:
     return " and ".join(map(_words, _entries(folder))) or OTHER
 
 
-def commands(folder: Path) -> set[str]:
-    """The commands of those who work in a directory, as far as they have signed."""
-    return {entry["command"] for entry in _entries(folder)}
-
-
 def _entries(folder: Path) -> list[dict[str, Any]]:
     """What the living holders have signed with."""
     with suppress(OSError, ValueError):
@@ -178,17 +133,9 @@ def _entries(folder: Path) -> list[dict[str, Any]]:
     return []
 
 
-def patient(attempt: Callable[[], Outcome | None], seconds: float = PATIENCE) -> Outcome | None:
-    """What `attempt` returns; while it is None, it is tried again for so many seconds."""
-    until = time.monotonic() + seconds
-    while (outcome := attempt()) is None and time.monotonic() < until:
-        time.sleep(STEP)
-    return outcome
-
-
-def _flock(handle: int, kind: int) -> bool:
+def _flock(handle: int) -> bool:
     try:
-        fcntl.flock(handle, kind | fcntl.LOCK_NB)
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     return True
@@ -209,28 +156,3 @@ def _alive(entry: dict[str, Any]) -> bool:
 
 def _words(entry: dict[str, Any]) -> str:
     return f"`tolevo {entry['command']}` (process {entry['pid']} on {entry['host']}, since {entry['since']})"
-
-
-# Leftovers of killed processes: files that were being written, by their names.
-
-
-OLDER = re.compile(r"\.(?P<name>.+)\.[a-z0-9_]{8}")
-"""As earlier versions named them."""
-
-
-def is_part(name: str, known: Callable[[str], bool]) -> bool:
-    """Whether a file or folder is the beginning of one that is `known`."""
-    match = PART.fullmatch(name) or OLDER.fullmatch(name)
-    return match is not None and known(match["name"])
-
-
-def sweep(folders: Iterable[Path], known: Callable[[str], bool]) -> None:
-    """Remove the leftovers in directories that no other process writes into."""
-    for folder in folders:
-        for path in folder.iterdir():
-            if not is_part(path.name, known):
-                continue
-            if path.is_dir() and not path.is_symlink():
-                shutil.rmtree(path, ignore_errors=True)
-            else:
-                path.unlink(missing_ok=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import secrets
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -11,7 +10,7 @@ from pathlib import Path
 from ..errors import Fault, InputError, RunError, StorageError, TolevoError, raise_all, refuse
 from ..files import cause, is_folder
 from ..interrupts import keeps
-from .lock import PATIENCE, Held, Lock, acquire, commands, holders, sweep
+from .lock import Held, Lock, acquire, holders
 from .standing import (
     KINDS,
     MANIFEST,
@@ -26,6 +25,7 @@ from .standing import (
     present,
     read_unfinished,
     standing,
+    sweep,
     write_manifest,
     write_unfinished,
 )
@@ -36,10 +36,6 @@ UNCHANGED = (
     "cannot be written ({}: {}): nothing was changed; {} and run the same command again, or name another directory"
 )
 GONE = "{} was removed while the command worked in it, and what it held is lost: run the same command again"
-READY = 60.0
-"""Time [s] within which a command whose result can be shared has begun or completed it."""
-LAST = 600.0
-"""Time [s] to wait for the last others that share a directory."""
 
 
 class Ownership:
@@ -56,9 +52,7 @@ class Ownership:
         self._lock = lock
         self._made = made
         self._token = ""
-        self.begun = self.joined
-        if self.begun:
-            keeps(self._kept)
+        self.begun = False
 
     @property
     def blank(self) -> bool:
@@ -70,11 +64,6 @@ class Ownership:
         here = self.standing
         same_command = here.unfinished is not None and here.command == self.command
         return same_command and not present(self.folder, KINDS[self.command].state)
-
-    @property
-    def joined(self) -> bool:
-        """Whether others may be at work on the same result, so that nothing may be retired."""
-        return not self._lock.exclusive
 
     def check(self, resume: bool, overwrite: bool, apart: Sequence[str] = ()) -> None:
         """Check what is there. Raises InputError where it cannot be continued or replaced."""
@@ -89,7 +78,7 @@ class Ownership:
             text = f"{self.folder} holds the result of `tolevo {here.command}`; name another "
             raise refuse("--resume", f"{text}directory, or --overwrite")
         self._token = here.unfinished.token if here.unfinished is not None else ""
-        if not self.joined and here.unfinished is not None and here.unfinished.retiring:
+        if here.unfinished is not None and here.unfinished.retiring:
             self._retire(here.unfinished.retiring)
             self.standing = standing(self.folder, apart)
 
@@ -130,25 +119,6 @@ class Ownership:
         if names:
             write_unfinished(self.folder, self.command, self._token)
 
-    def share(self) -> None:
-        """Let other processes join in the same result."""
-        try:
-            self._lock.share()
-        except Held as holder:
-            raise RunError(f"{self.folder} {BUSY.format(holder)}") from None
-        self._still_ours()
-
-    def exclude(self) -> bool:
-        """Wait until all other processes have ended; whether this process completes the result."""
-        try:
-            self._lock.exclude(LAST)
-        except Held as holder:
-            raise RunError(f"{self.folder} {BUSY.format(holder)}") from None
-        if (self.folder / MANIFEST).exists():
-            return False
-        self._still_ours()
-        return True
-
     def complete(self, status: str = "done") -> None:
         """Mark what has been written as a complete set."""
         if not self._lock.holds():
@@ -172,34 +142,22 @@ class Ownership:
         text = f"{path} cannot be written: {reason}; {kept}"
         return StorageError(f"{text}; {remedy}, then run the same command with --resume")
 
-    def _still_ours(self) -> None:
-        """Raises RunError where another process began anew while the lock was passed on."""
-        mark = _mark(self.folder)
-        if mark is None or mark.token != self._token:
-            text = f"{self.folder} was taken by another command meanwhile"
-            raise RunError(f"{text}; name another directory, or start again with --overwrite")
-
 
 @contextmanager
 def owned(
-    folder: Path,
-    command: str,
-    resume: bool = False,
-    overwrite: bool = True,
-    shared: bool = False,
-    apart: Sequence[str] = (),
+    folder: Path, command: str, resume: bool = False, overwrite: bool = True, apart: Sequence[str] = ()
 ) -> Iterator[Ownership]:
     """Hold the directory of a result for a `tolevo <command>`, made where there is none.
 
-    With `resume` its result is continued, and where `shared` others may be at work on it. The files
-    in `apart` check themselves. Raises InputError where another process holds it, where it is not
-    empty and neither `resume` nor `overwrite` is given, or where its files do not belong together;
-    RunError where a file cannot be written later on.
+    With `resume` its result is continued. The files in `apart` check themselves. Raises InputError
+    where another process holds it, where it is not empty and neither `resume` nor `overwrite` is
+    given, or where its files do not belong together; RunError where a file cannot be written later
+    on.
     """
     raise_all(irregular(folder))
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
-        lock = _taken(folder, command, shared and resume)
+        lock = _taken(folder, command)
     except OSError as error:
         _unmade(made)
         if (why := cause(error)) is None:
@@ -222,23 +180,15 @@ def owned(
         held.release()
 
 
-def _taken(folder: Path, command: str, shared: bool) -> Lock:
-    def same() -> bool:
-        """Whether its holders run the same command."""
-        mark = _mark(folder)
-        return mark is not None and mark.command == command
-
-    until = time.monotonic() + READY
+def _taken(folder: Path, command: str) -> Lock:
     while True:
         folder.mkdir(parents=True, exist_ok=True)
         try:
-            return acquire(folder, command, same if shared else None, PATIENCE)
+            return acquire(folder, command)
         except FileNotFoundError:  # its last owner had not needed it, and removed it
             continue
         except Held as holder:
-            soon = shared and command in commands(folder) and time.monotonic() < until
-            if not soon:
-                raise refuse("--out", f"{folder} {BUSY.format(holder)}") from None
+            raise refuse("--out", f"{folder} {BUSY.format(holder)}") from None
 
 
 def _mark(folder: Path) -> Unfinished | None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+import re
+import shutil
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from importlib.metadata import version
@@ -12,8 +14,8 @@ from os.path import lexists
 from pathlib import Path
 
 from ..errors import Fault
-from ..files import is_file, is_folder, not_a_file, read_record, write_record
-from .lock import LOCK, holders, is_part
+from ..files import PART, is_file, is_folder, not_a_file, read_record, write_record
+from .lock import LOCK, holders
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +61,7 @@ KINDS: Mapping[str, Kind] = {
         state=("study.sqlite", "study.sqlite-wal", "study.sqlite-shm", "store.json"),
         files=(
             "study.sqlite",
-            "store.json",
+            "store.json",  # of 0.2.0: its runs are in a database elsewhere
             "config.toml",
             "curves.parquet",
             "study.csv",
@@ -161,10 +163,36 @@ def is_output_file(name: str) -> bool:
     )
 
 
-# The mark of a complete result: the SHA-256 of every file but pages and figures.
+# leftovers of killed processes: files that were being written
+
+OLDER = re.compile(r"\.(?P<name>.+)\.[a-z0-9_]{8}")
+"""As earlier versions named them."""
+
+
+def is_part(name: str, known: Callable[[str], bool]) -> bool:
+    """Whether a file or folder is the beginning of one that is `known`."""
+    match = PART.fullmatch(name) or OLDER.fullmatch(name)
+    return match is not None and known(match["name"])
+
+
+def sweep(folders: Iterable[Path], known: Callable[[str], bool]) -> None:
+    """Remove the leftovers in directories that no other process writes into."""
+    for folder in folders:
+        for path in folder.iterdir():
+            if not is_part(path.name, known):
+                continue
+            if path.is_dir() and not path.is_symlink():
+                shutil.rmtree(path, ignore_errors=True)
+            else:
+                path.unlink(missing_ok=True)
+
+
+# The marks of results: a manifest, with the SHA-256 of every file but pages and figures, of a complete one;
+# another mark of one that is being made or was interrupted.
 
 
 MANIFEST = "manifest.json"
+UNFINISHED = "unfinished.json"
 FORMAT = 1
 ANEW = "restore the original file, or start again with --overwrite"
 AS_IT_IS = "to show the files as they are, remove manifest.json"
@@ -231,12 +259,6 @@ def digest(path: Path) -> str:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError:
         return ""
-
-
-# The mark of a result that is being made or was interrupted: its files are not complete.
-
-
-UNFINISHED = "unfinished.json"
 
 
 @dataclass(frozen=True, slots=True)

@@ -87,16 +87,14 @@ def table(plan: StudyPlan, tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 
 def sound(out: Path, plan: StudyPlan, table: bytes) -> None:
-    """The same table, every run once in the database, no claim left."""
+    """The same table, every run once in the database."""
     assert (out / "study.csv").read_bytes() == table
     connection = sqlite3.connect(out / DATABASE)
     try:
         rows = connection.execute("SELECT point, replicate FROM runs").fetchall()
-        claims = connection.execute("SELECT COUNT(*) FROM claims").fetchone()[0]
     finally:
         connection.close()
     assert len(rows) == len(set(rows)) == plan.total
-    assert claims == 0
 
 
 def ended(out: Path) -> int:
@@ -190,19 +188,20 @@ def server() -> multiprocessing.context.ForkServerContext:
     return context
 
 
-@pytest.mark.slow
-def test_two_processes_share_a_study(plan: StudyPlan, table: bytes, tmp_path: Path) -> None:
-    """Each does some of the runs, none is done twice, and both end with the files."""
-    arguments = (plan, tmp_path, InProcess(), None, True)
-    other = server().Process(target=study, args=arguments)
-    other.start()
-    wait_until(lambda: ended(tmp_path) > 0)
-    done: list[int] = []
-    outcome = study(plan, tmp_path, InProcess(), lambda state: done.append(state.running), True)
-    other.join()
-    assert outcome.status == "done"
-    assert other.exitcode == 0
-    assert 0 < sum(running > 0 for running in done) < plan.total
+def test_a_second_process_is_refused_and_changes_nothing(
+    config: Path, plan: StudyPlan, table: bytes, tmp_path: Path
+) -> None:
+    """A directory has one owner: a second command says who it is, and the first one goes on."""
+    second: list[Any] = []
+
+    def report(state: StudyProgress) -> None:
+        if state.done and not second:
+            words = [sys.executable, "-m", "tolevo", "study", config, "--out", tmp_path, "--quiet", "--resume"]
+            second.append(subprocess.run([str(word) for word in words], capture_output=True, text=True, check=False))
+
+    assert study(plan, tmp_path, InProcess(), report).status == "done"
+    assert second[0].returncode == 2
+    assert f"--out: {tmp_path} is in use by `tolevo study` (process {os.getpid()} on" in second[0].stderr
     sound(tmp_path, plan, table)
 
 

@@ -14,7 +14,7 @@ from scipy.stats import binom
 
 from tolevo.commands.study.configuration import read_study
 from tolevo.commands.study.plan import StudyPlan
-from tolevo.commands.study.storage import Database, Site
+from tolevo.commands.study.storage import DATABASE, Database
 from tolevo.commands.study.study import ALPHA, behind, looks, study, trailing_settings
 from tolevo.commands.study.trial import Surveying
 from tolevo.errors import InputError, RunError
@@ -165,7 +165,7 @@ def test_a_real_study_is_raced_the_same_wherever_it_runs(plan: StudyPlan, tmp_pa
     third = Late()
     study(plan, tmp_path / "b", third, resume=True)
     assert (again.surveys, third.surveys) == (1, 0)  # never again
-    with Database(Site(tmp_path / "b").backend(), len(plan.points), plan.settings.responses) as kept:
+    with Database(tmp_path / "b" / DATABASE, len(plan.points), plan.settings.responses) as kept:
         assert len(kept.yardsticks()) == 1
 
 

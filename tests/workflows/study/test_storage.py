@@ -19,13 +19,13 @@ from typer.testing import CliRunner, Result
 from tolevo.cli import app
 from tolevo.commands.study.configuration import read_study
 from tolevo.commands.study.plan import StudyOutcome
-from tolevo.commands.study.storage import DATABASE
+from tolevo.commands.study.storage import DATABASE, FORMAT
 from tolevo.commands.study.study import study
 from tolevo.directory import KINDS, MANIFEST, owned, standing
-from tolevo.directory.standing import present
+from tolevo.directory.standing import present, write_unfinished
 from tolevo.errors import InputError
 from tolevo.execution import InProcess
-from tolevo.store.tables import FORMAT
+from tolevo.files import write_record
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 
@@ -159,12 +159,12 @@ CREATE TABLE claims (number INTEGER PRIMARY KEY, owner TEXT NOT NULL);
 CREATE TABLE yardsticks (problem INTEGER PRIMARY KEY, value TEXT NOT NULL);
 PRAGMA application_id = 1953264500;
 """
-"""The tables as versions 1 and 2 made them."""
+"""The tables as versions 1 to 3 made them, as far as they are read."""
 
 
-@pytest.mark.parametrize("version", [1, 2])
+@pytest.mark.parametrize("version", [1, 2, 3])
 def test_a_database_of_an_older_version_is_gone_on_with(config: Path, out: Path, version: int) -> None:
-    """All of its runs count, a claim of a process that is gone does not, a lost run is done."""
+    """All of its runs count, a claim does not, a lost run is done; the tables stay as they were."""
     table = (out / "study.csv").read_bytes()
     (out / DATABASE).rename(out / "new")
     connection = sqlite3.connect(out / DATABASE)
@@ -187,10 +187,39 @@ def test_a_database_of_an_older_version_is_gone_on_with(config: Path, out: Path,
     assert done[0] == RUNS - 1
     assert (out / "study.csv").read_bytes() == table
     connection = sqlite3.connect(out / DATABASE)
-    assert connection.execute("PRAGMA user_version").fetchone() == (FORMAT,)
-    assert connection.execute("SELECT * FROM claims").fetchall() == []
+    assert connection.execute("PRAGMA user_version").fetchone() == (version,)
     assert connection.execute("SELECT value FROM meta WHERE key = 'sha256'").fetchone() is not None
     connection.close()
+
+
+@pytest.mark.parametrize("resume", ["--resume", "--overwrite"])
+def test_runs_in_a_postgresql_database_are_left_to_the_version_that_reads_them(
+    config: Path, out: Path, resume: str
+) -> None:
+    """A directory of 0.2.0 whose study was in a store that machines shared."""
+    table = (out / "study.csv").read_bytes()
+    for path in out.glob("*"):
+        path.unlink()
+    write_record(out / "store.json", {"store": "postgresql://me@host/db?schema=s", "directory": "0123"})
+    write_unfinished(out, "study", "0123")
+    before = sorted((path.name, path.read_bytes()) for path in out.iterdir())
+    result = command(config, out, resume)
+    if resume == "--resume":
+        assert result.exit_code == 2
+        assert "are in a PostgreSQL database (see store.json): continue it with tolevo 0.2.0" in result.stderr
+        assert sorted((path.name, path.read_bytes()) for path in out.iterdir()) == before
+    else:
+        assert (out / "study.csv").read_bytes() == table
+        assert not (out / "store.json").exists()
+
+
+@pytest.mark.parametrize("kept", ['execution.store="postgresql://me@host/db"', 'execution.store=""'])
+def test_a_store_that_machines_share_is_refused_with_a_remedy(config: Path, tmp_path: Path, kept: str) -> None:
+    result = command(config, tmp_path / "new", "--set", kept)
+    assert result.exit_code == 2
+    assert result.stderr.startswith("execution.store: is no key any more")
+    assert "name a Dask scheduler by execution.dask or --dask" in result.stderr
+    assert not (tmp_path / "new").exists()
 
 
 def test_a_newer_database_is_refused(config: Path, out: Path) -> None:

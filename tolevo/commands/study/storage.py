@@ -1,48 +1,300 @@
-"""The store of a study: one row per run as soon as it ends."""
+"""The store of a study: its runs, each written as it ends, in one SQLite file of its directory.
+
+The process that owns the directory is the only one that writes. A transaction in a write-ahead log
+is there whole or not at all, whenever the process is killed.
+"""
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
-import secrets
+import os
+import sqlite3
 import struct
 import tomllib
 import zlib
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
-from functools import partial
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import asdict
 from itertools import count
 from math import isnan, nan
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from sqlalchemy import Connection, Select, delete, func, select
 
 from ...algorithms.archive import CURVE, Box
-from ...errors import Fault, InputError, raise_all, refuse
-from ...files import loads, read_record, sealed_record, unsealed_record, write_record
+from ...errors import Fault, InputError, StorageError, raise_all, refuse
+from ...execution import Closing
+from ...files import REASONS, loads, sealed_record, unsealed_record
 from ...section import differences as changes
 from ...section import flat
-from ...store.address import read_address
-from ...store.backend import DAMAGE, Backend, Foreign, Newer, reason
-from ...store.faults import not_ours
-from ...store.sqlite_file import SqliteFile
-from ...store.store import Store
-from ...store.tables import RUNS, STUDY, TABLE, YARDSTICKS
 from .plan import RESPONSES, StudyPlan, Yardstick
 from .trial import RunRecord
 
-# A run as a row of the database, with a checksum, and back.
-
-
-COLUMNS = ("point", "replicate", "seed", "status", "reason", "evaluations", "cpu_s", *RESPONSES, "curve")
-"""Columns of a run in addition to its number and its checksum."""
+DATABASE = "study.sqlite"
+CONFIGURATION = "config.toml"
+ELSEWHERE = "store.json"
+"""Says, in a directory of tolevo 0.2.0, that the runs are in a PostgreSQL database."""
+RESTART = "start again with --overwrite"
+FORMAT = 4
+"""Version of the tables; a newer one is refused. 3 and earlier ones had further tables, which are left alone."""
+SEALED = 2
+"""Version of the tables from which on there is a digest of what the store belongs to."""
+APPLICATION = 0x746C7374
+"""SQLite's mark of the program that owns a file."""
+DAMAGE = (sqlite3.Error, UnicodeDecodeError)
+"""What a damaged database may raise."""
+HINDRANCES = {
+    sqlite3.SQLITE_FULL: REASONS[errno.ENOSPC],
+    sqlite3.SQLITE_IOERR: ("the disk reports an error, or is full", "make room or mend the disk"),
+    sqlite3.SQLITE_READONLY: REASONS[errno.EROFS],
+    sqlite3.SQLITE_CANTOPEN: ("it cannot be opened or made", "see to the permissions"),
+    sqlite3.SQLITE_PERM: REASONS[errno.EACCES],
+    sqlite3.SQLITE_BUSY: ("another process holds it", "wait for that"),
+    sqlite3.SQLITE_LOCKED: ("another process holds it", "wait for that"),
+    sqlite3.SQLITE_NOMEM: ("there is not enough memory", "make room"),
+}
+"""Errors that do not concern the content of a database: why, and what helps."""
+COLUMNS = {
+    "number": "INTEGER PRIMARY KEY",
+    "point": "INTEGER NOT NULL",
+    "replicate": "INTEGER NOT NULL",
+    "seed": "INTEGER NOT NULL",
+    "status": "TEXT NOT NULL",
+    "reason": "TEXT NOT NULL",
+    "evaluations": "INTEGER",
+    "cpu_s": "REAL",
+    **dict.fromkeys(RESPONSES, "REAL"),
+    "curve": "BLOB",
+    "checksum": "INTEGER",
+}
+"""Columns of a run: a row has its values in this order. What is not a number is NULL."""
+TABLES = {
+    "meta": {"key": "TEXT PRIMARY KEY", "value": "TEXT NOT NULL"},
+    "runs": COLUMNS,
+    "yardsticks": {"problem": "INTEGER PRIMARY KEY", "value": "BLOB NOT NULL"},
+}
+RUNS = f"SELECT {', '.join(COLUMNS)} FROM runs"
+IDENTITY, POINTS, SEAL = "configuration", "points", "sha256"
+"""What a store says of its study: the resolved configuration, a hash of the design, and the digest
+of both.
+"""
+GROWS = "seeds"
+"""The only key of the runs that may differ in the command that resumes a study, upwards."""
+HYPOTHESES = "reading"
+"""The key of what is only tested on the runs."""
+SHOWN = 12
+"""Lost runs that are named one by one."""
 Row = tuple[Any, ...]
 
 
+class Unusable(Exception):
+    """A store that another program, or a newer version, has written; the text says which."""
+
+
+class Unopened(Exception):
+    """A store that may be sound cannot be opened: its path, the cause, and the remedy."""
+
+
+class Database(Closing):
+    """The open store of a study of `points` points.
+
+    A run's number is replicate * points + point, so that more replicates change no number. Missing
+    tables are created unless it is only read (`reading`). Raises Unusable, or `DAMAGE`, where it
+    cannot be opened, StorageError where nothing can be written; what is in it stays.
+    """
+
+    def __init__(self, path: Path, points: int = 0, responses: tuple[str, ...] = (), reading: bool = False) -> None:
+        self.path = path
+        self.points = points
+        self.responses = responses
+        self._connection = _connected(path, reading)
+        try:
+            self.format = self._version()
+            if not self.format and not reading:
+                with self._transaction():
+                    self._make()
+        except BaseException:
+            self._connection.close()
+            raise
+
+    def _version(self) -> int:
+        """The version of the tables, 0 where there is none."""
+        application, version = self._value("PRAGMA application_id"), self._value("PRAGMA user_version")
+        if application == APPLICATION and version > FORMAT:
+            raise Unusable(
+                f"was written by a newer version of tolevo (format {version}, this one reads up to {FORMAT}): "
+                "update tolevo, or name another directory"
+            )
+        tables = self._value("SELECT COUNT(*) FROM sqlite_schema")
+        if tables and application != APPLICATION:
+            raise Unusable("is not the database of a study; name another directory")
+        return int(version) if tables else 0
+
+    def _make(self) -> None:
+        for table, columns in TABLES.items():
+            unique = ", UNIQUE (point, replicate)" if table == "runs" else ""
+            named = ", ".join(f"{name} {kind}" for name, kind in columns.items())
+            self._connection.execute(f"CREATE TABLE {table} ({named}{unique})")
+        self._connection.execute(f"PRAGMA application_id = {APPLICATION}")
+        self._connection.execute(f"PRAGMA user_version = {FORMAT}")
+        self.format = FORMAT
+
+    def close(self) -> None:
+        self._connection.close()
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        """What is executed here is written whole or not at all."""
+        self._connection.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+            self._connection.execute("COMMIT")
+        except BaseException:
+            with suppress(sqlite3.Error):  # a full disk has ended the transaction already
+                self._connection.execute("ROLLBACK")
+            raise
+
+    def _write(self, statement: str, rows: Sequence[Sequence[Any]]) -> None:
+        """Execute a statement for each row, for all of them or for none."""
+        try:
+            with self._transaction():
+                self._connection.executemany(statement, rows)
+        except sqlite3.Error as error:
+            why, remedy = hindrance(error) or (reason(error), "mend that")
+            text = f"cannot be written: {why}; {remedy}, then run the same command with --resume"
+            raise StorageError(f"{self.path} {text}") from error
+
+    def _rows(self, statement: str, *values: object) -> list[Row]:
+        return self._connection.execute(statement, values).fetchall()
+
+    def _value(self, statement: str, *values: object) -> Any:
+        row = self._connection.execute(statement, values).fetchone()
+        return None if row is None else row[0]
+
+    # what it belongs to
+
+    def meta(self, key: str) -> str:
+        """What the store says of its study, by `key`; empty for a new store."""
+        return str(self._value("SELECT value FROM meta WHERE key = ?", key) or "")
+
+    def set_meta(self, values: Mapping[str, str]) -> None:
+        """Write what the store belongs to."""
+        self._write("INSERT OR REPLACE INTO meta VALUES (?, ?)", list(values.items()))
+
+    # runs
+
+    def count(self, total: int) -> tuple[int, int]:
+        """Runs done and failed of the first `total` numbers."""
+        statement = "SELECT COUNT(*), COUNT(*) FILTER (WHERE status = 'failed') FROM runs WHERE number < ?"
+        ((ended, failed),) = self._rows(statement, total)
+        return ended - failed, failed
+
+    def missing(self, total: int) -> list[int]:
+        """Numbers of the runs that have not ended, by point and replicate."""
+        ended = {number for (number,) in self._rows("SELECT number FROM runs")}
+        open_numbers = (number for number in range(total) if number not in ended)
+        return sorted(open_numbers, key=lambda number: (number % self.points, number // self.points))
+
+    def damaged(self) -> list[int]:
+        """Numbers of the rows whose checksum is wrong. Raises DatabaseError where pages or tables are damaged."""
+        if self._value("PRAGMA integrity_check(1)") != "ok":
+            raise sqlite3.DatabaseError("pages are damaged")
+        for table, columns in TABLES.items():
+            if columns.keys() - {row[1] for row in self._rows(f"PRAGMA table_info({table})")}:
+                raise sqlite3.DatabaseError("its tables are not those of a study")
+        return [row[0] for row in self._connection.execute(RUNS) if not is_intact(row)]
+
+    def runs(self, total: int) -> list[RunRecord]:
+        """The runs that have ended, by point and replicate."""
+        return [record_of(row) for row in self._rows(f"{RUNS} WHERE number < ? ORDER BY point, replicate", total)]
+
+    def of_point(self, point: int, total: int) -> list[RunRecord]:
+        """The runs of one setting that have ended, by replicate."""
+        chosen = f"{RUNS} WHERE point = ? AND number < ? ORDER BY replicate"
+        return [record_of(row) for row in self._rows(chosen, point, total)]
+
+    def row(self, number: int) -> Row | None:
+        """The row of a run as it is, None where there is none."""
+        row: Row | None = self._connection.execute(f"{RUNS} WHERE number = ?", (number,)).fetchone()
+        return row
+
+    def responses_by_point(self) -> list[Row]:
+        """Point and responses, in the order of `RESPONSES`, of every run that has ended."""
+        return self._rows(f"SELECT point, {', '.join(RESPONSES)} FROM runs")
+
+    def record(self, runs: Iterable[RunRecord]) -> None:
+        """Write the runs that have ended; one that is there already stays as it is."""
+        self.insert([row_of(run.replicate * self.points + run.point, run, self.responses) for run in runs])
+
+    def insert(self, rows: Sequence[Row]) -> None:
+        """Write rows, those of another store as well."""
+        self._write(f"INSERT OR IGNORE INTO runs ({', '.join(COLUMNS)}) VALUES ({', '.join('?' * len(COLUMNS))})", rows)
+
+    def forget(self, numbers: Iterable[int]) -> None:
+        """Drop rows, so that the runs are done again."""
+        self._write("DELETE FROM runs WHERE number = ?", [(number,) for number in numbers])
+
+    # yardsticks
+
+    def yardsticks(self) -> dict[int, Yardstick]:
+        """The yardsticks of the problems, by their number in the plan.
+
+        One that is not as it was written is left out, and computed again.
+        """
+        rows = self._rows("SELECT problem, value FROM yardsticks")
+        measures = {number: _yardstick(value, number) for number, value in rows}
+        return {number: measure for number, measure in measures.items() if measure is not None}
+
+    def keep_yardstick(self, problem: int, yardstick: Yardstick) -> None:
+        """Keep the yardstick of a problem."""
+        record = asdict(yardstick.box) | {"value": yardstick.value, "bound": yardstick.bound}
+        value = json.dumps(sealed_record(record, of=str(problem))).encode()
+        self._write("INSERT OR REPLACE INTO yardsticks VALUES (?, ?)", [(problem, value)])
+
+
+def _connected(path: Path, reading: bool) -> sqlite3.Connection:
+    if reading:
+        connection = sqlite3.connect(f"file:{path}?mode=ro", uri=True, isolation_level=None)
+        connection.execute("PRAGMA writable_schema = ON")  # a file cut short is read all the same
+        return connection
+    os.close(os.open(path, os.O_RDWR | os.O_CREAT, 0o666))  # SQLite would not keep to the umask
+    connection = sqlite3.connect(path, isolation_level=None)
+    try:
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute("PRAGMA synchronous = NORMAL")
+    except BaseException:
+        connection.close()
+        raise
+    return connection
+
+
+def reason(error: BaseException) -> str:
+    """The first line of a message."""
+    return str(error).strip().partition("\n")[0]
+
+
+def hindrance(error: BaseException) -> tuple[str, str] | None:
+    """Why a sound store cannot be opened or written, and the remedy; None for damage."""
+    code = getattr(error, "sqlite_errorcode", 0)
+    return None if code == sqlite3.SQLITE_IOERR_SHORT_READ else HINDRANCES.get(code & 0xFF)
+
+
+def _yardstick(content: bytes | str, problem: int) -> Yardstick | None:
+    try:
+        record = unsealed_record(loads(content), of=str(problem))
+    except (TypeError, ValueError):
+        return None
+    return Yardstick(Box(tuple(record["ideal"]), tuple(record["nadir"])), record["value"], record["bound"])
+
+
+# a run as a row, and back
+
+
 def row_of(number: int, run: RunRecord, wanted: tuple[str, ...]) -> Row:
-    """The row of a run: number, `COLUMNS`, checksum. What is not a number is NULL."""
+    """The row of a run, with a checksum."""
     values = [_null(run.responses[name]) if name in wanted else None for name in RESPONSES]
     curve = zlib.compress(np.ascontiguousarray(run.curve, dtype="<f8").tobytes(), 1)
     reason = run.reason.encode("utf-8", "replace").decode().replace("\0", "\ufffd")
@@ -54,7 +306,7 @@ def row_of(number: int, run: RunRecord, wanted: tuple[str, ...]) -> Row:
 def is_intact(row: Row) -> bool:
     """Whether a row is as it was written."""
     try:
-        return len(row) == len(COLUMNS) + 2 and bool(row[-1] == checksum(row[:-1]))
+        return len(row) == len(COLUMNS) and bool(row[-1] == checksum(row[:-1]))
     except (TypeError, ValueError, struct.error):
         return False
 
@@ -91,236 +343,55 @@ def _number(value: float | None) -> float:
     return nan if value is None else float(value)
 
 
-# Runs, claims and yardsticks of one study.
+# opening: a new store, that of an interrupted study, or a damaged file
 
 
-NAMES = ("number", *COLUMNS, "checksum")
-ALL = select(*(RUNS.c[name] for name in NAMES))
-WINDOW = 1000
-"""Runs that are looked up at once."""
+def check_resumable(folder: Path) -> None:
+    """Raises InputError where a directory does not hold the store of a study."""
+    if (folder / DATABASE).is_file():
+        return
+    if (folder / ELSEWHERE).is_file():
+        raise refuse(
+            "--resume",
+            f"the runs of {folder} are in a PostgreSQL database (see {ELSEWHERE}): continue it with tolevo 0.2.0 "
+            "(pip install 'tolevo[postgres]==0.2.0'), name another directory, or give --overwrite",
+        )
+    raise refuse("--resume", f"{folder} holds no {DATABASE} of a study; name another directory, or --overwrite")
 
 
-class Database(Store):
-    """The open store of a study of `points` points.
-
-    A run's number is replicate * points + point, so that more replicates change no number. A run
-    is claimed before it is begun, so that no other process begins it; the claim ends with the
-    process, or a while after its machine did. Raises RunError where nothing can be written; what
-    is in it stays.
-    """
-
-    def __init__(
-        self, backend: Backend, points: int, responses: tuple[str, ...], prefix: str = "", reading: bool = False
-    ) -> None:
-        super().__init__(backend, prefix, reading)
-        self.points = points
-        self.responses = responses
-
-    # what has been done
-
-    def count(self, total: int) -> tuple[int, int]:
-        """Runs done and failed of the first `total` numbers."""
-        failed = func.count().filter(RUNS.c.status == "failed")
-        statement = select(func.count(), failed).where(RUNS.c.number < total)
-        ended, wrong = self.read(lambda connection: connection.execute(statement).one())
-        return ended - wrong, wrong
-
-    def missing(self, total: int) -> list[int]:
-        """Numbers of the runs that have not ended, by point and replicate."""
-        ended = self.read(lambda connection: {n for (n,) in connection.execute(select(RUNS.c.number))})
-        open_numbers = (number for number in range(total) if number not in ended)
-        return sorted(open_numbers, key=lambda number: (number % self.points, number // self.points))
-
-    def free(self, numbers: Sequence[int]) -> list[int]:
-        """The numbers, from the first free one on, that no process has done or is at work on."""
-        for at in range(0, len(numbers), WINDOW):
-            some = numbers[at : at + WINDOW]
-            taken = self.claimed(some) | self.read(partial(self.present, table=RUNS, numbers=some))
-            unclaimed = [number for number in some if number not in taken]
-            if unclaimed:
-                return [*unclaimed, *numbers[at + WINDOW :]]
-        return []
-
-    def damaged(self) -> list[int]:
-        """Numbers of the rows whose checksum is wrong. Raises DatabaseError where it is damaged."""
-
-        def look(connection: Connection) -> list[int]:
-            self.backend.check(connection, self.format)
-            rows = connection.execute(ALL).yield_per(WINDOW)
-            return [row[0] for row in map(tuple, rows) if not is_intact(row)]
-
-        return self.read(look)
-
-    def runs(self, total: int) -> list[RunRecord]:
-        """The runs that have ended, by point and replicate."""
-        return sorted(self._records(ALL.where(RUNS.c.number < total)), key=lambda run: (run.point, run.replicate))
-
-    def of_point(self, point: int, total: int) -> list[RunRecord]:
-        """The runs of one setting that have ended, by replicate."""
-        numbers, records = range(point, total, self.points), list[RunRecord]()
-        for at in range(0, len(numbers), WINDOW):
-            some = RUNS.c.number.in_(list(numbers[at : at + WINDOW]))
-            records += self._records(ALL.where(some))
-        return sorted(records, key=lambda run: run.replicate)
-
-    def _records(self, statement: Select[Any]) -> list[RunRecord]:
-        rows = self.read(lambda connection: [tuple(row) for row in connection.execute(statement)])
-        return [record_of(row) for row in rows]
-
-    def row(self, number: int) -> Row | None:
-        """The row of a run as it is, None where there is none."""
-        statement = ALL.where(RUNS.c.number == number)
-        stored = self.read(lambda connection: connection.execute(statement).one_or_none())
-        return None if stored is None else tuple(stored)
-
-    # what is to be done
-
-    def claim_runs(self, numbers: Iterable[int]) -> list[int]:
-        """Claim the runs that have not ended and that no living process has begun; returns them."""
-        return self.claim(numbers, RUNS)
-
-    def record(self, runs: Iterable[RunRecord]) -> int:
-        """Write the runs that have ended; one that is there already stays as it is.
-
-        Returns how many are new.
-        """
-        return self.insert([row_of(run.replicate * self.points + run.point, run, self.responses) for run in runs])
-
-    def insert(self, rows: Sequence[Row]) -> int:
-        """Write rows, those of another database as well; returns how many are new."""
-        numbers = [row[0] for row in rows]
-        values: list[dict[str, Any]] = [dict(zip(NAMES, row, strict=True)) for row in sorted(rows)]
-        statement = self.backend.insert(RUNS).on_conflict_do_nothing()
-
-        def work(connection: Connection) -> int:
-            stored = self.present(connection, RUNS, numbers)
-            if values:
-                connection.execute(statement, values)
-            self.finished(connection, numbers)
-            return len(set(numbers) - stored)
-
-        added = self.write(work)
-        self.let_go(numbers)
-        return added
-
-    def forget(self, numbers: Iterable[int]) -> None:
-        """Drop rows, so that the runs are done again."""
-        statement = delete(RUNS).where(RUNS.c.number.in_(list(numbers)))
-        self.write(lambda connection: connection.execute(statement))
-
-    # yardsticks
-
-    def yardsticks(self) -> dict[int, Yardstick]:
-        """The yardsticks of the problems, by their number in the plan.
-
-        One that is not as it was written is left out, and computed again.
-        """
-        statement = select(YARDSTICKS.c.problem, YARDSTICKS.c.value)
-        rows = self.read(lambda connection: connection.execute(statement).all())
-        measures = {number: _yardstick(value, number) for number, value in rows}
-        return {number: measure for number, measure in measures.items() if measure is not None}
-
-    def claim_yardstick(self, problem: int) -> bool:
-        """Whether no other process computes the yardstick of a problem: then this one may."""
-        return self.claim([_of(problem)], RUNS) != []
-
-    def keep_yardstick(self, problem: int, yardstick: Yardstick) -> None:
-        """Keep the yardstick of a problem."""
-        record = asdict(yardstick.box) | {"value": yardstick.value, "bound": yardstick.bound}
-        value = json.dumps(sealed_record(record, of=str(problem))).encode()
-        row = self.backend.insert(YARDSTICKS).values(problem=problem, value=value)
-        statement = row.on_conflict_do_update(index_elements=[YARDSTICKS.c.problem], set_={"value": row.excluded.value})
-
-        def work(connection: Connection) -> None:
-            connection.execute(statement)
-            self.finished(connection, [_of(problem)])
-
-        self.write(work)
-        self.let_go([_of(problem)])
-
-
-def _of(problem: int) -> int:
-    """The number under which the yardstick of a problem is claimed."""
-    return -1 - problem
-
-
-def _yardstick(content: bytes | str, problem: int) -> Yardstick | None:
-    try:
-        record = unsealed_record(loads(content), of=str(problem))
-    except (TypeError, ValueError):
-        return None
-    return Yardstick(Box(tuple(record["ideal"]), tuple(record["nadir"])), record["value"], record["bound"])
-
-
-# Names of the files in which a study stores its runs.
-
-
-DATABASE = "study.sqlite"
-PLACE = "store.json"
-"""Says that the runs are in a store that machines share, and where that is."""
-CONFIGURATION = "config.toml"
-
-
-# Opens the store of a study: a new one, that of an interrupted study, or a damaged file.
-
-
-IDENTITY, POINTS, SEAL = STUDY, "points", "sha256"
-"""What a database stores of its study: the resolved configuration, a hash of the design, and the
-digest of both.
-"""
-SEALED = 2
-"""Version of the tables from which on there is such a digest."""
-GROWS = "seeds"
-"""The only key of the runs that may differ in the command that resumes a study, upwards."""
-HYPOTHESES = "reading"
-"""The key of what is only tested on the runs."""
-SHOWN = 12
-"""Lost runs that are named one by one."""
-
-
-class Unopened(Exception):
-    """A database that may be sound cannot be opened: its path, the cause, and the remedy."""
-
-
-def opened(plan: StudyPlan, backend: Backend, alone: bool, prefix: str = "") -> tuple[Database, tuple[str, ...]]:
+def opened(plan: StudyPlan, path: Path) -> tuple[Database, tuple[str, ...]]:
     """The open store of a study, and what the user should know of it.
 
-    Where this process is `alone`, claims of earlier ones whose names begin with `prefix` are
-    dropped. Raises InputError where it belongs to another study, was written by a newer version,
-    or where nothing of it can be read, Unopened where the disk is full, no server answers, or it
-    cannot be written for another reason.
+    Raises InputError where it belongs to another study, was written by a newer version, or where
+    nothing of it can be read, Unopened where the disk is full or it cannot be written for another
+    reason.
     """
     try:
-        database, notes = _sound(backend, plan, prefix)
-    except (Newer, Foreign) as error:
-        raise refuse(backend.display_name, not_ours(error, backend)) from None
+        database, notes = _sound(path, plan)
+    except Unusable as error:
+        raise refuse(str(path), str(error)) from None
     except DAMAGE as error:
-        if why := backend.hindrance(error):
-            raise Unopened(backend.display_name, *why) from error
-        if not isinstance(backend, SqliteFile):
-            raise _unreadable(backend, reason(error)) from error
-        database, notes = _recovered(backend, plan, reason(error))
+        if why := hindrance(error):
+            raise Unopened(str(path), *why) from error
+        database, notes = _recovered(path, plan, reason(error))
     try:
-        while not _taken(database, plan):
-            pass  # another process has just written which study it belongs to
-        if alone:
-            database.drop_claims(prefix)
+        _take(database, plan)
     except DAMAGE as error:
         database.close()
-        raise _unreadable(backend, reason(error)) from error
+        raise _unreadable(path, reason(error)) from error
     except BaseException:
         database.close()
         raise
     return database, notes
 
 
-def _unreadable(backend: Backend, why: str) -> InputError:
-    return refuse(backend.display_name, f"cannot be read: {why}; {backend.restart}")
+def _unreadable(path: Path, why: str) -> InputError:
+    return refuse(str(path), f"cannot be read: {why}; {RESTART}")
 
 
-def _sound(backend: Backend, plan: StudyPlan, prefix: str) -> tuple[Database, tuple[str, ...]]:
-    """The database where its pages are sound; rows that were changed are forgotten, and named."""
-    database = _database(backend, plan, prefix)
+def _sound(path: Path, plan: StudyPlan) -> tuple[Database, tuple[str, ...]]:
+    """The store where its pages are sound; rows that were changed are forgotten, and named."""
+    database = _database(path, plan)
     try:
         wrong = database.damaged()
         if wrong:
@@ -328,67 +399,40 @@ def _sound(backend: Backend, plan: StudyPlan, prefix: str) -> tuple[Database, tu
     except BaseException:
         database.close()
         raise
-    runs = _runs_text(wrong, plan)
-    return database, ((f"{runs} of {backend.display_name} had been changed and are done again",) if wrong else ())
+    return database, ((f"{_runs_text(wrong, plan)} of {path} had been changed and are done again",) if wrong else ())
 
 
-def _database(backend: Backend, plan: StudyPlan, prefix: str = "") -> Database:
-    return Database(backend, len(plan.points), plan.settings.responses, prefix)
+def _database(path: Path, plan: StudyPlan) -> Database:
+    return Database(path, len(plan.points), plan.settings.responses)
 
 
-def identity_faults(database: Database, plan: StudyPlan) -> list[Fault]:
-    """What is wrong with taking the database for this study. Raises InputError where it says
-    nothing that can be read.
-    """
-    new, old, backend = plan.settings.configuration, database.meta(IDENTITY), database.backend
-    if database.meta(TABLE):
-        raise refuse(backend.display_name, f"holds a computed table; {backend.alternative}")
-    if not _seal_fits(database):
-        raise _unreadable(backend, "the identity of its study is damaged")
+def _take(database: Database, plan: StudyPlan) -> None:
+    """Have the store say that it belongs to this study. Raises InputError where it belongs to another."""
+    new, points = plan.settings.configuration, _points(plan)
+    old, drawn, seal = (database.meta(key) for key in (IDENTITY, POINTS, SEAL))
+    if not (seal == (_digest(old, drawn) if old or drawn else "") or (database.format < SEALED and not seal)):
+        raise _unreadable(database.path, "the identity of its study is damaged")
     if old and old != new:
         try:
-            faults = differences(old, new, backend.restart)
+            raise_all(differences(old, new))
         except tomllib.TOMLDecodeError as error:
-            raise _unreadable(backend, f"its configuration is damaged ({error})") from None
-        if faults:
-            return faults
-    if database.meta(POINTS) not in ("", _points(plan)):
+            raise _unreadable(database.path, f"its configuration is damaged ({error})") from None
+    if drawn not in ("", points):
         text = "its points are not those of the study to resume: the table, or the version of what "
-        return [Fault("design", f"{text}draws them, has changed; {backend.restart}")]
-    return []
-
-
-def _taken(database: Database, plan: StudyPlan) -> bool:
-    """Whether the database, brought up to this version, says that it belongs to this study.
-
-    Raises InputError where it belongs to another.
-    """
-    old = database.meta(IDENTITY)
-    raise_all(identity_faults(database, plan))
-    database.migrate()
-    new, points = plan.settings.configuration, _points(plan)
-    if (old, database.meta(POINTS)) == (new, points) and database.meta(SEAL):
-        return True
-    return database.set_meta({IDENTITY: new, POINTS: points, SEAL: _digest(new, points)}, IDENTITY, old)
+        raise refuse("design", f"{text}draws them, has changed; {RESTART}")
+    if (old, drawn) != (new, points) or not seal:
+        database.set_meta({IDENTITY: new, POINTS: points, SEAL: _digest(new, points)})
 
 
 def _points(plan: StudyPlan) -> str:
     return hashlib.sha256(plan.design.to_csv(index=False).encode()).hexdigest()
 
 
-def _seal_fits(database: Database) -> bool:
-    """Whether what the database stores of its study is as it was written."""
-    identity, points, seal = (database.meta(key) for key in (IDENTITY, POINTS, SEAL))
-    if database.format < SEALED and not seal:
-        return True
-    return seal == (_digest(identity, points) if identity or points else "")
-
-
 def _digest(identity: str, points: str) -> str:
     return hashlib.sha256(f"{identity}\n{points}".encode()).hexdigest()
 
 
-def differences(before: str, after: str, restart: str = SqliteFile.restart) -> list[Fault]:
+def differences(before: str, after: str) -> list[Fault]:
     """What makes a configuration (TOML) that of another study than one before."""
     tables = [tomllib.loads(text) for text in (before, after)]
     old, new = map(flat, tables)
@@ -397,19 +441,19 @@ def differences(before: str, after: str, restart: str = SqliteFile.restart) -> l
         if key == HYPOTHESES or (key == GROWS and new[key] > old[key]):
             continue
         hint = "it may only grow" if key == GROWS else "only seeds may grow"
-        faults.append(Fault(key, f"is {now}, but the study to resume has {was}: {hint}; undo the change, or {restart}"))
+        faults.append(Fault(key, f"is {now}, but the study to resume has {was}: {hint}; undo the change, or {RESTART}"))
     return faults
 
 
-def _recovered(backend: SqliteFile, plan: StudyPlan, error: str) -> tuple[Database, tuple[str, ...]]:
-    """A new database with every row of a damaged one that can be read and is as it was written."""
-    path = backend.path
+def _recovered(path: Path, plan: StudyPlan, error: str) -> tuple[Database, tuple[str, ...]]:
+    """A new store with every row of a damaged one that can be read and is as it was written."""
     identity, rows, holes = _salvaged(path, plan)
     if not rows:
-        raise refuse(str(path), f"is damaged ({error}) and none of its runs can be read: {backend.restart}")
-    identity = identity or _stored_configuration(path)
+        raise refuse(str(path), f"is damaged ({error}) and none of its runs can be read: {RESTART}")
+    with suppress(OSError, UnicodeDecodeError):  # the configuration in the same directory is the same
+        identity = identity or (path.parent / CONFIGURATION).read_text(encoding="utf-8")
     aside = _put_aside(path)
-    database = _database(SqliteFile(path), plan)
+    database = _database(path, plan)
     if identity:
         database.set_meta({IDENTITY: identity, SEAL: _digest(identity, "")})
     database.insert(rows)
@@ -421,7 +465,7 @@ def _recovered(backend: SqliteFile, plan: StudyPlan, error: str) -> tuple[Databa
 
 
 def _salvaged(path: Path, plan: StudyPlan) -> tuple[str, list[Row], list[int]]:
-    """Configuration, whole rows and unreadable numbers of a damaged database.
+    """Configuration, whole rows and unreadable numbers of a damaged store.
 
     Every number is looked up by itself, so that a damaged page hides its own rows only.
     """
@@ -429,16 +473,14 @@ def _salvaged(path: Path, plan: StudyPlan) -> tuple[str, list[Row], list[int]]:
     rows: list[Row] = []
     holes: list[int] = []
     try:
-        database = Database(SqliteFile(path, reading=True), len(plan.points), (), reading=True)
-    except (*DAMAGE, Newer, Foreign):
+        database = Database(path, len(plan.points), reading=True)
+    except (*DAMAGE, Unusable):
         return identity, rows, list(range(plan.total))
     with database:
-        try:
+        with suppress(*DAMAGE, ValueError):
             known = [database.meta(key) for key in (IDENTITY, POINTS)]
             if database.meta(SEAL) == _digest(*known):
                 identity = known[0]
-        except (*DAMAGE, ValueError):
-            pass  # the configuration in the same directory is the same
         for number in range(plan.total):
             try:
                 row = database.row(number)
@@ -451,15 +493,8 @@ def _salvaged(path: Path, plan: StudyPlan) -> tuple[str, list[Row], list[int]]:
     return identity, rows, holes
 
 
-def _stored_configuration(path: Path) -> str:
-    try:
-        return (path.parent / CONFIGURATION).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        return ""
-
-
 def _put_aside(path: Path) -> Path:
-    """Rename a damaged database, with its log."""
+    """Rename a damaged store, with its log."""
     aside = next(name for k in count(1) if not (name := path.with_name(f"{path.name}.damaged-{k}")).exists())
     path.rename(aside)
     for tail in ("-wal", "-shm"):
@@ -475,95 +510,3 @@ def _runs_text(numbers: list[int], plan: StudyPlan) -> str:
     some = [f"point {n % points} replicate {n // points}" for n in numbers[:SHOWN]]
     more = f" and {len(numbers) - SHOWN} more" if len(numbers) > SHOWN else ""
     return f"{len(numbers)} runs ({', '.join(some)}{more})"
-
-
-# Where the runs of a study are stored: in a file of its directory, or in a shared store.
-
-
-STORE, TOKEN = "store", "directory"
-ANOTHER = "name another directory, or give --overwrite"
-
-
-@dataclass(frozen=True, slots=True)
-class Site:
-    """The directory of a study and, where its runs are in a shared store, the address of that."""
-
-    folder: Path
-    address: str = ""
-
-    @property
-    def location(self) -> str:
-        """Where the runs are, as messages state it."""
-        return read_address(self.address).shown if self.address else str(self.folder)
-
-    def begin(self) -> None:
-        """Write to the directory where the runs are, and a token that marks its claims.
-
-        It tells a resumed study which claims belong to processes that are gone.
-        """
-        if self.address:
-            write_record(self.folder / PLACE, {STORE: self.location, TOKEN: secrets.token_hex(8)})
-
-    def check(self) -> None:
-        """Raises InputError where the directory does not hold a study that is kept there."""
-        placed, file = _placed(self.folder), (self.folder / DATABASE).is_file()
-        if placed is None and not file:
-            text = f"{self.folder} holds no {DATABASE} of a study; name another directory, or --overwrite"
-            raise refuse("--resume", text)
-        if placed is None and self.address:
-            text = f"the runs of {self.folder} are in its {DATABASE}: leave out --store, or"
-            raise refuse("--store", f"{text} {ANOTHER}")
-        if placed is not None and placed[STORE] != (self.location if self.address else ""):
-            text = f"the runs of {self.folder} are in {placed[STORE]}: name that, or"
-            raise refuse("--store", f"{text} {ANOTHER}")
-
-    def backend(self, reading: bool = False) -> Backend:
-        """The database."""
-        if self.address:
-            from ...store.postgresql import PostgreSQL
-
-            return PostgreSQL(read_address(self.address))
-        from ...store.sqlite_file import SqliteFile
-
-        return SqliteFile(self.folder / DATABASE, reading)
-
-    @property
-    def prefix(self) -> str:
-        """Beginning of the names under which processes of this directory claim runs."""
-        placed = _placed(self.folder)
-        return f"{placed[TOKEN]}-" if placed is not None else ""
-
-
-def site_of(folder: Path) -> Site:
-    """Where the runs of a study that was begun in a directory are."""
-    try:
-        placed = _placed(folder)
-    except InputError:
-        placed = None
-    return Site(folder, "" if placed is None else placed[STORE])
-
-
-def other_study(plan: StudyPlan, address: str, place: str) -> list[Fault]:
-    """A fault for each key in which the study of a store is another one; nothing is written."""
-    from ...store.backend import DAMAGE, reason
-
-    backend = Site(Path(), address).backend()
-    try:
-        with Database(backend, len(plan.points), (), reading=True) as database:
-            faults = identity_faults(database, plan) if database.format else []
-    except DAMAGE as error:
-        return [Fault(place, f"{backend.display_name} cannot be read: {reason(error)}")]
-    except InputError as error:
-        return [Fault(place, str(fault)) for fault in error.faults]
-    head = f"{backend.display_name} belongs to another configuration"
-    return [Fault(place, f"{head}: {fault.place} {fault.message}") for fault in faults]
-
-
-def _placed(folder: Path) -> dict[str, str] | None:
-    """The record in a directory of where its runs are."""
-    try:
-        record = read_record(folder / PLACE)
-    except ValueError as error:
-        text = f"cannot be read: {error}; start again with --overwrite"
-        raise refuse(f"{folder}/{PLACE}", text) from error
-    return None if record is None else {key: str(record[key]) for key in (STORE, TOKEN)}

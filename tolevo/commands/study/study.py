@@ -12,7 +12,7 @@ from dataclasses import asdict
 from importlib.metadata import version
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -21,7 +21,7 @@ from scipy.stats import norm, rankdata
 
 from ... import page_data
 from ...directory import KINDS, Ownership, owned
-from ...errors import Fault, RunError, StorageError
+from ...errors import RunError, StorageError
 from ...execution import Executor, Lost
 from ...files import csv_text, write_bytes, write_text, write_with
 from ...page.drawing import as_png, as_svg
@@ -42,11 +42,8 @@ from .plan import (
     needs_level,
     unknown,
 )
-from .storage import CONFIGURATION, Site
+from .storage import CONFIGURATION, DAMAGE, DATABASE, Database, Unopened, check_resumable, opened, reason
 from .trial import Chunk, Curves, Job, RunRecord, Surveying, done, ended, response_of
-
-if TYPE_CHECKING:
-    from .storage import Database
 
 # Racing: settings that are behind beyond chance get no further seeds.
 #
@@ -167,8 +164,6 @@ CHUNK_S = 0.5
 """CPU time [s] of a chunk of short runs: handing one over costs some milliseconds."""
 MOST = 500
 """Runs of a chunk at most."""
-POLL_S = 0.2
-"""Seconds between two queries of what other processes have done."""
 
 Report = Callable[[StudyProgress], None]
 
@@ -196,7 +191,7 @@ class Work:
         self._start = time.monotonic()
 
     def finish(self) -> Mapping[int, Yardstick]:
-        """Do every run that is missing, and wait for those that other processes have begun.
+        """Do every run that is missing.
 
         References that are not known yet are measured along with the first runs, but before them
         where a run must know its target, or where there is one process only: a study without a
@@ -221,22 +216,14 @@ class Work:
 
     def _until(self, total: int) -> None:
         """Do the runs of the first `total` numbers, and compute the references that are missing."""
-        while True:
-            missing, unknown = self.database.missing(total), self._unmeasured()
-            if not missing and not unknown:
-                return
-            self._todo, self._surveys = deque(self.database.free(missing)), deque(unknown)
-            before = self._ended, len(self._measures)
-            self._work(lambda: self._survey() or self._next())
-            if before == (self._ended, len(self._measures)):
-                self._report_progress("another process has begun the remaining runs: waiting for it")
-                time.sleep(POLL_S)
+        self._todo, self._surveys = deque(self.database.missing(total)), deque(self._unmeasured())
+        self._work(lambda: self._survey() or self._next())
 
     def _race(self) -> None:
         """Stop settings that are behind beyond chance.
 
         Each look is at the same runs wherever and however often interrupted they were made, so that
-        every process that shares the study stops the same settings.
+        the same settings are stopped each time.
         """
         points = len(self.plan.points)
         racing = np.ones(points, dtype=bool)
@@ -281,14 +268,12 @@ class Work:
 
     def _survey(self) -> Surveying | None:
         """The next reference that is to be measured."""
-        while self._surveys:
-            number = self._surveys.popleft()
-            if self.database.claim_yardstick(number):
-                self._surveying += 1
-                self._report_progress()
-                key = self._key("survey", str(number))
-                return Surveying(key, self._version, self._problems[number], number)
-        return None
+        if not self._surveys:
+            return None
+        number = self._surveys.popleft()
+        self._surveying += 1
+        self._report_progress()
+        return Surveying(self._key("survey", str(number)), self._version, self._problems[number], number)
 
     def _measured(self, task: Surveying, reference: Yardstick | Lost) -> None:
         """Keep a reference. Raises RunError where a response cannot be computed without it."""
@@ -311,19 +296,17 @@ class Work:
         return self._boxes[problem]
 
     def _next(self) -> Chunk | None:
-        """The next chunk of runs that no other process does."""
+        """The next chunk of runs."""
         if self._single:
             chunk = self._single.popleft()
             self._running += len(chunk.jobs)
             return chunk
-        while self._todo:
-            taken = self.database.claim_runs(self._batch())
-            if taken:
-                self._running += len(taken)
-                self._report_progress()
-                return self._chunk(taken)
-            self._todo = deque(self.database.free(list(self._todo)))  # others were quicker
-        return None
+        if not self._todo:
+            return None
+        numbers = self._batch()
+        self._running += len(numbers)
+        self._report_progress()
+        return self._chunk(numbers)
 
     def _batch(self) -> list[int]:
         """The next runs of one problem that take about `CHUNK_S` together."""
@@ -376,14 +359,13 @@ class Work:
         """The name of a task: the same for the same part of the same study."""
         return hashlib.sha256("/".join((self._identity, *parts)).encode()).hexdigest()[:32]
 
-    def _report_progress(self, note: str = "") -> None:
+    def _report_progress(self) -> None:
         if self._report is None:
             return
         done, failed = self.database.count(self.plan.total)
         seconds = time.monotonic() - self._start
         remaining = seconds * (self.plan.total - done - failed) / self._ended if self._ended else None
-        if self._surveying and not note:
-            note = "measuring what the runs are compared with"
+        note = "measuring what the runs are compared with" if self._surveying else ""
         self._report(StudyProgress(done, self._running, failed, self.plan.total, seconds, remaining, note))
 
 
@@ -402,60 +384,45 @@ def study(
     progress: Report | None = None,
     resume: bool = False,
     overwrite: bool = True,
-    store: str = "",
 ) -> StudyOutcome:
     """Do every run of `plan` that the database in `out` does not have, then write the files.
 
-    With an address of a `store` that is shared, the runs are there, and other machines may be at
-    work on them, each with its own directory.
-
-    `study.csv` does not depend on the executor, on breaks, or on how many processes share the
-    study: with `resume` others may be at work on it, and the last one through writes the files. An
-    interrupt leaves what has ended in the database. Raises InputError where `out` holds another
-    study or has another owner, RunError where the study cannot go on.
+    `study.csv` does not depend on the executor or on breaks. An interrupt leaves what has ended in
+    the database. Raises InputError where `out` holds another study or has another owner, RunError
+    where the study cannot go on.
     """
-    with owned(out, "study", resume, overwrite, shared=True, apart=STATE) as place:
-        return _study(plan, place, Site(out, store), executor, progress, resume)
+    with owned(out, "study", resume, overwrite, apart=STATE) as place:
+        return _study(plan, place, executor, progress, resume)
 
 
 def _study(
-    plan: StudyPlan, place: Ownership, site: Site, executor: Executor, progress: Report | None, resume: bool
+    plan: StudyPlan, place: Ownership, executor: Executor, progress: Report | None, resume: bool
 ) -> StudyOutcome:
-    from ...store.backend import (
-        DAMAGE,
-        reason,  # with it comes SQLAlchemy, slow to load
-    )
-    from .storage import Unopened, opened
-
     if not resume or place.blank:
         place.begin(keep=(CONFIGURATION,))  # so that nothing of an older study is opened
         write_text(place.folder / CONFIGURATION, plan.settings.configuration)
-        site.begin()
     else:
-        site.check()
+        check_resumable(place.folder)
     try:
-        database, notes = opened(plan, site.backend(), not place.joined, site.prefix)
+        database, notes = opened(plan, place.folder / DATABASE)
     except Unopened as error:
         raise place.unwritten(*error.args) from error
     with database:
         finished = place.standing.complete and not notes and not database.missing(plan.total)
         finished = finished and len(database.yardsticks()) == len(plan.problems)
-        if not finished:
-            if not place.begun:
-                _begin(plan, place)
-            place.share()
+        if not finished and not place.begun:
+            _begin(plan, place)
         try:
             with executor:
                 measures = Work(plan, database, executor, progress).finish()
             data = gathered(plan, database, measures, notes)
         except KeyboardInterrupt:
-            return StudyOutcome("interrupted", place.folder, (f"interrupted: {_saved(database, plan, site)}",))
+            return StudyOutcome("interrupted", place.folder, (f"interrupted: {_saved(database, plan)}",))
         except DAMAGE as error:
-            where, saved = database.backend.display_name, _saved(database, plan, site)
-            raise RunError(f"{where}: {reason(error)}; {saved}") from error
+            raise RunError(f"{database.path}: {reason(error)}; {_saved(database, plan)}") from error
         except RunError as error:
             how = "" if isinstance(error, StorageError) else f"; {GO_ON}"
-            raise RunError(f"{error}; {_count(database, plan, site)}{how}") from error
+            raise RunError(f"{error}; {_count(database, plan)}{how}") from error
     return _written(plan, data, place, finished)
 
 
@@ -465,18 +432,16 @@ def _begin(plan: StudyPlan, place: Ownership) -> None:
     write_text(place.folder / CONFIGURATION, plan.settings.configuration)
 
 
-def _saved(database: Database, plan: StudyPlan, site: Site) -> str:
-    return f"{_count(database, plan, site)}; {GO_ON} to continue"
+def _saved(database: Database, plan: StudyPlan) -> str:
+    return f"{_count(database, plan)}; {GO_ON} to continue"
 
 
-def _count(database: Database, plan: StudyPlan, site: Site) -> str:
-    from ...store.backend import DAMAGE
-
+def _count(database: Database, plan: StudyPlan) -> str:
     try:
         done, failed = database.count(plan.total)
     except DAMAGE:
-        return f"what had ended is in {database.backend.display_name}"
-    return f"{done + failed} of {plan.total} runs have ended and are saved in {site.location}"
+        return f"what had ended is in {database.path}"
+    return f"{done + failed} of {plan.total} runs have ended and are saved in {database.path.parent}"
 
 
 def gathered(
@@ -503,7 +468,7 @@ def gathered(
 
 
 def _written(plan: StudyPlan, data: StudyData, place: Ownership, finished: bool) -> StudyOutcome:
-    """Write the files of a study whose runs have all ended, where no other process has done so."""
+    """Write the files of a study whose runs have all ended; those of a finished one stay."""
     out, table = place.folder, csv_text(data.table)
     failed = data.table[data.table["status"] == "failed"]
     lines = [f"done: {len(data.table)} runs of {len(plan.points)} settings, {len(failed)} failed"]
@@ -516,9 +481,6 @@ def _written(plan: StudyPlan, data: StudyData, place: Ownership, finished: bool)
             f"note: {stopped.nunique()} settings were stopped as they are behind beyond "
             f"chance, which saved {len(stopped)} of {len(data.table)} runs"
         )
-    if not finished and not place.exclude():
-        _check_same(plan, out)
-        finished = True
     if finished:
         known = known_lines(plan.settings, data, out)
         if known is not None and (out / TABLE).read_bytes() == table.encode():
@@ -533,20 +495,6 @@ def _written(plan: StudyPlan, data: StudyData, place: Ownership, finished: bool)
     lines += analysed(plan.settings, data, out)
     place.complete()
     return StudyOutcome("done", out, tuple(lines), data)
-
-
-def _check_same(plan: StudyPlan, out: Path) -> None:
-    """Raises RunError where the finished study in `out` is another one."""
-    from .storage import differences
-
-    try:
-        faults = differences((out / CONFIGURATION).read_text(encoding="utf-8"), plan.settings.configuration)
-    except (OSError, ValueError):
-        faults = [Fault("", "")]
-    if faults:
-        raise RunError(
-            f"{out} was taken by another study meanwhile; name another directory, or start again with --overwrite"
-        )
 
 
 # The files of the statistics of a study. Each appears whole or not at all.

@@ -1,1 +1,0 @@
-"""Records of studies and tables in SQLite or PostgreSQL, which processes and machines share."""
