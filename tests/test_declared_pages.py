@@ -11,10 +11,7 @@ pytest.importorskip("tools.declared_pages", reason="the tools are not shipped")
 pytestmark = pytest.mark.source_tree
 
 from tolevo import registry  # noqa: E402
-from tolevo.models.effects.effect import (
-    FAMILIES,
-    Effect,  # noqa: E402
-)
+from tolevo.models.effects.effect import FAMILIES, Effect  # noqa: E402
 from tolevo.models.manipulator.maps import ROWS  # noqa: E402
 from tolevo.problems.rv_reducer import RvReducer  # noqa: E402
 from tolevo.problems.rv_reducer.counterparts import COUNTERPARTS  # noqa: E402
