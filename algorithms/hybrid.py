@@ -14,8 +14,9 @@ from .exact.bounds import convex_pieces, restricted, upper_limit
 from .exact.choices import search_vectors
 from .exact.corrected import corrected_vectors, is_corrected
 from .exact.epsilon import integer_moves, scale_of
+from .exact.front import front
 from .exact.local import Branch
-from .exact.solver import closed_form, exact_vectors, front
+from .exact.solver import closed_form, exact_vectors
 from .run import Run
 from .settings import Solver
 

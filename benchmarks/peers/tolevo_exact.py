@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tolevo.algorithms.exact.solver import Exact, closed_form, front
+from tolevo.algorithms.exact.front import front
+from tolevo.algorithms.exact.solver import Exact, closed_form
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.section import Array

@@ -293,7 +293,7 @@ def _check_as_a_whole(problem: ToleranceProblem, choice: ChoiceSettings, algorit
     beyond = [] if reachable else problem.out_of_reach()
     wrong = [fault for fault in problem.faults() if fault not in beyond]
     raise_all([*wrong, *(unit_slips(problem) if wrong else ()), *rounding_faults(problem, choice)])
-    from ..commands.run.proofs import contradictions  # imports the exact solver
+    from ..commands.run.contradictions import contradictions  # imports the exact solver
 
     raise_all(contradictions(problem, algorithm) if reachable else [])
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from tolevo.algorithms.exact.choices import least_cost
-from tolevo.algorithms.exact.solver import tightest
+from tolevo.algorithms.exact.front import tightest
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.forms import Feature, Form, Way
 
