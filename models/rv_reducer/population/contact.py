@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from importlib import import_module
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ....section import Array, Complex, Single
 from ....units import ARCMIN, UM
-from ..contact.contact import Engine, uses_numba
 from ..contact.geometry import ContactGeometry, unit
 from .errors import COLUMNS, Lattice, Scaled, Table, bore_axes, crank_lines, pitch_turn, sides, turn_lattice
 from .units import ERRORS, BaseSample, Hierarchy, UnitDesign
@@ -37,14 +35,15 @@ class Touch:
         return np.asarray((self.high - self.low) * np.float32(1.0 / output_ratio))
 
 
-def touch(lattice: Lattice, table: Table, units: Scaled, engine: Engine = "auto") -> Touch:
+def touch(lattice: Lattice, table: Table, units: Scaled) -> Touch:
     """First contact of all units at all positions."""
+    from . import kernel
+
     shape = (lattice.shape[0], units.units)
     contact = Touch(
         np.empty(shape, np.float32), np.empty(shape, np.float32), np.zeros(shape, np.int32), np.zeros(shape, np.int32)
     )
-    name = ".compiled" if uses_numba(engine) else ".arrays"
-    import_module(name, __package__).touch(
+    kernel.touch(
         (table.values, lattice.pin, lattice.start, lattice.stop, lattice.directions),
         packed(units),
         (contact.high, contact.low, contact.ahead, contact.behind),
@@ -126,18 +125,17 @@ def _single(value: Array) -> Single:
     return np.ascontiguousarray(value, dtype=np.float32)
 
 
-def pull_back(
-    lattice: Lattice, table: Table, touch: Touch, slopes: Slopes, weight: Array, engine: Engine = "auto"
-) -> Array:
+def pull_back(lattice: Lattice, table: Table, touch: Touch, slopes: Slopes, weight: Array) -> Array:
     """Derivatives (names,) of sum(weight y) by `NAMES`, for weights (positions, units).
 
     y is the backlash of the cycloid stage at the carrier [arcmin], interference below zero.
     """
+    from . import kernel
+
     ratio = lattice.geometry.output_ratio
     rows = np.flatnonzero(np.any(weight != 0.0, axis=1))
     total = np.zeros(len(NAMES))
-    name = ".compiled" if uses_numba(engine) else ".arrays"
-    import_module(name, __package__).pull_back(
+    kernel.touch_slopes(
         _single(weight[rows] / ratio),
         (touch.ahead[rows], touch.behind[rows]),
         (table.values, lattice.pin, lattice.disc, lattice.directions[rows]),
@@ -158,7 +156,6 @@ class Population:
     lattice: Lattice
     sample: BaseSample
     slopes: Slopes
-    engine: Engine = "auto"
 
     @classmethod
     def draw(
@@ -168,12 +165,11 @@ class Population:
         units: int,
         rng: np.random.Generator,
         hierarchy: Hierarchy | None = None,
-        engine: Engine = "auto",
     ) -> Population:
         """A population of `units` at `positions` of a turn of the output."""
         lattice = Lattice.of(geometry, turn_lattice(positions, geometry.nominal.cycloid_teeth))
         sample = BaseSample.draw(geometry, units, rng, hierarchy)
-        return cls(lattice, sample, Slopes.of(geometry, sample), engine)
+        return cls(lattice, sample, Slopes.of(geometry, sample))
 
     @property
     def units(self) -> int:
@@ -191,7 +187,7 @@ class Population:
         geometry = self.lattice.geometry
         table = Table.of(self.lattice, design.dr_rp, design.dr_p)
         units = Scaled.of(geometry, self.sample, design)
-        contact = touch(self.lattice, table, units, self.engine)
+        contact = touch(self.lattice, table, units)
         return Turn(self, design, table, units, contact, contact.cycloid(geometry.output_ratio))
 
 
@@ -225,4 +221,4 @@ class Turn:
         """
         drawn = self.population
         standardised = errors or drawn.slopes
-        return pull_back(drawn.lattice, self.table, self.touch, standardised, weight, drawn.engine)
+        return pull_back(drawn.lattice, self.table, self.touch, standardised, weight)
