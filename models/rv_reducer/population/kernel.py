@@ -692,7 +692,9 @@ def _weighed(of_turn: Single, of_preload: Single, of_peak: Single, first: int, u
 
 
 @_compiled
-def balance_slopes(weights: Any, contacts: Any, springs: Any, errors: Any, balance: Any, slopes: Any, total: Any) -> None:
+def balance_slopes(
+    weights: Any, contacts: Any, springs: Any, errors: Any, balance: Any, slopes: Any, total: Any
+) -> None:
     """Adds to `total` (16) the slopes of the weighted sum of the outputs of one load case.
 
     `weights` (positions, units) are those of the turn, of the torque of the forward flanks and of
