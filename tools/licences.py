@@ -15,7 +15,7 @@ from pathlib import Path
 from packaging.requirements import Requirement
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "licences.md"
-EXTRAS = ("fast", "gap", "postgres", "report", "study")
+EXTRAS = ("gap", "postgres", "report", "study")
 BY_HAND = {"graphemeu": "MIT"}
 """Licences of packages whose metadata do not say: read in their files."""
 KNOWN = {"moocore": "LGPL-2.1-or-later", "psycopg": "LGPL-3.0-only", "psycopg-binary": "LGPL-3.0-only"}

@@ -3,7 +3,8 @@
 Newton's method on the pins of the loaded flank alone converges from any start, because the torque
 is convex in the rotation; points where a pin of the other flank bears too, and those without
 torque, are solved one by one with bounds. All functions are in this file because numba's cache
-does not see changes of other files. Importing this imports numba: it is done where it is used.
+does not see changes of other files. numba is imported with this module alone, where a rotation is
+computed.
 """
 
 from __future__ import annotations
@@ -340,8 +341,8 @@ def rotation(
     rotations(
         _table(geometry, angles, axes),
         _parts(axes.eccentric, axes.disc, axes.crank),
-        _pins(displacement),
-        _discs(displacement),
+        _packed_pins(displacement),
+        _packed_discs(displacement),
         np.broadcast_to(normal, shape),
         np.broadcast_to(1.0 / series, shape),
         np.broadcast_to(torque / geometry.output_ratio, shape[:2]),
@@ -356,13 +357,13 @@ def _parts(*values: Complex) -> Array:
     return np.stack([part for vector in values for part in (vector.real, vector.imag)])
 
 
-def _pins(displacement: Displacements) -> Array:
+def _packed_pins(displacement: Displacements) -> Array:
     """Displacements (x, y) of pins and change of the gap, (3, discs, pins, units)."""
     of_pins = (displacement.pins.real, displacement.pins.imag, displacement.across)
     return np.stack([np.moveaxis(column, 0, -1) for column in of_pins])
 
 
-def _discs(displacement: Displacements) -> Array:
+def _packed_discs(displacement: Displacements) -> Array:
     """Displacements, turns, play, shift and pitch of discs, (11, discs, units)."""
     directions = _parts(displacement.turning.T, displacement.offset.T, displacement.around.T)
     by_disc = (

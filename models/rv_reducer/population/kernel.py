@@ -2,7 +2,7 @@
 
 Turns are those of discs against the mesh in arc minutes; stiffness and torque are N m per arc minute
 and N m. All functions are in this file because numba's cache does not see changes of other files.
-Importing this imports numba: it is done where a contact is computed.
+numba is imported with this module alone, where a contact is computed.
 """
 
 from __future__ import annotations
