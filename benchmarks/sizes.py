@@ -24,8 +24,8 @@ from typer.testing import CliRunner
 from tolevo.algorithms.archive import CURVE
 from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.cli import app
-from tolevo.commands.study import study
 from tolevo.commands.study.configuration import read_study
+from tolevo.commands.study.study import study
 from tolevo.commands.study.trial import Chunk, Job, RunRecord
 from tolevo.execution import InProcess, Lost, Result, TaskT
 

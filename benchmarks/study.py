@@ -31,9 +31,8 @@ from typing import Any
 from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.optimize import minimize
 
-from tolevo.commands.study import StudyPlan
 from tolevo.commands.study.configuration import read_study
-from tolevo.commands.study.plan import Yardstick, yardstick
+from tolevo.commands.study.plan import StudyPlan, Yardstick, yardstick
 from tolevo.commands.study.storage import Database, Site
 from tolevo.commands.study.study import Work
 from tolevo.execution import Executor, InProcess, executor_of

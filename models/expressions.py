@@ -139,21 +139,17 @@ class Expression(ABC):
         """Why the node has no value somewhere, else empty."""
         return ""
 
-    @property
-    def depth(self) -> int:
-        """Nodes on the longest path from here to a leaf."""
-        return 1 + max((part.depth for part in self.parts), default=0)
-
-    @property
-    def degree(self) -> float:
-        """Degree as a polynomial of the names, inf where it may be none."""
-        return 0.0 if all(part.degree == 0.0 for part in self.parts) else np.inf
+    def degree(self, below: Sequence[float]) -> float:
+        """Degree as a polynomial of the names from those of the parts, inf where it may be none."""
+        return np.inf if any(below) else 0.0
 
     def nodes(self) -> Iterator[Expression]:
         """Every node, each after those below it."""
-        for part in self.parts:
-            yield from part.nodes()
-        yield self
+        waiting, order = [self], list[Expression]()
+        while waiting:
+            order.append(node := waiting.pop())
+            waiting += node.parts
+        return reversed(order)
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,8 +168,7 @@ class Name(Expression):
 
     name: str
 
-    @property
-    def degree(self) -> float:
+    def degree(self, below: Sequence[float]) -> float:
         return 1.0
 
     def value(self, below: Values, x: Mapping[str, Array]) -> Array:
@@ -190,9 +185,8 @@ class Negative(Expression):
     def parts(self) -> tuple[Expression, ...]:
         return (self.operand,)
 
-    @property
-    def degree(self) -> float:
-        return self.operand.degree
+    def degree(self, below: Sequence[float]) -> float:
+        return below[0]
 
     def value(self, below: Values, x: Mapping[str, Array]) -> Array:
         return -below[0]
@@ -213,9 +207,8 @@ class Operation(Expression):
     def parts(self) -> tuple[Expression, ...]:
         return self.left, self.right
 
-    @property
-    def degree(self) -> float:
-        left, right = self.left.degree, self.right.degree
+    def degree(self, below: Sequence[float]) -> float:
+        left, right = below
         match self.sign:
             case "+" | "-":
                 return max(left, right)
@@ -337,10 +330,11 @@ def parse(text: str) -> Expression:
     if len(text) > LONGEST:
         raise FormulaError(LONGEST + 1, f"a formula has at most {LONGEST} characters")
     parser = _Parser(_tokens(text))
-    tree = parser.sum()
+    tree = parser.chain()
     if parser.now.kind != "end":
         raise FormulaError(parser.now.at, _unexpected(parser.now))
-    if tree.depth > DEEPEST:
+    depth: int = _folded(tree, lambda _, below: 1 + max(below, default=0))
+    if depth > DEEPEST:
         raise FormulaError(1, f"a formula has at most {DEEPEST} operations in a row")
     return tree
 
@@ -367,8 +361,12 @@ def _unexpected(token: _Token) -> str:
     return f"unexpected `{token.text}`: an operator or the end is expected here"
 
 
+_BINDING = {"+": 1, "-": 1, "*": 2, "/": 2}
+"""How tightly an operator between two operands binds; a sign and a power belong to an operand."""
+
+
 class _Parser:
-    """Recursive descent over a list of tokens; `sum` parses a whole formula."""
+    """Precedence climbing over a list of tokens; `chain` parses a whole formula."""
 
     def __init__(self, tokens: list[_Token]) -> None:
         self._tokens = tokens
@@ -388,73 +386,66 @@ class _Parser:
         self._next += 1
         return token
 
-    def _chain(self, read: Callable[[], Expression], *signs: str) -> Expression:
-        expression, length = read(), 1
-        while token := self._accepted(*signs):
-            length += 1
-            if length > DEEPEST:
+    def chain(self, loosest: int = 1) -> Expression:
+        """Operands between which operators stand that bind at least as tightly as `loosest`."""
+        expression = self._operand()
+        lengths = dict.fromkeys(_BINDING.values(), 1)
+        while token := self._accepted(*(sign for sign, binding in _BINDING.items() if binding >= loosest)):
+            binding = _BINDING[token.text]
+            lengths = {own: lengths[own] + (own == binding) if own <= binding else 1 for own in lengths}
+            if lengths[binding] > DEEPEST:
                 raise FormulaError(token.at, f"at most {DEEPEST} operations in a row")
-            expression = Operation(token.at, token.text, expression, read())
+            expression = Operation(token.at, token.text, expression, self.chain(binding + 1))
         return expression
 
-    def sum(self) -> Expression:
-        return self._chain(self._product, "+", "-")
-
-    def _product(self) -> Expression:
-        return self._chain(self._sign, "*", "/")
-
-    def _sign(self) -> Expression:
+    def _operand(self) -> Expression:
+        """A number, name, call or parenthesis, with its signs and its power: -a**b is -(a**b)."""
         self._level += 1
+        token = self._tokens[self._next]
         if self._level > NESTED:
-            raise FormulaError(self.now.at, f"is nested too deeply: at most {NESTED} levels")
-        token = self._accepted("-", "+")
-        if token is None:
-            expression = self._power()
-        else:
-            operand = self._sign()
+            raise FormulaError(token.at, f"is nested too deeply: at most {NESTED} levels")
+        expression: Expression
+        if self._accepted("-", "+"):
+            operand = self._operand()
             expression = Negative(token.at, operand) if token.text == "-" else operand
+        else:
+            if self._accepted("("):
+                expression = self.chain()
+                self._close(token)
+            elif token.kind == "name":
+                expression = self._name_or_call(token)
+            else:
+                expression = self._number(token)
+            if power := self._accepted("**"):
+                expression = Operation(power.at, "**", expression, self._operand())
         self._level -= 1
         return expression
 
-    def _power(self) -> Expression:
-        base = self._atom()
-        token = self._accepted("**")
-        return base if token is None else Operation(token.at, "**", base, self._sign())
-
-    def _atom(self) -> Expression:
-        token = self.now
-        if self._accepted("("):
-            expression = self.sum()
-            self._close(token)
-            return expression
-        if token.kind not in ("number", "name"):
+    def _number(self, token: _Token) -> Expression:
+        if token.kind != "number":
             problem = "ends too early" if token.kind == "end" else f"unexpected `{token.text}`"
             raise FormulaError(token.at, f"{problem}: a number, a name or ( is expected here")
         self._next += 1
-        if token.kind == "name":
-            return self._name_or_call(token)
         number = float(token.text)
         if not math.isfinite(number):
             raise FormulaError(token.at, f"{token.text} is too large")
         return Number(token.at, number)
 
     def _name_or_call(self, token: _Token) -> Expression:
-        opening = self.now
-        if self._accepted("("):
-            if token.text not in FUNCTIONS:
-                known = f"{nearest(token.text, FUNCTIONS)}; one of {', '.join(FUNCTIONS)}"
-                raise FormulaError(token.at, f"`{token.text}` is not a function of formulas{known}")
-            return self._call(token, opening)
-        if token.text in FUNCTIONS:
-            raise FormulaError(token.at, f"{token.text} is a function: write {token.text}(...)")
-        if token.text in CONSTANTS:
-            return Number(token.at, CONSTANTS[token.text])
-        return Name(token.at, token.text)
-
-    def _call(self, token: _Token, opening: _Token) -> Expression:
-        arguments = [self.sum()]
+        self._next += 1
+        opening = self._tokens[self._next]
+        if not self._accepted("("):
+            if token.text in FUNCTIONS:
+                raise FormulaError(token.at, f"{token.text} is a function: write {token.text}(...)")
+            if token.text in CONSTANTS:
+                return Number(token.at, CONSTANTS[token.text])
+            return Name(token.at, token.text)
+        if token.text not in FUNCTIONS:
+            known = f"{nearest(token.text, FUNCTIONS)}; one of {', '.join(FUNCTIONS)}"
+            raise FormulaError(token.at, f"`{token.text}` is not a function of formulas{known}")
+        arguments = [self.chain()]
         while self._accepted(","):
-            arguments.append(self.sum())
+            arguments.append(self.chain())
         self._close(opening)
         kind = FUNCTIONS[token.text]
         if not kind.least <= len(arguments) <= kind.most:
@@ -503,17 +494,27 @@ class Formula:
     @property
     def linear(self) -> bool:
         """Whether it is linear in its names as written: simplifications do not count."""
-        return self.tree.degree <= 1.0
+        degree: float = _folded(self.tree, lambda node, below: node.degree(below))
+        return degree <= 1.0
 
     def value(self, x: Mapping[str, Array]) -> Array:
         """The value at quantities that broadcast; NaN or infinite where it is not defined."""
         with np.errstate(all="ignore"):
-            return _value(self.tree, x)
+            values: list[Array] = []
+            for node, parts in self._steps:
+                first = len(values) - parts
+                values[first:] = [node.value(values[first:], x)]
+        return values[0]
+
+    @cached_property
+    def _steps(self) -> tuple[tuple[Expression, int], ...]:
+        """Every node after those below it, with the number of its parts: trees are deep."""
+        return tuple((node, len(node.parts)) for node in self.tree.nodes())
 
     def gradient(self, x: Mapping[str, Array]) -> dict[str, Array]:
         """Partial derivatives by name, exact to rounding (forward mode), at one or many points."""
         with np.errstate(all="ignore"):
-            value, slopes = _dual(self.tree, x)
+            value, slopes = _folded(self.tree, lambda node, below: _dual(node, below, x))
         return {name: np.broadcast_to(slope, value.shape) for name, slope in slopes.items()}
 
     def trouble(self, x: Mapping[str, Array]) -> str:
@@ -523,18 +524,26 @@ class Formula:
         is zero somewhere, even if no sample hits it.
         """
         with np.errstate(all="ignore"):
-            return _trouble(self.tree, x)[1]
+            found: str = _folded(self.tree, lambda node, below: _trouble(node, below, x))[1]
+            return found
 
 
-def _value(node: Expression, x: Mapping[str, Array]) -> Array:
-    return node.value([_value(part, x) for part in node.parts], x)
+def _folded(tree: Expression, of: Callable[[Expression, list[Any]], Any]) -> Any:
+    """What `of(node, results of its parts)` gives for the root; each node after those below it."""
+    results: list[Any] = []
+    for node in tree.nodes():
+        first = len(results) - len(node.parts)
+        below = results[first:]
+        results[first:] = [of(node, below)]
+    return results[0]
 
 
-def _dual(node: Expression, x: Mapping[str, Array]) -> tuple[Array, dict[str, Array]]:
+def _dual(
+    node: Expression, below: list[tuple[Array, dict[str, Array]]], x: Mapping[str, Array]
+) -> tuple[Array, dict[str, Array]]:
     """Value and partial derivatives of a node; an omitted name has the derivative 0."""
     if isinstance(node, Name):
         return node.value((), x), {node.name: np.asarray(1.0)}
-    below = [_dual(part, x) for part in node.parts]
     values = [value for value, _ in below]
     derivatives: dict[str, Array] = {}
     if any(inner for _, inner in below):
@@ -544,15 +553,13 @@ def _dual(node: Expression, x: Mapping[str, Array]) -> tuple[Array, dict[str, Ar
     return node.value(values, x), derivatives
 
 
-def _trouble(node: Expression, x: Mapping[str, Array]) -> tuple[Array, str]:
+def _trouble(node: Expression, below: list[tuple[Array, str]], x: Mapping[str, Array]) -> tuple[Array, str]:
     """Value of a node, and why it or a node below it has no value; empty where all have one."""
-    below = []
-    for part in node.parts:
-        value, reason = _trouble(part, x)
-        if reason:
-            return value, reason
-        below.append(value)
-    value, reason = node.value(below, x), node.trouble(below)
+    values = [value for value, _ in below]
+    value = node.value(values, x)
+    if first := next((reason for _, reason in below if reason), ""):
+        return value, first
+    reason = node.trouble(values)
     if not reason and not np.all(np.isfinite(value)):
         reason = "the value is not finite"
     return value, f"column {node.at}: {reason}" if reason else ""
@@ -581,12 +588,14 @@ def domain_margin(formula: Formula, x: Mapping[str, Array], middle: Mapping[str,
     single numbers.
     """
     with np.errstate(all="ignore"):
-        return _least(formula.tree, x, middle)[2]
+        margin: Array = _folded(formula.tree, lambda node, below: _least(node, below, x, middle))[2]
+    return margin
 
 
-def _least(node: Expression, x: Mapping[str, Array], middle: Mapping[str, Array]) -> tuple[Array, Array, Array]:
+def _least(
+    node: Expression, below: list[tuple[Array, Array, Array]], x: Mapping[str, Array], middle: Mapping[str, Array]
+) -> tuple[Array, Array, Array]:
     """Value and value at the middle of a node, and the least margin at or below it."""
-    below = [_least(part, x, middle) for part in node.parts]
     values, centres = [value for value, _, _ in below], [centre for _, centre, _ in below]
     margin = reduce(np.fmin, (margin for _, _, margin in below), np.asarray(np.inf))
     distance, at_middle = _distance(node, values, centres), _distance(node, centres, centres)

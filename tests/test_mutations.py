@@ -44,7 +44,7 @@ def test_changes_of_a_function_by_hand() -> None:
 
 
 def test_mutants_of_a_module_are_modules() -> None:
-    text = (ROOT / "algorithms" / "exact" / "points.py").read_text(encoding="utf-8")
+    text = (ROOT / "algorithms" / "exact" / "bounds.py").read_text(encoding="utf-8")
     found = mutations(text)
     assert sum(one.kind == "guard" for one in found) > 10
     for one in found:

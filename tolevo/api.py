@@ -384,8 +384,8 @@ def run(
     every generation. The result does not depend on `workers`. With `resume`, `out` may hold the
     same run, which is then continued. Raises ConfigurationError with every fault.
     """
-    from .commands.run import run as running
     from .commands.run.proofs import searchable
+    from .commands.run.run import run as running
 
     faults = start_faults_of(out, workers, resume, overwrite)
     source = at_hand(source)
@@ -448,9 +448,9 @@ def study(
     With the address of a `store` that machines share, several machines may work on it, each with
     its own `out`. Raises ConfigurationError with every fault.
     """
-    from .commands.study import study as studying
     from .commands.study.configuration import read_study
     from .commands.study.storage import other_study
+    from .commands.study.study import study as studying
     from .execution import executor_of
     from .registry import needed
 

@@ -17,7 +17,8 @@ from types import MappingProxyType
 
 import pandas as pd
 
-from tolevo.commands.run import RunPlan, run
+from tolevo.commands.run.plan import RunPlan
+from tolevo.commands.run.run import run
 from tolevo.configuration import Configuration, read
 from tolevo.page.drawing import as_png
 from tolevo.page.figures import front_figure

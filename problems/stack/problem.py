@@ -123,17 +123,15 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
                 f"{values.requirement.place} {text}: {most or 'the tolerances are not what breaks its limits'}; move "
                 "the nominal values or the limits"
             )
-        sentences += [_domain(measured)] if measured.partial else []
-        sentences += [_rough(stack, measured)] if measured.rough else []
-        if measured.mechanism.formula is not None and not measured.rough:
-            unit = f" {measured.requirement.unit}".rstrip()
+        sentences += [_domain(values)] if values.partial else []
+        sentences += [_rough(stack, values)] if values.rough else []
+        if values.mechanism.formula is not None and not values.rough:
+            unit = f" {values.requirement.unit}".rstrip()
             sample = stack.yields.drawn(WARNING_SAMPLES)
             warnings = linearity_warnings(
-                measured.mechanism, measured.linear, *_loosest_feasible(stack, measured), unit, sample
+                values.mechanism, values.linear, *_loosest_feasible(stack, values), unit, sample
             )
-            sentences += [
-                f"{measured.requirement.key}: {text}" if measured.requirement.key else text for text in warnings
-            ]
+            sentences += [f"{values.requirement.key}: {text}" if values.requirement.key else text for text in warnings]
     return tuple(sentences)
 
 

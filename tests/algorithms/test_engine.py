@@ -21,8 +21,6 @@ from tolevo import registry
 from tolevo.algorithms.archive import hypervolume, ranks
 from tolevo.algorithms.engine import (
     ENGINES,
-    ArrayGDE3,
-    ArrayNSGA2,
     GDE3Engine,
     NSGA2Engine,
     Space,
@@ -34,6 +32,7 @@ from tolevo.algorithms.engine import (
     survivors,
     tournament,
 )
+from tolevo.algorithms.engine_of_pymoo import ArrayGDE3, ArrayNSGA2
 
 Array = NDArray[np.float64]
 FACTORS = np.linspace(0.5, 2.0, 9)

@@ -52,7 +52,7 @@ def fake_run(monkeypatch: pytest.MonkeyPatch, status: str) -> list[Any]:
         (out / "report.html").write_text("page", encoding="utf-8")
         return SimpleNamespace(status=status, lines=("a summary",), result=None)
 
-    monkeypatch.setattr("tolevo.commands.run.run", run)
+    monkeypatch.setattr("tolevo.commands.run.run.run", run)
     return plans
 
 
@@ -83,7 +83,7 @@ def test_a_run_that_fails_or_is_interrupted(config: Path, tmp_path: Path, monkey
         def run(*_: object, error: BaseException = error) -> None:
             raise error
 
-        monkeypatch.setattr("tolevo.commands.run.run", run)
+        monkeypatch.setattr("tolevo.commands.run.run.run", run)
         result = tolevo("run", config, "--out", tmp_path / "o")
         assert result.exit_code == code
         assert "Traceback" not in result.output

@@ -11,7 +11,8 @@ from scipy.optimize import least_squares
 from benchmarks.gap.generator.tables import Array
 from tests.gap_benchmark.damper import Jenkins, arts
 from tolevo import registry
-from tolevo.commands.gap import GapPlan, gap
+from tolevo.commands.gap import gap
+from tolevo.commands.gap.plan import GapPlan
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.records import GapResult
 

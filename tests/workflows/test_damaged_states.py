@@ -16,8 +16,8 @@ from typer.testing import CliRunner, Result
 from tests.fuzzing import share
 from tolevo.cli import app
 from tolevo.commands.reproduce.calculations.manipulator import GaSettings
-from tolevo.commands.study import study
 from tolevo.commands.study.configuration import read_study
+from tolevo.commands.study.study import study
 from tolevo.directory import MANIFEST
 from tolevo.directory.standing import write_unfinished
 from tolevo.errors import InputError

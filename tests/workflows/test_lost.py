@@ -23,10 +23,10 @@ import tolevo
 from tests.dask_daemons import cluster, worker
 from tests.postgres import Server
 from tolevo.commands.evaluate import GRAIN
-from tolevo.commands.study import study
-from tolevo.commands.study import study as write
 from tolevo.commands.study.configuration import read_study
 from tolevo.commands.study.storage import DATABASE
+from tolevo.commands.study.study import study
+from tolevo.commands.study.study import study as write
 from tolevo.errors import RunError
 from tolevo.execution import executor_of
 from tolevo.problems.tolerance_problem import designs_frame

@@ -16,7 +16,8 @@ from openpyxl import load_workbook
 from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.settings import Budget
 from tolevo.commands.report import report
-from tolevo.commands.run import RunOutcome, RunPlan, run
+from tolevo.commands.run.plan import RunOutcome, RunPlan
+from tolevo.commands.run.run import run
 from tolevo.configuration.reader import read_table
 from tolevo.page.page import page
 from tolevo.problems.pose_accuracy import PoseAccuracy

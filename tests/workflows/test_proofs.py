@@ -112,7 +112,7 @@ def test_front_of_exact_has_no_gap(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     def again(*given: object) -> None:
         raise AssertionError("the run has solved its front already")
 
-    monkeypatch.setattr("tolevo.algorithms.exact.solver.exact_vectors", again)
+    monkeypatch.setattr("tolevo.commands.run.proofs.exact_vectors", again)
     front, summary, _ = run(config(tmp_path, 'name = "exact"\npoints = 1000'))
     assert len(front) >= 990
     assert front["gap_percent"].max() < 1e-5

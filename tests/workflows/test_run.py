@@ -14,10 +14,11 @@ import pytest
 from tolevo.algorithms.ga import GA
 from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.settings import AlgorithmSettings, Budget
-from tolevo.commands.run import RunOutcome, RunPlan, references, run
+from tolevo.commands.run import references
 from tolevo.commands.run.front import knee, with_references
+from tolevo.commands.run.plan import RunOutcome, RunPlan
 from tolevo.commands.run.references import gains, relaxed_bounds
-from tolevo.commands.run.run import _texts
+from tolevo.commands.run.run import _texts, run
 from tolevo.directory import KINDS, MANIFEST
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, PropagationSetting, Settings, VariableSetting

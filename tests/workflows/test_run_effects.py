@@ -12,7 +12,8 @@ import pytest
 from tolevo import registry
 from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.settings import Budget
-from tolevo.commands.run import RunOutcome, RunPlan, run
+from tolevo.commands.run.plan import RunOutcome, RunPlan
+from tolevo.commands.run.run import run
 from tolevo.models.effects.measurements import Active
 from tolevo.page.figures import pictures
 from tolevo.page.page import page

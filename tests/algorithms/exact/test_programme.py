@@ -157,5 +157,5 @@ def test_limits_that_contradict_each_other_are_not_searched(monkeypatch: pytest.
     found = programme.allocation(np.array([1.15, -0.85]))
     assert found is not None
     assert found[1] == pytest.approx(0.15, rel=1e-4)
-    monkeypatch.setattr("tolevo.algorithms.exact.local.slsqp", None)
+    monkeypatch.setattr("tolevo.algorithms.exact.programme.slsqp", None)
     assert programme.allocation(np.array([1.09, -0.91])) is None

@@ -18,8 +18,8 @@ from tolevo.algorithms.exact.programme import Programme
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.forms import Feature, Form, Way
 
-SLSQP = "tolevo.algorithms.exact.local.slsqp"
-ASCEND = "tolevo.algorithms.exact.local.ascend"
+SLSQP = "tolevo.algorithms.exact.programme.slsqp"
+ASCEND = "tolevo.algorithms.exact.programme.ascend"
 INF = np.inf
 Part = tuple[float, float, tuple[float, ...], tuple[float, ...], float]
 

@@ -11,8 +11,8 @@ import pytest
 from typer.testing import CliRunner
 
 from tolevo.cli import app
-from tolevo.commands.study import study
 from tolevo.commands.study.configuration import read_study
+from tolevo.commands.study.study import study
 from tolevo.errors import InputError
 from tolevo.execution import InProcess
 

@@ -25,9 +25,10 @@ from typer.testing import CliRunner
 from tests.dask_daemons import LOOPBACK, cluster, wait_until
 from tolevo import dask_cluster
 from tolevo.cli import app
-from tolevo.commands.study import StudyPlan, StudyProgress, study
 from tolevo.commands.study.configuration import read_study
+from tolevo.commands.study.plan import StudyPlan, StudyProgress
 from tolevo.commands.study.storage import DATABASE
+from tolevo.commands.study.study import study
 from tolevo.commands.study.trial import Chunk
 from tolevo.errors import InputError, RunError
 from tolevo.execution import InProcess, Lost, Processes, Result, TaskT, executor_of

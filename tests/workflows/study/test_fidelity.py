@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from tolevo.cli import app
-from tolevo.commands.study import study as write
+from tolevo.commands.study.study import study as write
 
 pytestmark = pytest.mark.slow  # leaders as the design of a finer study: test_racing.py
 

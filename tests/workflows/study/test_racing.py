@@ -12,10 +12,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from tolevo.commands.study import StudyPlan, study
 from tolevo.commands.study.configuration import read_study
+from tolevo.commands.study.plan import StudyPlan
 from tolevo.commands.study.storage import Database, Site
-from tolevo.commands.study.study import ALPHA, behind, looks, trailing_settings
+from tolevo.commands.study.study import ALPHA, behind, looks, study, trailing_settings
 from tolevo.commands.study.trial import Surveying
 from tolevo.errors import InputError, RunError
 from tolevo.execution import InProcess, Lost, Result, TaskT

@@ -14,8 +14,9 @@ import pytest
 from tolevo.algorithms.archive import FEW, Box, Course, charted
 from tolevo.algorithms.search import search
 from tolevo.commands.run.proofs import exact_front
-from tolevo.commands.study import StudyOutcome, StudyPlan, study
 from tolevo.commands.study.configuration import read_study
+from tolevo.commands.study.plan import StudyOutcome, StudyPlan
+from tolevo.commands.study.study import study
 from tolevo.configuration import read
 from tolevo.errors import RunError
 from tolevo.execution import InProcess

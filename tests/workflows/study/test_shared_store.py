@@ -18,9 +18,10 @@ from typer.testing import CliRunner, Result
 
 from tests.postgres import Server, server
 from tolevo.cli import app
-from tolevo.commands.study import StudyPlan, StudyProgress, study
 from tolevo.commands.study.configuration import read_study
+from tolevo.commands.study.plan import StudyPlan, StudyProgress
 from tolevo.commands.study.storage import DATABASE, Database, Site
+from tolevo.commands.study.study import study
 from tolevo.commands.study.trial import Chunk
 from tolevo.errors import RunError
 from tolevo.execution import InProcess, Lost, Processes, TaskT

@@ -17,9 +17,10 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tolevo.cli import app
-from tolevo.commands.study import StudyOutcome, study
 from tolevo.commands.study.configuration import read_study
+from tolevo.commands.study.plan import StudyOutcome
 from tolevo.commands.study.storage import DATABASE
+from tolevo.commands.study.study import study
 from tolevo.directory import KINDS, MANIFEST, owned, standing
 from tolevo.directory.standing import present
 from tolevo.errors import InputError

@@ -8,7 +8,6 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 from scipy.special import ndtri
 
 from ...algorithms.exact.bounds import row_limits
@@ -404,6 +403,8 @@ def _not_normal(sample: PartSample) -> bool:
 
 def doubt(sample: PartSample) -> str:
     """Why a sample does not carry an assurance, empty where it does."""
+    from scipy import stats  # takes long to import
+
     if not _not_normal(sample):
         return ""
     if any(finding.kind == "outlier" for finding in sample.findings):
