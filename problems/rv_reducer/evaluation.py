@@ -227,7 +227,7 @@ class Evaluation:
             slopes = self._pulled_back(name, statistic, alike)
         else:
             measure, drawn = self.measures[MEASURES[name]], self.drawn.rigid
-            slopes = measure.slopes(self.turn, drawn.alike() if alike else drawn.slopes)
+            slopes = measure.slopes(self.turn, drawn.alike if alike else drawn.slopes)
         return {
             VARIABLE.get(error, f"{error}_um"): float(slope) for error, slope in zip(NAMES, scale * slopes, strict=True)
         }
@@ -271,7 +271,7 @@ class Evaluation:
         loaded = self._units_under_load(output)
         turning = output == "transmission_error_arcsec"
         drawn = self.drawn.turning if turning else self.drawn.loaded
-        errors = drawn.alike() if alike else drawn.slopes
+        errors = drawn.alike if alike else drawn.slopes
         return loaded.pull_back(errors, {LOADED[output]: statistic.weight})
 
 

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....section import Array, Complex, Single
-from ....units import ARCMIN, UM
-from ..contact.geometry import ContactGeometry, unit
-from .errors import COLUMNS, Lattice, Scaled, Table, bore_axes, crank_lines, pitch_turn, sides, turn_lattice
+from ..contact.geometry import ContactGeometry
+from .errors import COLUMNS, Lattice, Scaled, Table, sides, turn_lattice
 from .units import ERRORS, BaseSample, Hierarchy, UnitDesign
 
 Contacts = NDArray[np.int32]
@@ -84,35 +83,31 @@ class Slopes:
 
     @classmethod
     def of(cls, geometry: ContactGeometry, sample: BaseSample) -> Slopes:
-        """The slopes of a base sample."""
-        z = sample.z
-        arm = UM / geometry.nominal.centre_distance / ARCMIN
-        ahead = 1e-3 * geometry.nominal.eccentricity / UM
-        circle = z["circle_offset"] * unit(sample.phase["circle_offset"])
-        lines = crank_lines(geometry)
-        bearing = 0.5 * arm * 0.5 * (1.0 + z["crank_bearing"]).mean(axis=0)
-        pitch = pitch_turn(geometry) * z["pitch"] * unit(sample.phase["pitch"])
-        runout = 0.5 * z["runout"] * unit(sample.phase["runout"])
-        bore = (z["bore_radial"] + 1j * z["bore_tangential"]) * bore_axes(geometry)
+        """The slopes of a base sample: what a zone of 1 of each error alone makes of its units."""
+        by = {error: Scaled.of(geometry, sample, UnitDesign({error: 1.0})) for error in ERRORS}
+        discs = sample.z["shift"].shape
         by_disc: list[Array | Complex] = [
-            z["equidistance"],
-            z["shift"],
-            pitch,
-            runout,
-            z["eccentricity"].mean(axis=0),
-            arm * (z["eccentricity"] * lines).mean(axis=0),
-            bearing,
-            bore.mean(axis=0),
-            arm * z["bore_tangential"].mean(axis=0),
-            ahead * z["crank_phase"].mean(axis=0),
-            arm * ahead * (1j * z["crank_phase"] * lines).mean(axis=0),
-            np.broadcast_to(sides(geometry)[:, None], z["shift"].shape),
+            by["equidistance"].normal,
+            -by["shift"].radial,
+            by["pitch"].pitch,
+            by["runout"].offset,
+            by["eccentricity"].turning.real,
+            by["eccentricity"].around,
+            by["crank_bearing"].play,
+            -by["bore"].offset,
+            by["bore"].ahead,
+            by["crank_phase"].turning.imag,
+            by["crank_phase"].around,
+            np.broadcast_to(sides(geometry)[:, None], discs),
         ]
         columns = [part for errors in by_disc for part in _parts(errors)]
+        circle = by["circle_offset"].circle
+        radial = by["pin_circle_radius"].radial[0]
+        of_pins = (by["pin_position"].along, by["pin_hole_radius"].across, -by["pin_radius"].across)
         return cls(
-            _single(np.stack([z["pin_circle_radius"], circle.real, circle.imag])),
+            _single(np.stack([radial, circle.real, circle.imag])),
             _single(np.stack(columns, axis=1)),
-            _single(np.stack([z["pin_position"], z["pin_hole_radius"], z["pin_radius"]])),
+            _single(np.stack(of_pins)),
         )
 
 
@@ -149,7 +144,7 @@ def pull_back(lattice: Lattice, table: Table, touch: Touch, slopes: Slopes, weig
 # A turn of rigid units of one design: the backlash of the cycloid stage at every position.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Population:
     """Positions of a turn, a base sample and its slopes, which all designs have in common."""
 
@@ -176,6 +171,7 @@ class Population:
         """Number of units."""
         return self.sample.units
 
+    @cached_property
     def alike(self) -> Slopes:
         """Slopes by errors that are the same in all units: every standardised error is 1."""
         sample = self.sample
