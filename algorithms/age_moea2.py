@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 from ..section import PAIRED
 from .settings import Genetic
@@ -14,9 +14,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class AGEMOEA2(Genetic):
-    """AGE-MOEA-II for two or more objectives (Panichella 2022); needs the extra `fast`."""
+    """AGE-MOEA-II for two or more objectives (Panichella 2022)."""
 
-    extras: ClassVar[tuple[str, ...]] = ("fast",)
     population: int = field(default=100, metadata={"low": 2, "need": PAIRED})
 
     def build(self, problem: ToleranceProblem) -> Any:

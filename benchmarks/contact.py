@@ -124,19 +124,16 @@ def compare(name: str, contact: LoadedContact, errors: PartErrors, count: int) -
     rigid = bool(np.all(np.isinf(contact.series_stiffness)))
     points = [(int(rng.integers(10)), int(rng.integers(ANGLES))) for _ in range(count)]
     mesh = contact.mesh(errors.of_units(slice(0, 10)), angles)
-    arrays, compiled = replace(contact, engine="arrays"), replace(contact, engine="numba")
-    found = compiled.rotation(errors, angles, TORQUE)  # compiles, or loads what was compiled
+    found = contact.rotation(errors, angles, TORQUE)  # compiles, or loads what was compiled
     loop = partial(point_by_point, mesh, points, rigid)
     at = tuple(np.array(points).T)
     print(f"{name}: largest difference {np.max(np.abs(loop() - found[at])):.1e} rad from the loop")
-    run = partial(compiled.rotation, errors, angles, TORQUE)
+    run = partial(contact.rotation, errors, angles, TORQUE)
     times = [(seconds(run), seconds(loop)) for _ in range(TURNS)]
     fast, slow = (median(column) for column in zip(*times, strict=True))
     slow *= UNITS * ANGLES / count
-    part = errors.of_units(slice(0, UNITS // 10))
-    plain = 10.0 * seconds(partial(arrays.rotation, part, angles, TORQUE))
-    print(f"  compiled {fast:.2f} s, arrays {plain:.1f} s (from a tenth), brentq {slow:.0f} s")
-    print(f"  ratio compiled: {slow / fast:.0f} (at least 300 wanted); arrays: {slow / plain:.0f}")
+    print(f"  kernel {fast:.2f} s, brentq {slow:.0f} s")
+    print(f"  ratio: {slow / fast:.0f} (at least 300 wanted)")
 
 
 def main() -> None:

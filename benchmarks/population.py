@@ -1,9 +1,9 @@
 # ruff: noqa: E402 - the number of threads is fixed before numpy is imported
 """Units of an RV reducer at first contact, on one thread: `python benchmarks/population.py`.
 
-Value and derivatives of 512 units at 61 positions of the turn, compiled and by arrays, against the
-exact nearest point of every pin for the same units: what they cost, and how far they lie apart.
-Times are CPU times of this process, medians of interleaved turns.
+Value and derivatives of 512 units at 61 positions of the turn, against the exact nearest point of
+every pin for the same units: what they cost, and how far they lie apart. Times are CPU
+times of this process, medians of interleaved turns.
 """
 
 import os
@@ -20,7 +20,7 @@ from statistics import median
 
 import numpy as np
 
-from tolevo.models.rv_reducer.contact.contact import Engine, LoadedContact, backlash, loading, lost_motion
+from tolevo.models.rv_reducer.contact.contact import LoadedContact, backlash, loading, lost_motion
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
 from tolevo.models.rv_reducer.population.contact import Population
 from tolevo.models.rv_reducer.population.elastic import OUTPUTS, Elastic, Loading, elastic
@@ -96,7 +96,6 @@ def interleaved(runs: Mapping[str, Callable[[], object]]) -> dict[str, float]:
 
 def speed() -> None:
     population = drawn(512, 61)
-    plain = replace(population, engine="arrays")
     turn = population.turn(DOCUMENT)  # compiles, or loads what was compiled
     turn.slopes(np.full(turn.play.shape, 1.0 / turn.play.size))
     peaks = [memory()]
@@ -106,14 +105,11 @@ def speed() -> None:
     found = interleaved({
         "value": partial(evaluate, population, slopes=False),
         "value and slopes": partial(evaluate, population, slopes=True),
-        "arrays": partial(evaluate, plain, slopes=True),
         "third order": partial(nearest_point, few, DOCUMENT, exact=False),
         "nearest point": partial(nearest_point, few, DOCUMENT, exact=True),
     })  # fmt: skip
-    compiled, arrays = found["value and slopes"], found["arrays"]
     print("512 units x 61 positions, quantile of the greatest backlash and interference:")
-    print(f"  compiled {found['value']:.1f} ms, with derivatives {compiled:.1f} ms (40 promised)")
-    print(f"  arrays, with derivatives {arrays:.0f} ms: {arrays / compiled:.0f} times (40 promised)")
+    print(f"  {found['value']:.1f} ms, with derivatives {found['value and slopes']:.1f} ms (40 promised)")
     for name in ("third order", "nearest point"):
         time_ms = found[name] * 512 / 32
         ratio = time_ms / found["value"]
@@ -155,10 +151,10 @@ def accuracy() -> None:
         )
 
 
-def balanced(population: Population, engine: Engine = "auto") -> Elastic:
+def balanced(population: Population) -> Elastic:
     """All outputs under load."""
     turn = population.turn(DOCUMENT)
-    return elastic(population.lattice, turn.table, turn.units, Loading(), engine)
+    return elastic(population.lattice, turn.table, turn.units, Loading())
 
 
 def pulled_back(population: Population) -> None:
@@ -177,12 +173,10 @@ def under_load() -> None:
     found = interleaved({
         "value": partial(balanced, population),
         "slopes": partial(pulled_back, population),
-        "arrays": partial(balanced, few, "arrays"),
         "contact": partial(lost_motion, contact, errors, angles),
     })  # fmt: skip
     print("256 units x 31 positions under load, four load cases:")
-    print(f"  compiled {found['value']:.1f} ms, with derivatives {found['slopes']:.1f} ms")
-    print(f"  arrays {found['arrays'] * 8:.0f} ms (from 32 units)")
+    print(f"  {found['value']:.1f} ms, with derivatives {found['slopes']:.1f} ms")
     print(f"  loaded contact, lost motion alone {found['contact'] * 8:.0f} ms (from 32 units)")
     ours = balanced(few).values
     peak = loading(contact, errors, angles, Loading().rated_torque).peak

@@ -227,7 +227,7 @@ class Evaluation:
             slopes = self._pulled_back(name, statistic, alike)
         else:
             measure, drawn = self.measures[MEASURES[name]], self.drawn.rigid
-            slopes = measure.slopes(self.turn, drawn.alike() if alike else drawn.slopes)
+            slopes = measure.slopes(self.turn, drawn.alike if alike else drawn.slopes)
         return {
             VARIABLE.get(error, f"{error}_um"): float(slope) for error, slope in zip(NAMES, scale * slopes, strict=True)
         }
@@ -263,7 +263,7 @@ class Evaluation:
             table = Table.of(drawn.lattice, self.design.dr_rp, self.design.dr_p)
             units = Scaled.of(drawn.lattice.geometry, drawn.sample, self.design)
             names = [name for name in LOADED.values() if (name == "transmission_error") == turning]
-            self._elastic[turning] = elastic(drawn.lattice, table, units, self.model.loading, drawn.engine, names)
+            self._elastic[turning] = elastic(drawn.lattice, table, units, self.model.loading, names)
         return self._elastic[turning]
 
     def _pulled_back(self, name: str, statistic: Statistic, alike: bool) -> Array:
@@ -271,7 +271,7 @@ class Evaluation:
         loaded = self._units_under_load(output)
         turning = output == "transmission_error_arcsec"
         drawn = self.drawn.turning if turning else self.drawn.loaded
-        errors = drawn.alike() if alike else drawn.slopes
+        errors = drawn.alike if alike else drawn.slopes
         return loaded.pull_back(errors, {LOADED[output]: statistic.weight})
 
 
@@ -329,7 +329,7 @@ def _population_of_one(evaluation: Evaluation, unit: int) -> Population:
     geometry = evaluation.model.geometry
     sample = evaluation.drawn.rigid.sample.part(slice(unit, unit + 1))
     lattice = Lattice.of(geometry, turn_lattice(FINE, geometry.nominal.cycloid_teeth))
-    return Population(lattice, sample, Slopes.of(geometry, sample), evaluation.drawn.rigid.engine)
+    return Population(lattice, sample, Slopes.of(geometry, sample))
 
 
 def _population(evaluation: Evaluation) -> pd.DataFrame:

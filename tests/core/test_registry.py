@@ -96,13 +96,6 @@ def test_missing_extra_is_named_with_its_command(plugin: Path) -> None:
         registry.load("effects", "costly")
 
 
-def test_age_moea2_needs_the_extra_fast(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert registry.load("algorithms", "age_moea2").extras == ("fast",)
-    monkeypatch.setattr(registry, "_installed", lambda name: name != "numba")
-    with pytest.raises(InputError, match=r"needs numba: pip install 'tolevo\[fast\]'$"):
-        registry.load("algorithms", "age_moea2")
-
-
 def test_name_offered_twice(plugin: Path) -> None:
     install(plugin, "tolevo-other", "3", "[tolevo.effects]\nseeping = os:path\n")
     assert registry.names("effects").count("seeping") == 1

@@ -18,7 +18,7 @@ from tolevo.units import ARCMIN
 Array = NDArray[np.float64]
 ARCSEC = ARCMIN / 60.0
 PERFECT = PartErrors()
-UNIT = LoadedContact(engine="arrays")
+UNIT = LoadedContact()
 RIGID = replace(UNIT, series_stiffness=np.inf)
 RATIO = UNIT.geometry.output_ratio
 LEVER = UNIT.geometry.nominal.lever
@@ -381,27 +381,24 @@ def test_forces_on_the_pins_hold_the_torque(torque: float) -> None:
 @pytest.mark.parametrize("torque", TORQUES)
 @pytest.mark.parametrize("contact", [UNIT, RIGID], ids=["springs", "rigid"])
 def test_kernel_and_arrays_agree(contact: LoadedContact, torque: float) -> None:
-    pytest.importorskip("numba")
     angles = turn_angles(39 * 7)
-    found = replace(contact, engine="numba").rotation(UNEVEN, angles, torque)
-    np.testing.assert_allclose(found, contact.rotation(UNEVEN, angles, torque), atol=1e-14)
+    found = contact.rotation(UNEVEN, angles, torque)
+    np.testing.assert_allclose(found, contact.mesh(UNEVEN, angles).rotation(torque), atol=1e-14)
 
 
 @pytest.mark.parametrize("torque", [412.0, -21.0])
 def test_kernel_and_arrays_agree_where_discs_jam(torque: float) -> None:
     """Pins 60 um too thick: both flanks bear at once, also under torque."""
-    pytest.importorskip("numba")
     angles = turn_angles(39 * 2)
     jammed = PartErrors(pin_radius=60e-6 + UNEVEN.pin_radius)
-    arrays = UNIT.rotation(jammed, angles, torque)
-    arm, gap = (UNIT.mesh(jammed, angles).gaps.lever, UNIT.mesh(jammed, angles).gaps.gap)
+    mesh = UNIT.mesh(jammed, angles)
+    arm, gap = mesh.gaps.lever, mesh.gaps.gap
     assert np.any((gap < 0.0) & (arm > 0.0)) and np.any((gap < 0.0) & (arm < 0.0))
-    compiled = replace(UNIT, engine="numba").rotation(jammed, angles, torque)
-    np.testing.assert_allclose(compiled, arrays, atol=1e-14)
+    found = UNIT.rotation(jammed, angles, torque)
+    np.testing.assert_allclose(found, mesh.rotation(torque), atol=1e-14)
 
 
 def test_kernel_takes_stiffness_and_torque_per_unit_and_angle() -> None:
-    pytest.importorskip("numba")
     rng = np.random.default_rng(2)
     uneven = replace(
         UNIT,
@@ -409,10 +406,8 @@ def test_kernel_takes_stiffness_and_torque_per_unit_and_angle() -> None:
         series_stiffness=58.5 / ARCMIN * rng.uniform(0.5, 2.0, (50, 2)),
     )
     torque = rng.uniform(-412.0, 412.0, (6, 50))
-    found = replace(uneven, engine="numba").rotation(UNEVEN, CRANK[:50], torque)
-    arrays = uneven.rotation(UNEVEN, CRANK[:50], torque)
-    np.testing.assert_allclose(found, arrays, atol=1e-14)
-    np.testing.assert_allclose(uneven.equilibrium(UNEVEN, CRANK[:50], torque).rotation, arrays)
+    found = uneven.rotation(UNEVEN, CRANK[:50], torque)
+    np.testing.assert_allclose(found, uneven.equilibrium(UNEVEN, CRANK[:50], torque).rotation, atol=1e-14)
 
 
 def test_one_pin_in_closed_form() -> None:

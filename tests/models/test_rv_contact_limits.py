@@ -127,7 +127,7 @@ def test_torque_of_rigid_discs_is_the_sum_over_the_pins(rotation: float) -> None
 
 
 def test_rotation_of_an_exact_contact_is_that_of_its_gaps() -> None:
-    """Whatever the engine: compiled code knows the series alone."""
+    """By its meshes: compiled code knows the series alone."""
     errors = PartErrors(circle_offset=np.array([1e-4]))
     exact = replace(LoadedContact(), exact=True)
     found = exact.rotation(errors, ANGLES, 412.0)

@@ -1,4 +1,4 @@
-"""Populations of units by the kernel, against the loaded contact, differences and arrays."""
+"""Populations of units by the kernel, against the loaded contact, differences and a slow reference."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.models.kernel_reference import by_arrays
 from tolevo.models.rv_reducer.contact import contact as performance
-from tolevo.models.rv_reducer.contact.contact import Engine, LoadedContact, faults
+from tolevo.models.rv_reducer.contact.contact import LoadedContact, faults
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry, Nominal, PartErrors
 from tolevo.models.rv_reducer.geometry import RvGeometry
 from tolevo.models.rv_reducer.population import errors as lattice_module
@@ -54,12 +55,10 @@ def widened(factor: float) -> UnitDesign:
     return replace(DOCUMENT, half_width={name: factor * t for name, t in ZONES.items()})
 
 
-def touching(
-    lattice: Lattice, sample: BaseSample, design: UnitDesign, engine: Engine = "auto"
-) -> tuple[Table, Touch, Array]:
+def touching(lattice: Lattice, sample: BaseSample, design: UnitDesign) -> tuple[Table, Touch, Array]:
     """Table, contacts, and y [arcmin], (positions, units)."""
     table = Table.of(lattice, design.dr_rp, design.dr_p)
-    found = touch(lattice, table, Scaled.of(lattice.geometry, sample, design), engine)
+    found = touch(lattice, table, Scaled.of(lattice.geometry, sample, design))
     return table, found, found.cycloid(lattice.geometry.output_ratio).astype(float)
 
 
@@ -277,21 +276,22 @@ def test_slopes_of_rarer_geometries() -> None:
         assert slope == pytest.approx(expected, rel=5e-3, abs=3e-4), name
 
 
-# ---------------------------------------------------------------- engines
+# ---------------------------------------------------------------- against arrays
 
 
-def test_compiled_and_arrays_agree(drawn: tuple[Lattice, BaseSample, Slopes]) -> None:
+def test_kernel_and_reference_agree(drawn: tuple[Lattice, BaseSample, Slopes]) -> None:
     """Single precision: 3e-7 of turns of some arc minutes, and of sums of their derivatives."""
-    pytest.importorskip("numba")
     lattice, _, _ = drawn
     sample = BaseSample.draw(GEOMETRY, 300, np.random.default_rng(9))  # more than the lanes
-    table, compiled, y = touching(lattice, sample, DOCUMENT, "numba")
-    _, arrays, plain = touching(lattice, sample, DOCUMENT, "arrays")
+    table, compiled, y = touching(lattice, sample, DOCUMENT)
+    slopes, weight = Slopes.of(GEOMETRY, sample), weights(y, "random")
+    found = pull_back(lattice, table, compiled, slopes, weight)
+    with by_arrays():
+        _, arrays, plain = touching(lattice, sample, DOCUMENT)
+        wanted = pull_back(lattice, table, compiled, slopes, weight)
     np.testing.assert_allclose(y, plain, atol=2e-6)
     same = (compiled.ahead == arrays.ahead) & (compiled.behind == arrays.behind)
     assert np.mean(same) > 0.9999  # ties apart
-    slopes, weight = Slopes.of(GEOMETRY, sample), weights(y, "random")
-    found, wanted = (pull_back(lattice, table, compiled, slopes, weight, engine) for engine in ("numba", "arrays"))
     np.testing.assert_allclose(found, wanted, rtol=1e-5, atol=1e-6)
 
 

@@ -6,9 +6,6 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from importlib import import_module
-from importlib.util import find_spec
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,7 +105,6 @@ def interference(geometry: ContactGeometry, place: str) -> Iterator[Fault]:
 # The loaded contact of pins and discs: balance of torque under part errors.
 
 
-Engine = Literal["auto", "arrays", "numba"]
 BLOCK = 512
 """Meshes (a unit at a crank angle) solved at once by arrays, so that they stay in the cache."""
 
@@ -147,9 +143,8 @@ class LoadedContact:
     `normal_stiffness` [N/m] of a pin contact along its normal and `series_stiffness` [N m/rad]
     between one disc and the carrier (bearings, cranks, carrier; `inf` without) are assumptions;
     both may be arrays that fit (units, angles, discs), so that discs share unequally or stiffness
-    depends on the angle. Torques [N m] of the catalogue. `exact`: see `gaps`. `engine`: numba where
-    it is installed ("auto"), "arrays" or "numba"; only `rotation` uses it. Raises InputError where
-    the profile interferes or is undercut (`faults`).
+    depends on the angle. Torques [N m] of the catalogue. `exact`: see `gaps`. Raises InputError
+    where the profile interferes or is undercut (`faults`).
     """
 
     geometry: ContactGeometry = ContactGeometry()
@@ -158,7 +153,6 @@ class LoadedContact:
     rated_torque: float = 412.0
     momentary_torque: float = 2058.0
     exact: bool = False
-    engine: Engine = "auto"
 
     def __post_init__(self) -> None:
         raise_all(faults(self.geometry))
@@ -186,13 +180,15 @@ class LoadedContact:
         return Equilibrium(rotation, forces, np.sum(forces > 0.0, axis=-1), mesh_torque - torque)
 
     def rotation(self, errors: PartErrors, angles: Array, torque: Array | float, direction: int = 1) -> Array:
-        """The rotation of `equilibrium` alone; its memory does not grow with the contacts."""
+        """The rotation of `equilibrium` alone, compiled unless the contact is `exact`; its memory
+        does not grow with the contacts.
+        """
         warn_of_overload(torque, self.momentary_torque)
         torques = np.broadcast_to(torque, (errors.units, angles.size))
-        if not self.exact and uses_numba(self.engine):
-            kernel = import_module(".compiled", __package__)
-            turns: Array = kernel.rotation(self.geometry, errors, angles, *self._stiffness(), torques, direction)
-            return turns
+        if not self.exact:
+            from . import kernel
+
+            return kernel.rotation(self.geometry, errors, angles, *self._stiffness(), torques, direction)
         rotations = np.empty(torques.shape)
         for block in self.blocks(errors, angles):
             rotations[block.place] = block.mesh.rotation(torques[block.place], direction)
@@ -232,11 +228,6 @@ class LoadedContact:
 
 def _three_axes(value: Array | float) -> Array:
     return np.asarray(value, dtype=np.float64).reshape((1,) * (3 - np.ndim(value)) + np.shape(value))
-
-
-def uses_numba(engine: Engine) -> bool:
-    """Whether the compiled kernels are used."""
-    return engine == "numba" or (engine == "auto" and find_spec("numba") is not None)
 
 
 def warn_of_overload(torque: Array | float, momentary: float) -> None:

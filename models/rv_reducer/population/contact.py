@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from importlib import import_module
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ....section import Array, Complex, Single
-from ....units import ARCMIN, UM
-from ..contact.contact import Engine, uses_numba
-from ..contact.geometry import ContactGeometry, unit
-from .errors import COLUMNS, Lattice, Scaled, Table, bore_axes, crank_lines, pitch_turn, sides, turn_lattice
+from ..contact.geometry import ContactGeometry
+from .errors import COLUMNS, Lattice, Scaled, Table, sides, turn_lattice
 from .units import ERRORS, BaseSample, Hierarchy, UnitDesign
 
 Contacts = NDArray[np.int32]
@@ -37,14 +34,15 @@ class Touch:
         return np.asarray((self.high - self.low) * np.float32(1.0 / output_ratio))
 
 
-def touch(lattice: Lattice, table: Table, units: Scaled, engine: Engine = "auto") -> Touch:
+def touch(lattice: Lattice, table: Table, units: Scaled) -> Touch:
     """First contact of all units at all positions."""
+    from . import kernel
+
     shape = (lattice.shape[0], units.units)
     contact = Touch(
         np.empty(shape, np.float32), np.empty(shape, np.float32), np.zeros(shape, np.int32), np.zeros(shape, np.int32)
     )
-    name = ".compiled" if uses_numba(engine) else ".arrays"
-    import_module(name, __package__).touch(
+    kernel.touch(
         (table.values, lattice.pin, lattice.start, lattice.stop, lattice.directions),
         packed(units),
         (contact.high, contact.low, contact.ahead, contact.behind),
@@ -85,35 +83,31 @@ class Slopes:
 
     @classmethod
     def of(cls, geometry: ContactGeometry, sample: BaseSample) -> Slopes:
-        """The slopes of a base sample."""
-        z = sample.z
-        arm = UM / geometry.nominal.centre_distance / ARCMIN
-        ahead = 1e-3 * geometry.nominal.eccentricity / UM
-        circle = z["circle_offset"] * unit(sample.phase["circle_offset"])
-        lines = crank_lines(geometry)
-        bearing = 0.5 * arm * 0.5 * (1.0 + z["crank_bearing"]).mean(axis=0)
-        pitch = pitch_turn(geometry) * z["pitch"] * unit(sample.phase["pitch"])
-        runout = 0.5 * z["runout"] * unit(sample.phase["runout"])
-        bore = (z["bore_radial"] + 1j * z["bore_tangential"]) * bore_axes(geometry)
+        """The slopes of a base sample: what a zone of 1 of each error alone makes of its units."""
+        by = {error: Scaled.of(geometry, sample, UnitDesign({error: 1.0})) for error in ERRORS}
+        discs = sample.z["shift"].shape
         by_disc: list[Array | Complex] = [
-            z["equidistance"],
-            z["shift"],
-            pitch,
-            runout,
-            z["eccentricity"].mean(axis=0),
-            arm * (z["eccentricity"] * lines).mean(axis=0),
-            bearing,
-            bore.mean(axis=0),
-            arm * z["bore_tangential"].mean(axis=0),
-            ahead * z["crank_phase"].mean(axis=0),
-            arm * ahead * (1j * z["crank_phase"] * lines).mean(axis=0),
-            np.broadcast_to(sides(geometry)[:, None], z["shift"].shape),
+            by["equidistance"].normal,
+            -by["shift"].radial,
+            by["pitch"].pitch,
+            by["runout"].offset,
+            by["eccentricity"].turning.real,
+            by["eccentricity"].around,
+            by["crank_bearing"].play,
+            -by["bore"].offset,
+            by["bore"].ahead,
+            by["crank_phase"].turning.imag,
+            by["crank_phase"].around,
+            np.broadcast_to(sides(geometry)[:, None], discs),
         ]
         columns = [part for errors in by_disc for part in _parts(errors)]
+        circle = by["circle_offset"].circle
+        radial = by["pin_circle_radius"].radial[0]
+        of_pins = (by["pin_position"].along, by["pin_hole_radius"].across, -by["pin_radius"].across)
         return cls(
-            _single(np.stack([z["pin_circle_radius"], circle.real, circle.imag])),
+            _single(np.stack([radial, circle.real, circle.imag])),
             _single(np.stack(columns, axis=1)),
-            _single(np.stack([z["pin_position"], z["pin_hole_radius"], z["pin_radius"]])),
+            _single(np.stack(of_pins)),
         )
 
 
@@ -126,18 +120,17 @@ def _single(value: Array) -> Single:
     return np.ascontiguousarray(value, dtype=np.float32)
 
 
-def pull_back(
-    lattice: Lattice, table: Table, touch: Touch, slopes: Slopes, weight: Array, engine: Engine = "auto"
-) -> Array:
+def pull_back(lattice: Lattice, table: Table, touch: Touch, slopes: Slopes, weight: Array) -> Array:
     """Derivatives (names,) of sum(weight y) by `NAMES`, for weights (positions, units).
 
     y is the backlash of the cycloid stage at the carrier [arcmin], interference below zero.
     """
+    from . import kernel
+
     ratio = lattice.geometry.output_ratio
     rows = np.flatnonzero(np.any(weight != 0.0, axis=1))
     total = np.zeros(len(NAMES))
-    name = ".compiled" if uses_numba(engine) else ".arrays"
-    import_module(name, __package__).pull_back(
+    kernel.touch_slopes(
         _single(weight[rows] / ratio),
         (touch.ahead[rows], touch.behind[rows]),
         (table.values, lattice.pin, lattice.disc, lattice.directions[rows]),
@@ -151,14 +144,13 @@ def pull_back(
 # A turn of rigid units of one design: the backlash of the cycloid stage at every position.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Population:
     """Positions of a turn, a base sample and its slopes, which all designs have in common."""
 
     lattice: Lattice
     sample: BaseSample
     slopes: Slopes
-    engine: Engine = "auto"
 
     @classmethod
     def draw(
@@ -168,18 +160,18 @@ class Population:
         units: int,
         rng: np.random.Generator,
         hierarchy: Hierarchy | None = None,
-        engine: Engine = "auto",
     ) -> Population:
         """A population of `units` at `positions` of a turn of the output."""
         lattice = Lattice.of(geometry, turn_lattice(positions, geometry.nominal.cycloid_teeth))
         sample = BaseSample.draw(geometry, units, rng, hierarchy)
-        return cls(lattice, sample, Slopes.of(geometry, sample), engine)
+        return cls(lattice, sample, Slopes.of(geometry, sample))
 
     @property
     def units(self) -> int:
         """Number of units."""
         return self.sample.units
 
+    @cached_property
     def alike(self) -> Slopes:
         """Slopes by errors that are the same in all units: every standardised error is 1."""
         sample = self.sample
@@ -191,7 +183,7 @@ class Population:
         geometry = self.lattice.geometry
         table = Table.of(self.lattice, design.dr_rp, design.dr_p)
         units = Scaled.of(geometry, self.sample, design)
-        contact = touch(self.lattice, table, units, self.engine)
+        contact = touch(self.lattice, table, units)
         return Turn(self, design, table, units, contact, contact.cycloid(geometry.output_ratio))
 
 
@@ -225,4 +217,4 @@ class Turn:
         """
         drawn = self.population
         standardised = errors or drawn.slopes
-        return pull_back(drawn.lattice, self.table, self.touch, standardised, weight, drawn.engine)
+        return pull_back(drawn.lattice, self.table, self.touch, standardised, weight)
