@@ -91,8 +91,13 @@ class Hybrid(Solver):
             tried.add(_integers(run, moves[0]))
             branch = Branch(run, moves[0], unit)
             branch.minimise(0, branch.smooth.scaled(start[None, :])[0], free)
-            if _best(run)[1] < best:
-                start, best = _best(run)
+            found, sampled = _best(run), run.problem.declaration.sampled
+            if sampled and branch.f:  # it keeps its limits nearly, and is moved inside them at the end
+                polished = branch.smooth.vectors(branch.y[0][None, :])[0], float(branch.f[0][0])
+                found = min(found, polished, key=lambda design: design[1])
+            if found[1] < best:
+                start, best = found
+                run.choose(start[None, :] if sampled else run.chosen[:0])
 
     def _polish_front(self, run: Run) -> None:
         """Two objectives: gradients where the front has its largest gaps, then interpolated points."""

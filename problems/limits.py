@@ -23,6 +23,16 @@ DIGITS = 16.0 * float(np.finfo(float).eps)
 """Rounding of a fraction of all units."""
 
 
+EQUAL = 1e-12
+"""Relative difference up to which two values are equal but for rounding."""
+
+
+def apart(low: Array, high: Array) -> Array:
+    """The upper ends (n,) of ranges that no rounding empties: those of equal ends lie a little above."""
+    size = np.maximum(np.abs(low), np.abs(high))
+    return np.maximum(high, low + EQUAL * np.where(size > 0.0, size, 1.0))
+
+
 def loosened(upper: Array | float, part: float = 1.0) -> Array:
     """Upper limits, any shape, wider by a `part` of the room that rounding has."""
     finite = np.isfinite(upper)

@@ -17,7 +17,7 @@ from ..journal import recalled_columns
 from ..records import Bars, UnitsShown
 from ..section import Array, Assumption, Integers, Output, Section, Variable, completed
 from .declaration import ConfiguredProblem, Declaration, Interval
-from .limits import impossible, limits_of
+from .limits import apart, impossible, limits_of
 from .settings import Bound, Promise, Settings, VariableSetting, assumptions_of, rising, unit_slips, with_currency
 
 if TYPE_CHECKING:
@@ -157,12 +157,12 @@ class ToleranceProblem(Problem):
 
     def box(self) -> tuple[Array, Array]:
         """Ideal and nadir of the normalised hypervolume, fixed by the problem."""
-        values = self.objective_values(self.outputs_of(self._corners(), errors=False))
+        values = self.objective_values(self.needed_outputs(self._corners()))
         finite = np.isfinite(values).all(axis=1)
         values = values[finite] if finite.any() else np.zeros((1, len(self.objectives)))
         proven = np.array([self.interval(name)[0] for name in self.objectives])
         ideal = np.where(np.isfinite(proven), proven, values.min(axis=0))
-        return ideal, np.maximum(values.max(axis=0), ideal + 1e-12)
+        return ideal, apart(ideal, values.max(axis=0))
 
     def relaxed(self, limits: Mapping[str, Bound]) -> ToleranceProblem:
         """The same problem with some limits replaced."""
@@ -316,8 +316,12 @@ class ToleranceProblem(Problem):
     def tested(self, x: Array) -> tuple[Array, Array]:
         """F and G of search vectors as reported: where a search sees a sample, on a fresh one."""
         designs = self.complete(x)
-        outputs = self.needed(designs)
+        outputs = self.needed_outputs(designs)
         return self.objective_values(outputs), self.violations(designs, outputs)
+
+    def needed_outputs(self, designs: Array) -> dict[str, Array]:
+        """Outputs (n,) of full designs as reported, those of `needed`; recalled."""
+        return recalled_columns((designs, "needed"), lambda: self.needed(designs))
 
     def frame(
         self, designs: Array, outputs: Mapping[str, Array] | None = None, searching: bool = False

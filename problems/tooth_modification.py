@@ -19,6 +19,7 @@ from ..models.rv_reducer.geometry import RvGeometry
 from ..section import Array, Kind, Output, Parameter, Value, Variable, number
 from ..units import ARCMIN, MM, UM
 from .declaration import Declaration, Interval
+from .limits import apart
 from .settings import Bound, Settings
 from .tolerance_problem import ToleranceProblem
 
@@ -226,7 +227,7 @@ class ToothModification(ToleranceProblem):
         """From the values of the ends of the limited range, not from the bounds of the forces."""
         values = self.objective_values(self.outputs_of(self._corners(), errors=False))
         ideal = values.min(axis=0)
-        return ideal, np.maximum(values.max(axis=0), ideal + 1e-12)
+        return ideal, apart(ideal, values.max(axis=0))
 
     def _corners(self) -> Array:
         """Ends of the line of least radial gap: no backlash by the formula, and no equidistance.

@@ -64,6 +64,12 @@ class Interrupts:
         with suppress(OSError):
             os.write(2, (SHOW_CURSOR if os.isatty(2) else b"") + f"{text}\n".encode())
 
+    def end(self) -> None:
+        """The command has ended: nothing is left that a signal could interrupt."""
+        for request in REQUESTS:
+            if signal.getsignal(request) is self:
+                signal.signal(request, signal.SIG_IGN)
+
     def quit(self) -> NoReturn:
         """End the process and those that it started, at once."""
         for request in (*REQUESTS, signal.SIGVTALRM):

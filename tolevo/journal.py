@@ -3,6 +3,9 @@
 A step is recalled by its place in the sequence of steps, which is the same each time, and a checksum
 of its inputs: where that differs, this step and all later ones are computed anew. Steps that took
 little time are computed again rather than stored. The steps within a step are stored until it ends.
+
+What speeds up a computation, as the start of the next iteration, may be remembered within a `stretch`
+only, between one step and the next: a recalled step leaves no memory.
 """
 
 from __future__ import annotations
@@ -36,14 +39,16 @@ class Section:
         self._bytes = 0
         self._at = 0
         self._inner: tuple[int, int, Section] | None = None
+        self.stretch = object()
 
     def begin(self) -> None:
         """Begin again with the first step."""
         self._at = 0
+        self.stretch = object()
 
     def step(self, check: int, compute: Callable[[], Arrays]) -> Arrays:
         """The result of the next step."""
-        at = self._at
+        at, self.stretch = self._at, object()
         if at < len(self._checks) and self._checks[at] != check:
             self._results = {place: result for place, result in self._results.items() if place < at}
             self._bytes = sum(array.nbytes for result in self._results.values() for array in result)
@@ -130,6 +135,12 @@ def recorded(section: Section | None) -> Iterator[None]:
 def unrecorded() -> Any:
     """Within this context nothing is recalled."""
     return recorded(None)
+
+
+def stretch() -> object:
+    """What is the same between two steps, and where no section is open."""
+    section = _OPEN.get()
+    return None if section is None else section.stretch
 
 
 def recalled(inputs: Iterable[Any], compute: Callable[[], Arrays]) -> Arrays:

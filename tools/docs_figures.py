@@ -13,16 +13,22 @@ import re
 import sys
 from collections.abc import Callable, Mapping
 from functools import cache
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.signal import fftconvolve
 
 from tolevo.algorithms.exact.bounds import proof
 from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
+from tolevo.commands.gap.configuration import read_gap
+from tolevo.commands.gap.gap import analysis_result
+from tolevo.commands.gap.read import read_data
 from tolevo.configuration.reader import read
+from tolevo.models.machines import Inspection, Machine
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.rv_reducer.declared import DISC_TO_DISC
@@ -132,15 +138,51 @@ def by_definition() -> Figures:
 
 
 def least_costs() -> Figures:
-    """Least cost at 1 arcmin by contact, grade 4, without and with errors between discs."""
+    """Least cost at 1 arcmin by contact, grade 4, with document B's phi_1 or the default, without and
+    with errors between discs; and its yield on 16,384 other units.
+    """
     figures: dict[str, float] = {}
-    for label in ("without", "with"):
-        fixed = [f"variables.{name}.value=0.0" for name in DISC_TO_DISC] if label == "without" else []
-        path = ROOT / "configs" / "rv40e_least_cost.toml"
+    path = ROOT / "configs" / "rv40e_least_cost.toml"
+    for definition, between in product(("B", "default"), ("without", "with")):
+        fixed = [f"variables.{name}.value=0.0" for name in DISC_TO_DISC] if between == "without" else []
+        fixed += [f"parameters.involute_cosine={'true' if definition == 'default' else 'false'}"]
         found = read(path, overrides=["variables.involute_grade.value=4", *fixed])
         assert isinstance(found.problem, RvReducer)
-        design = search(found.problem, Exact(), found.budget, found.seed).chosen
-        figures[label] = float(found.problem.cost_of(found.problem.complete(design))[0])
+        design = found.problem.complete(search(found.problem, Exact(), found.budget, found.seed).chosen)
+        others = read(path, overrides=["seed=2", "parameters.report_units=16384", *fixed]).problem
+        assert isinstance(others, RvReducer)
+        figures[f"{definition} {between}"] = float(found.problem.cost_of(design)[0])
+        evaluation = others.evaluation(design[0], searching=False)
+        figures[f"{definition} {between} yield"] = evaluation.value("yield_percent")
+    return figures
+
+
+def inspected() -> Figures:
+    """Good parts of a machine of 4 um that are inspected at 6 um, where a part costs 11; and how much of
+    the sum of five parts that are inspected at 1.5 sigma lies beyond three of its standard deviations.
+    """
+    machine = Machine("m", 4.0, 11.0, 0.0, Inspection(0.0))
+    good = machine.good_parts(np.array([6.0]))
+    step = 0.002
+    x = np.arange(-6.0, 6.0 + step / 2, step)
+    one, density = np.exp(-0.5 * (x / 4.0) ** 2), np.ones(1)
+    for _ in range(5):
+        density = fftconvolve(density, one / one.sum())
+    beyond = np.abs(step * (np.arange(len(density)) - len(density) // 2)) > 3.0 * np.sqrt(5.0) * good.std
+    figures = {"std": good.std, "passed percent": 100.0 * good.passed, "cost": good.cost}
+    return {name: float(value[0]) for name, value in figures.items()} | {
+        "five outside percent": 100.0 * float(density[beyond].sum())
+    }
+
+
+def batch() -> Figures:
+    """The answer of the worked example of docs/gap.md."""
+    plan = read_gap(ROOT / "docs" / "rv40e_batch" / "gap.toml")
+    result = analysis_result(plan, read_data(plan, ROOT / "docs" / "rv40e_batch" / "units.csv"))
+    sizes = {"before": result.gap_before, "after": result.gap_after, "chance": result.noise_floor}
+    figures = {name: float(values["backlash_arcmin"]) for name, values in sizes.items()}
+    for effect in result.effects:
+        figures |= {f"{effect.name} {parameter.name}": float(parameter.value) for parameter in effect.parameters}
     return figures
 
 
@@ -169,7 +211,7 @@ def assumptions() -> Figures:
 
 SOURCES: Mapping[str, Callable[[], Figures]] = {
     one.__name__: cache(one)
-    for one in (closed_form, references, readings, front, assumptions, by_definition, least_costs)
+    for one in (closed_form, references, readings, front, assumptions, by_definition, least_costs, inspected, batch)
 }
 
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from ...journal import recalled
 from ...problems.forms import Feature, Form, Spread, largest_parts, spread_of
-from ...problems.limits import loosened
+from ...problems.limits import EQUAL, loosened
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Flags, Integers
 from .combination import ROUNDING, Ascent, Combination, Path, less_rounding, rows_of, spread_at, tabulated
@@ -185,8 +185,9 @@ class Master:
         parts = self._offset[rows].T[which] + size * (
             self._linear[rows].T[which] + slope[:, owner] * self._spread[rows].T[which]
         )
-        scale = np.maximum(np.abs(room), 1e-12)
-        price = PENALTY * max(self.ceiling - self.floor, 1e-12)
+        scale = np.maximum(np.abs(room), EQUAL * np.max(np.abs(parts), axis=1, initial=0.0))
+        scale[scale == 0.0] = 1.0
+        price = PENALTY * (max(self.ceiling - self.floor, EQUAL * abs(self.ceiling)) or 1.0)
         whole = np.hstack([parts / scale[:, None], -np.eye(len(which))])
         convexity = scipy.sparse.csr_matrix(
             (np.ones(len(used)), (owner, np.arange(len(used)))), shape=(len(self.form.features), len(used) + len(which))

@@ -350,7 +350,7 @@ def _fill(run: Run, branches: list[Branch], points: int) -> None:
 def scale_of(problem: ToleranceProblem) -> Array:
     """Scale (m,) of the objectives."""
     ideal, nadir = problem.box()
-    return np.maximum(nadir - ideal, 1e-12)
+    return nadir - ideal
 
 
 def integer_sets(problem: ToleranceProblem) -> list[Array]:
@@ -408,6 +408,8 @@ def _contributing(branches: list[Branch]) -> list[Branch]:
 
 POINTS = 40
 """Points of a front that are tested on fresh units at most."""
+STARTS = 4
+"""Further designs that are solved at most, where a search kept the limits nowhere."""
 CANDIDATES = 500
 """Designs of the archive that take the place of a result of which no point keeps its limits."""
 
@@ -416,8 +418,9 @@ def finished(run: Run, polish: bool) -> None:
     """Make the front of the run its result, after its limits hold on fresh units.
 
     With `polish` every point is first improved by SLSQP at its own value of the other objectives,
-    within the budget of evaluations. Tests on fresh units, and the moves that they require, do not
-    count as evaluations.
+    within the budget of evaluations. Where no design kept the limits, that of the least violation and
+    the starts of the problem are solved instead, until one keeps them. Tests on fresh units, and the
+    moves that they require, do not count as evaluations.
     """
     x = _finished_front(run)
     aside = Run(run.problem, Budget(evaluations=run.evaluations_left), seed=0)
@@ -429,6 +432,12 @@ def finished(run: Run, polish: bool) -> None:
         branch = Branch(free, vector, unit)
         y = branch.smooth.scaled(vector[None, :])[0]
         run.choose(feasible_afresh(free, branch, y, branch.smooth.values(y)[0], search=polish))
+    for vector in run.archive.miss if not len(x) else x[:0]:
+        branch, none = Branch(free, vector, unit), np.full(len(unit), np.inf)
+        for y in np.vstack([branch.smooth.scaled(vector[None, :]), branch.starts(free)[:STARTS]]):
+            run.choose(feasible_afresh(free, branch, branch.solved(0, y, none, np.zeros(1)), none, search=True))
+            if np.any(np.all(run.problem.tested(run.chosen)[1] <= 0.0, axis=1)):
+                break
     if polish:
         run.evaluations += aside.evaluations
 

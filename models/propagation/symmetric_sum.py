@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from ...journal import stretch
 from ...section import Array
 from .convolution import Even
 
@@ -212,6 +213,7 @@ class SymmetricSum:
     _last: tuple[Array, Array, Tangent] | None = field(default=None, init=False, repr=False)
     _sure: bool = field(default=False, init=False, repr=False)
     _begin: int = field(default=0, init=False, repr=False)
+    _stretch: object = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self._kinds = {law: [j for j, other_law in enumerate(self.laws) if other_law == law] for law in self.laws}
@@ -223,6 +225,7 @@ class SymmetricSum:
 
         With `sure` the bounds of the errors of gradients are made as small as possible.
         """
+        self._remember()
         p, last = np.broadcast_to(np.asarray(probability, dtype=float), len(s)), self._last
         same = last is not None and np.array_equal(last[0], s) and np.array_equal(last[1], p)
         if last is not None and same and self._sure >= sure:
@@ -295,6 +298,11 @@ class SymmetricSum:
         densities = self._series(s, end, most).density(most)
         return np.where((np.abs(y) >= end) | (std <= 0.0), 0.0, densities)
 
+    def _remember(self) -> None:
+        """Forget what is remembered from before the last step: a resumed run does not compute it."""
+        if self._stretch is not (now := stretch()):
+            self._last, self._sure, self._begin, self._stretch = None, False, 0, now
+
     def _size(self, s: Array) -> tuple[Array, Array]:
         """Standard deviation and end (n,) of the sums."""
         std = np.sqrt(np.sum((s * self._std) ** 2, axis=1))
@@ -303,6 +311,7 @@ class SymmetricSum:
         return std, np.minimum(ends, REACH * std)
 
     def _series(self, s: Array, end: Array, most: Array, make: Callable[..., Series] | None = None) -> Series:
+        self._remember()
         build, safe = make or Series.of, np.where(end > 0.0, end + most, 1.0)
         series = build(self._kinds, s, safe, TERMS[self._begin])
         for terms in TERMS[self._begin + 1 :]:

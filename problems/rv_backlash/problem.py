@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...errors import Fault
+from ...journal import recalled
 from ...models.costs import CostCurve, Reciprocal, ReciprocalPower, Table
 from ...models.propagation import Convolution, Estimate, Moments, MonteCarlo, Propagated, Propagation
 from ...models.propagation.sums import ClippedSum, Term, total_cumulants
@@ -21,6 +22,7 @@ from ...units import ARCMIN, MM
 from ..declaration import Declaration, Interval
 from ..deviations import Deviations
 from ..forms import Form, ends_of_front
+from ..limits import apart
 from ..machined import Machined
 from ..promise import Promising
 from ..settings import ASSURED, PROMISED, Bound, Settings
@@ -33,6 +35,10 @@ if TYPE_CHECKING:
     from ..rv_reducer import RvReducer
 
 # The exact contact's verdict on allocations of the closed form.
+
+
+NAMED = ("yield_percent", "backlash_max_arcmin", "interference_probability")
+"""The outputs of the contact that a verdict names."""
 
 
 def contact_problem(problem: RvBacklash) -> RvReducer:
@@ -59,16 +65,20 @@ def contact_problem(problem: RvBacklash) -> RvReducer:
 def verdicts(problem: RvBacklash, designs: Array) -> tuple[str, ...]:
     """The verdict on each full design (n, all variables) of the closed form."""
     contact = contact_problem(problem)
-    values = [contact.fixed | dict(zip(problem.names, design.tolist(), strict=True)) for design in designs]
-    rows = [np.array([design.get(name) for name in contact.names], dtype=float) for design in values]
+    known = [contact.fixed | dict(zip(problem.names, design.tolist(), strict=True)) for design in designs]
+    rows = [np.array([design.get(name) for name in contact.names], dtype=float) for design in known]
     coverage = 100.0 * problem.settings.propagation.coverage
-    evaluations = [contact.evaluation(row, searching=False) for row in rows]
+
+    def values_of() -> tuple[Array]:
+        evaluations = [contact.evaluation(row, searching=False) for row in rows]
+        return (np.array([[evaluation.value(name) for name in NAMED] for evaluation in evaluations]),)
+
+    (values,) = recalled((designs, "by contact"), values_of)
     return tuple(
-        f"by contact this allocation keeps {problem.limit:g} arcmin in {evaluation.value('yield_percent'):.1f} % of "
+        f"by contact this allocation keeps {problem.limit:g} arcmin in {kept:.1f} % of "
         f"the units at all {contact.count('positions')} positions of a turn; {coverage:.4g} % of them stay below "
-        f"{evaluation.value('backlash_max_arcmin'):.2f} arcmin, and "
-        f"{100.0 * evaluation.value('interference_probability'):.2g} % interfere"
-        for evaluation in evaluations
+        f"{quantile:.2f} arcmin, and {100.0 * interfering:.2g} % interfere"
+        for kept, quantile, interfering in values.tolist()
     )
 
 
@@ -383,7 +393,7 @@ class RvBacklash(Promising, Machined):
         if ends is None:
             return super().box()
         order = [("cost", "backlash_arcmin").index(name) for name in self.objectives]
-        return ends[0][order], np.maximum(ends[1][order], ends[0][order] + 1e-12)
+        return ends[0][order], apart(ends[0][order], ends[1][order])
 
     def form_values(self, form: Form, designs: Array, outputs: Mapping[str, Array]) -> Array:
         values = super().form_values(form, designs, outputs)

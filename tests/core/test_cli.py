@@ -249,3 +249,23 @@ def test_an_interrupt_at_any_moment_ends_a_command_with_one_line(config: Path, t
     assert errors.startswith("interrupted: ")
     assert len(errors.splitlines()) == 1
     assert resources.ru_utime + resources.ru_stime - used < 2.0
+
+
+LATE = """
+import os, sys
+sys.argv = ["tolevo", "list"]
+from tolevo.__main__ import main
+class Late:
+    def __del__(self, kill=os.kill, own=os.getpid(), write=os.write):
+        write(2, b"late")
+        kill(own, {number:d})
+late = Late()
+main()
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_command_that_has_ended_is_not_interrupted(number: signal.Signals) -> None:
+    """While the interpreter ends it would restore what a signal does by default, and end by it."""
+    ended = subprocess.run([sys.executable, "-c", LATE.format(number=number)], capture_output=True, text=True)
+    assert (ended.returncode, ended.stderr) == (0, "late")

@@ -8,12 +8,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tolevo.commands.gap import uncertainty
+from tolevo.commands.gap import scan, uncertainty
 from tolevo.commands.gap.configuration import read_gap
 from tolevo.commands.gap.gap import GapOutcome, gap
 from tolevo.commands.gap.plan import GapProgress
 from tolevo.commands.gap.read import read_data
-from tolevo.commands.gap.uncertainty import FILE
+from tolevo.commands.gap.uncertainty import FILE, STEPS
 from tolevo.directory import KINDS, MANIFEST, UNFINISHED
 from tolevo.directory.standing import present
 from tolevo.errors import InputError
@@ -83,13 +83,29 @@ def test_what_has_ended_is_not_made_again(folder: Path) -> None:
     assert cut.status == "interrupted"
     assert "6 of 8 replicates are kept" in cut.lines[0] and "--resume" in cut.lines[0]
     there = {one.name for one in (folder / "cut").iterdir()}
-    assert there == {FILE, "config.toml", UNFINISHED}
+    assert there == {FILE, STEPS, "config.toml", UNFINISHED}
     assert len(lines(folder / "cut")) == 1 + 6
     watch = Watch()
     assert analysed(folder, "cut", watch=watch).status == "done"
     assert watch.first() == 6
     assert (folder / "cut" / "gap.json").read_bytes() == expected
     assert lines(folder / "cut") == lines(folder / "whole")
+
+
+def test_the_search_is_recalled(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The thresholds, the longest step of a search, are not simulated again, nor for more replicates."""
+    analysed(folder, "whole")
+    analysed(folder, "cut", watch=Watch(stop=1))
+
+    def again(*arguments: object) -> None:
+        raise AssertionError("simulated again")
+
+    monkeypatch.setattr(scan, "strongest", again)
+    assert analysed(folder, "cut").status == "done"
+    assert (folder / "cut" / "gap.json").read_bytes() == (folder / "whole" / "gap.json").read_bytes()
+    assert analysed(folder, "cut", "settings.bootstrap=9").status == "done"
+    with pytest.raises(AssertionError):
+        analysed(folder, "anew")
 
 
 def test_a_line_that_was_cut_is_made_again(folder: Path) -> None:

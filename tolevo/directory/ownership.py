@@ -17,6 +17,7 @@ from .standing import (
     UNFINISHED,
     Standing,
     Unfinished,
+    fits,
     folders,
     irregular,
     is_output_file,
@@ -88,7 +89,7 @@ class Ownership:
         From here on the directory is that of an unfinished result.
         """
         sweep(folders(self.folder), is_output_file)
-        old = [name for name in self._old() if name not in keep]
+        old = [name for name in self._old() if not fits(name, keep)]
         self._token = secrets.token_hex(8)
         write_unfinished(self.folder, self.command, self._token, old)
         self.begun = True

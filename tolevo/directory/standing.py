@@ -42,9 +42,10 @@ PAGE = "report.html"
 KINDS: Mapping[str, Kind] = {
     "gap": Kind(
         marks=("gap.json", "residuals.parquet", "corrected.toml"),
-        state=("replicates.jsonl",),
+        state=("replicates.jsonl", "steps.npz"),
         files=(
             "replicates.jsonl",
+            "steps.npz",
             "config.toml",
             "corrected.toml",
             "residuals.parquet",
@@ -54,7 +55,7 @@ KINDS: Mapping[str, Kind] = {
             "gap.json",
         ),
         pages=(PAGE, *_drawn("residuals_*", "spectrum_*", "distribution_*", "path", "next_measurement")),
-        saved="every replicate that had ended",
+        saved="the search as it was saved last, and every replicate that had ended",
     ),
     "study": Kind(
         marks=("study.json", "study.csv", "study.sqlite", "medians.csv"),
@@ -84,9 +85,10 @@ KINDS: Mapping[str, Kind] = {
     ),
     "run": Kind(
         marks=("summary.json", "front.csv", "front.parquet", "convergence.csv"),
-        state=("checkpoint.npz",),
+        state=("checkpoint.npz", "side_*.npz"),
         files=(
             "checkpoint.npz",
+            "side_*.npz",
             "config.toml",
             "front.csv",
             "front.parquet",

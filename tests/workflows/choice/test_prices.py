@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tolevo.algorithms.search import search
 from tolevo.commands.run.changes import rounded
 from tolevo.commands.run.prices import front_slopes, prices, slopes_of
 from tolevo.commands.run.promise import cheapest
@@ -122,3 +123,19 @@ def test_rounding_of_two_hundred_parts_takes_seconds_and_loses_little(tmp_path: 
     assert after["variation"][0] <= before["variation"][0] * (1.0 + 1e-9)
     assert after["variation"][0] >= before["variation"][0] * 0.995  # what was left is used
     assert after["cost"][0] <= 1.03 * before["cost"][0]
+
+
+def test_the_price_of_a_limit_without_a_derivative_by_optima_at_limits_beside() -> None:
+    """The transmission error is a closed form without derivatives: its price is the slope of the least cost."""
+    run = {"problem": "rv_transmission_error", "objectives": {"minimise": ["cost"]}, "algorithm": {"name": "exact"}}
+
+    def least(limit: float) -> tuple[Any, np.ndarray, float]:
+        plan = read({**run, "limits": {"te_amplitude_arcsec": limit}}).plan()
+        result = search(plan.problem, plan.algorithm, plan.budget, plan.seed)
+        best = int(np.argmin(result.f[:, 0]))
+        return plan.problem, plan.problem.complete(result.x[best : best + 1]), float(result.f[best, 0])
+
+    problem, design, _ = least(20.0)
+    price = prices(problem, problem.frame(design), slopes_of(problem, design)).set_index("output")["price"]
+    slope = (least(19.8)[2] - least(20.2)[2]) / 0.4  # 1 % to either side
+    np.testing.assert_allclose(price["te_amplitude_arcsec"], slope, rtol=0.02)  # the search ends at 0.1 %

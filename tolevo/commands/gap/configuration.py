@@ -26,7 +26,7 @@ from ...errors import Fault, InputError, nearest, raise_all
 from ...models.effects.measurements import EXTRAS
 from ...models.measurable import Column, MeasurableModel, MeasuredTable, Role
 from ...problems.settings import Labels
-from ...section import PLAIN, POSITIVE, Need, Range, Section, completed, flat, shown
+from ...section import PLAIN, POSITIVE, Need, Output, Range, Section, completed, flat, shown
 from ...units import converted, split_unit
 from .drawing_configuration import Run, as_drawn
 from .next_points import inside
@@ -349,7 +349,6 @@ def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | N
     checkable = configuration is not None or name == TABLE
     free = read_free(top, configuration if name != TABLE else None) if checkable else {}
     library = _library(top.section("effects"))
-    noise = _noise(top.section("noise"), configuration) if checkable else {}
     validation = top.section("validation")
     blocks = validation.text("blocks") or "auto"
     validation.finish()
@@ -360,6 +359,7 @@ def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | N
     simulated = configuration or _stand_in(table, name)
     simulated, drawing = (simulated, None) if simulated is None else as_drawn(top, simulated, run, folder_of(source))
     model = build_model(simulated) if simulated is not None else None
+    noise = _noise(top.section("noise"), model.outputs if configuration and model else ()) if checkable else {}
     planned = read_next(top, model)
     top.finish()
     if simulated is None:
@@ -521,9 +521,8 @@ def _effects_named(section: Section, key: str, value: Any, known: list[str]) -> 
     return effects
 
 
-def _noise(section: Section, configuration: Configuration | None) -> dict[str, float]:
-    """`[noise]`: a known standard deviation per output that is measured."""
-    outputs = build_model(configuration).outputs if configuration else ()
+def _noise(section: Section, outputs: Sequence[Output]) -> dict[str, float]:
+    """`[noise]`: a known standard deviation per output that is measured; any name where none is declared."""
     units = {output.name: output.unit for output in outputs}
     deviations = {n: section.number(n, units.get(n, ""), POSITIVE) for n in section.all_keys()}
     for name in deviations if units else ():

@@ -10,6 +10,7 @@ from operator import itemgetter
 import numpy as np
 from scipy import optimize
 
+from ...journal import recalled
 from ...models.effects import EffectParameter
 from ...models.effects.unresolved import Unresolved
 from ...section import Array
@@ -183,12 +184,16 @@ class Fitter:
         Its products with each member are computed once: a search evaluates the same groups given
         many sets of members.
         """
-        parts = [self.q, *(unit(self.white(member)) for member in members)]
         keys = [("free",), *(member.key for member in members)]
-        with_groups = np.vstack([self._product(groups, *pair) for pair in zip(keys, parts, strict=True)])
-        z = np.hstack(parts)
-        with_y = self._product(groups, ("record",), self.y[:, None])[0]
-        return ConditionalGroups.of(z.T @ z, z.T @ self.y).gains(groups, with_groups, with_y)
+
+        def computed() -> tuple[Array]:
+            parts = [self.q, *(unit(self.white(member)) for member in members)]
+            with_groups = np.vstack([self._product(groups, *pair) for pair in zip(keys, parts, strict=True)])
+            z = np.hstack(parts)
+            with_y = self._product(groups, ("record",), self.y[:, None])[0]
+            return (ConditionalGroups.of(z.T @ z, z.T @ self.y).gains(groups, with_groups, with_y),)
+
+        return recalled(("gains", *keys, self.y), computed)[0]
 
     def _product(self, groups: Groups, key: tuple[object, ...], columns: Array) -> Array:
         """Products (k, C) of the columns (N, k) of a key with those of groups."""
@@ -277,17 +282,22 @@ class Fitter:
             losses.append(-_gain(candidate, columns.T @ columns - projected.T @ projected, columns.T @ residual))
             return losses[-1]
 
+        def computed() -> tuple[Array, Array]:
+            losses.clear()
+            simplex = np.vstack([np.zeros(len(free)), 0.5 * np.eye(len(free))])  # half a cell of the grid
+            best = optimize.minimize(
+                loss,
+                simplex[0],
+                method="Nelder-Mead",
+                options={"maxiter": 40 * len(free), "xatol": 0.01, "fatol": 0.01, "initial_simplex": simplex},
+            )
+            return np.asarray(best.x), np.array([losses[0], best.fun])
+
         losses: list[float] = []
-        simplex = np.vstack([np.zeros(len(free)), 0.5 * np.eye(len(free))])  # half a cell of the grid
-        best = optimize.minimize(
-            loss,
-            simplex[0],
-            method="Nelder-Mead",
-            options={"maxiter": 40 * len(free), "xatol": 0.01, "fatol": 0.01, "initial_simplex": simplex},
-        )
-        if best.fun >= losses[0]:  # no better than the start
-            return member, -losses[0]
-        return Member(candidate, shape(best.x)), -float(best.fun)
+        x, (first, least) = recalled(("shape", *member.key, residual), computed)
+        if least >= first:  # no better than the start
+            return member, -float(first)
+        return Member(candidate, shape(x)), -float(least)
 
 
 def _width(parameter: EffectParameter, value: float) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from math import isfinite
@@ -18,6 +18,7 @@ from ... import page_data
 from ...directory import owned
 from ...execution import Execution
 from ...files import csv_text, write_bytes, write_text
+from ...journal import recorded
 from ...models.effects.measurements import Active, predicted
 from ...models.measurable import MeasurableModel, Role
 from ...page.drawing import as_png, as_svg
@@ -328,6 +329,7 @@ def gap(
             write(result, out, lines)
             place.complete()
         except KeyboardInterrupt:
+            replicates.save_steps()
             return GapOutcome("interrupted", out, (_saved(replicates, plan.settings.bootstrap),))
     return GapOutcome("done", out, lines, result)
 
@@ -354,25 +356,25 @@ def analysis_result(
     """
     report, replicates, spread = progress or silent, replicates or Replicates(), None
     with threadpool_limits(1):
-        end = ending(plan, data, report, replicates.begin)
+        end = ending(plan, data, report, replicates)
         if plan.settings.bootstrap and end.fit.members:
             spread = bootstrap(end.analysis, end.fit, replicates, workers, report)
         report(GapProgress("result"))
-        return result_of(plan, data, end, spread)
+        with recorded(replicates.section("result")):
+            return result_of(plan, data, end, spread)
 
 
-def ending(
-    plan: GapPlan, data: GapData, report: Report = silent, accepted: Callable[[], None] = lambda: None
-) -> Ending:
-    """The final result of data in memory; `accepted` is called once the model accepts them.
+def ending(plan: GapPlan, data: GapData, report: Report = silent, replicates: Replicates | None = None) -> Ending:
+    """The final result of data in memory; `replicates` begin once the model accepts them.
 
     Raises InputError where the data are outside of the model's range.
     """
     report(GapProgress("columns of the library"))
-    setup = prepared(plan, data)
-    accepted()
+    setup, replicates = prepared(plan, data), replicates or Replicates()
+    replicates.begin()
     report(GapProgress("search"))
-    return on_all_rows(never_worse(ended(analysed(setup))), data)
+    with recorded(replicates.section("search")):
+        return on_all_rows(never_worse(ended(analysed(setup))), data)
 
 
 def result_of(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None = None) -> GapResult:

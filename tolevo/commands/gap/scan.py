@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from ...journal import recalled
 from ...models.measurable import Role
 from ...section import Array
 from .fit import Fit, Fitter, Member, Space
@@ -66,15 +67,20 @@ def thresholds(
     library: Groups, generic: Groups, q: Array, simulations: int, rate: float, rng: np.random.Generator
 ) -> Thresholds:
     """Thresholds from simulated noise records (N, simulations) in whitened space, each scaled."""
-    named, forms = library.orthonormal(q), generic.orthonormal(q)
-    tops, levels = [], []
-    for start in range(0, simulations, CHUNK):
-        noise = rng.standard_normal((len(q), min(CHUNK, simulations - start)))
-        scale = np.sum(projected_out(noise, q) ** 2, axis=0) / (len(q) - q.shape[1])
-        tops.append(np.max(named.gains(noise) / scale, axis=0, initial=0.0))
-        levels.append(strongest(forms, forms.gains(noise) / scale))
-    library_limit = np.quantile(np.concatenate(tops), 1.0 - rate)
-    return Thresholds(float(library_limit), float(np.quantile(np.concatenate(levels), 1.0 - 0.5 * rate)))
+
+    def simulated() -> tuple[Array, Array]:
+        named, forms = library.orthonormal(q), generic.orthonormal(q)
+        tops, levels = [], []
+        for start in range(0, simulations, CHUNK):
+            noise = rng.standard_normal((len(q), min(CHUNK, simulations - start)))
+            scale = np.sum(projected_out(noise, q) ** 2, axis=0) / (len(q) - q.shape[1])
+            tops.append(np.max(named.gains(noise) / scale, axis=0, initial=0.0))
+            levels.append(strongest(forms, forms.gains(noise) / scale))
+        return np.concatenate(tops), np.concatenate(levels)
+
+    tops, levels = recalled(("thresholds", q), simulated)
+    library_limit = np.quantile(tops, 1.0 - rate)
+    return Thresholds(float(library_limit), float(np.quantile(levels, 1.0 - 0.5 * rate)))
 
 
 def strongest(groups: Groups, gains: Array) -> Array:

@@ -15,10 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
+from ...algorithms.checkpoint import Checkpoint
 from ...directory import MANIFEST, Ownership
 from ...errors import Fault, RunError, raise_all, refuse
 from ...execution import Execution, Lost, executor_of
 from ...files import digest_of, loads, sealed_record, unsealed_record, write_text
+from ...journal import Section, unrecorded
 from ...section import Array, differences, flat
 from .analysis import Analysis
 from .data import GapData
@@ -26,10 +28,12 @@ from .fit import Fit, is_term
 from .plan import GapPlan, GapProgress, Report, silent
 from .selection import Search, select
 
-# The replicates of a bootstrap, kept in a file as they end, and the identity of their analysis.
+# What an analysis resumes from, by its identity: the steps of its search, and the replicates of its
+# bootstrap, kept in files as they end.
 
 
 FILE = "replicates.jsonl"
+STEPS = "steps.npz"
 CONFIGURATION = "config.toml"
 WHOLE = "gap.json"
 """Written last: the analysis has ended where it exists."""
@@ -57,7 +61,7 @@ def identity_of(plan: GapPlan, data: GapData) -> Identity:
 
 
 class Replicates:
-    """The effects that replicates identified, by number; kept in `path` where there is one."""
+    """The effects that replicates identified, by number, and the steps before; kept where there is a `path`."""
 
     def __init__(
         self, path: Path | None = None, identity: Identity | None = None, retire: Callable[[], None] = lambda: None
@@ -66,6 +70,24 @@ class Replicates:
         self.identity = identity
         self.ended: dict[int, Replicate] = {}
         self._retire = retire
+        self._steps = None if path is None or identity is None else Checkpoint(path.with_name(STEPS), _name(identity))
+
+    def section(self, name: str) -> Section | None:
+        """The steps of a part of the analysis, None where nothing is kept."""
+        return None if self._steps is None else self._steps.section(name)
+
+    def save_steps(self) -> None:
+        """Keep the steps so far, once the analysis has begun."""
+        if self._steps is not None and self.path is not None and self.path.is_file():
+            self._steps.write()
+
+    def recall_steps(self, old: Identity) -> None:
+        """Continue from the steps of the same analysis, `old` but for its budget, where they were kept."""
+        if self._steps is None or self.identity is None or not self._steps.path.is_file():
+            return
+        steps = Checkpoint.read(self._steps.path)
+        if steps.identity == _name(old):
+            self._steps, steps.identity = steps, _name(self.identity)
 
     def begin(self) -> None:
         """Retire an older result, then write the identity and the replicates that are known."""
@@ -101,7 +123,7 @@ def opened(place: Ownership, identity: Identity, resume: bool) -> Replicates:
     Raises InputError where it holds another analysis, or none.
     """
     folder = place.folder
-    keep = (CONFIGURATION, FILE) if resume else (CONFIGURATION,)
+    keep = (CONFIGURATION, FILE, STEPS) if resume else (CONFIGURATION,)
     new = Replicates(folder / FILE, identity, lambda: place.begin(keep))
     if not resume or place.blank:
         return new
@@ -110,6 +132,7 @@ def opened(place: Ownership, identity: Identity, resume: bool) -> Replicates:
         raise refuse("--resume", text)
     old, new.ended = _read(folder / FILE)
     raise_all(_faults(old, identity))
+    new.recall_steps(old)
     return new
 
 
@@ -239,7 +262,8 @@ def bootstrap(
 
 
 def _replicates(search: Search, fit: Fit, seed: int, chunk: Chunk) -> dict[int, Replicate]:
-    return {number: _replicate(search, fit, seed, number) for number in chunk.numbers}
+    with unrecorded():  # which are missing differs
+        return {number: _replicate(search, fit, seed, number) for number in chunk.numbers}
 
 
 def _replicate(search: Search, fit: Fit, seed: int, number: int) -> Replicate:

@@ -16,6 +16,7 @@ from ...problems.stack import Stack
 from ...problems.stack.definition import Part
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array
+from ..run.changes import against
 from ..run.promise import Least, cheapest, cheapest_at, promised_limits
 
 CHANGED = 0.01
@@ -162,8 +163,7 @@ def _broken(problem: ToleranceProblem, design: Array) -> list[str]:
         within = np.isnan(value) or bool(limit.kept(np.array([value]))[0])
         if limit.name in of_promise or within:
             continue
-        end = f"most {limit.high:g}" if value > limit.high else f"least {limit.low:g}"
-        sentences.append(f"{limit.name} is {value:.4g} instead of at {end} {limit.unit}".rstrip())
+        sentences.append(f"{limit.name} is {against(value, limit)}")
     return sentences
 
 

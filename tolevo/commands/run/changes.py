@@ -101,7 +101,7 @@ class Ranking:
     def _outputs(self, designs: Array) -> dict[str, Array]:
         if self.searching:
             return self.extended.outputs_of(designs, searching=True)
-        return self.extended.needed(designs)
+        return self.extended.needed_outputs(designs)
 
     def use(self, designs: Array) -> tuple[Array, Array]:
         """How far designs use up limits and other objectives (n, columns), and their cost (n,).
@@ -217,7 +217,7 @@ def _limited(problem: ToleranceProblem) -> list[str]:
 
 def _evaluated(problem: ToleranceProblem, designs: Array) -> dict[str, Array]:
     """The outputs that are asked for of full designs, a batch at a time."""
-    parts = [problem.needed(designs[at : at + BATCH]) for at in range(0, len(designs), BATCH)]
+    parts = [problem.needed_outputs(designs[at : at + BATCH]) for at in range(0, len(designs), BATCH)]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 

@@ -45,26 +45,25 @@ class Slopes:
 
 
 def slopes_of(problem: ToleranceProblem, designs: Array) -> Slopes:
-    """The derivatives of the objectives but the cost, and of the limited outputs that have one.
+    """The derivatives of the objectives but the cost, and of the limited outputs, by tolerance.
 
     At most `MOST` designs, evenly spaced. Where an objective has no derivative, that of the output
-    that explains it is taken, or a difference.
+    that explains it is taken; what has none is differenced, but no limited output of a sample.
     """
     rows = np.unique(np.linspace(0, len(designs) - 1, MOST).astype(np.int64))
     selected, tolerances = designs[rows], tolerances_of(problem)
     known = problem.gradient(selected)
     names = [name for name in problem.objectives if name != COST]
     limited = [limit.name for limit in problem.limits if limit.count and limit.name != COST]
-    names += [name for name in limited if name in known and name not in names]
+    differenced = set() if problem.declaration.sampled else {output.name for output in problem.outputs}
+    names += [name for name in limited if name in differenced.union(known) and name not in names]
     at = [problem.names.index(v.name) for v in tolerances]
     wide = np.stack([widths(problem, selected, v) for v in tolerances], axis=1) if tolerances else selected[:, :0]
-    along, source = {}, {}
-    for name in names:
-        source[name] = name if name in known else problem.declaration.explained.get(name, name)
-        slopes = known.get(source[name])
-        if slopes is None:
-            slopes = _differences(problem, selected, source[name], tolerances)
-        along[name] = wide * slopes[:, at]
+    explained = {name: problem.declaration.explained.get(name, name) for name in problem.objectives}
+    source = {name: name if name in known else explained.get(name, name) for name in names}
+    if unknown := [name for name in source.values() if name not in known]:
+        known = known | _differences(problem, selected, unknown, tolerances)
+    along = {name: wide * known[source[name]][:, at] for name in names}
     cost = known[COST] if COST in known else problem.cost_slopes(selected)
     with np.errstate(invalid="ignore"):
         saved = -wide * cost[:, at]
@@ -78,18 +77,22 @@ def widths(problem: ToleranceProblem, designs: Array, variable: Variable) -> Arr
     return problem.column(designs, variable.name)
 
 
-def _differences(problem: ToleranceProblem, designs: Array, output: str, tolerances: list[Variable]) -> Array:
-    """Derivatives (n, all variables) by one-sided differences of the output in a search."""
-    base = problem.outputs_of(designs, searching=True)[output]
-    derivatives = np.zeros_like(designs)
+def _differences(
+    problem: ToleranceProblem, designs: Array, outputs: list[str], tolerances: list[Variable]
+) -> dict[str, Array]:
+    """Derivatives (n, all variables) by one-sided differences of outputs in a search."""
+    base = problem.outputs_of(designs, searching=True)
+    derivatives = {output: np.zeros_like(designs) for output in outputs}
     for variable in tolerances:
         at, moved = problem.names.index(variable.name), designs.copy()
         step = STEP * widths(problem, designs, variable)
         if not np.any(step):
             continue
         moved[:, at] += step
-        change = problem.outputs_of(moved, searching=True)[output] - base
-        derivatives[:, at] = np.divide(change, step, out=np.zeros_like(step), where=step != 0.0)
+        values = problem.outputs_of(moved, searching=True)
+        for output in outputs:
+            change = values[output] - base[output]
+            derivatives[output][:, at] = np.divide(change, step, out=np.zeros_like(step), where=step != 0.0)
     return derivatives
 
 

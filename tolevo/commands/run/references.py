@@ -15,7 +15,7 @@ from ...algorithms.exact.solver import Exact
 from ...algorithms.ga import GA
 from ...algorithms.nsga2 import NSGA2
 from ...algorithms.run import Progress
-from ...algorithms.search import search
+from ...algorithms.search import Keeper, search
 from ...algorithms.settings import AlgorithmSettings, Budget, Crossover, Mutation
 from ...files import write_bytes
 from ...problems.settings import Bound
@@ -60,9 +60,11 @@ class SideSearch:
         """What its result depends on, in addition to the problem and the algorithm."""
         return f"{self.label}, seed {self.seed}, {self.budget}"
 
-    def front(self, report: Callable[[Progress], None] | None = None) -> pd.DataFrame | None:
-        """Its reported front; None where it was interrupted. `report` is called with its states."""
-        result = search(self.problem, self.algorithm, self.budget, self.seed, report, self.engine)
+    def front(
+        self, report: Callable[[Progress], None] | None = None, keeper: Keeper | None = None
+    ) -> pd.DataFrame | None:
+        """Its reported front, None where it was interrupted; `report` is called with states that `keeper` saves."""
+        result = search(self.problem, self.algorithm, self.budget, self.seed, report, self.engine, keeper)
         return None if result.interrupted else reported_front(self.problem, result)
 
 

@@ -8,6 +8,7 @@ import secrets
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from importlib.metadata import version
@@ -22,7 +23,7 @@ from ...algorithms.checkpoint import Checkpoint
 from ...algorithms.run import Progress
 from ...algorithms.search import SearchResult, search
 from ...directory import Ownership, owned
-from ...errors import refuse
+from ...errors import InputError, refuse
 from ...execution import Background, Closing, Execution, Lost, Processes, executor_of, next_of, pinned
 from ...files import csv_text, write_bytes, write_text
 from ...journal import recorded
@@ -69,6 +70,8 @@ from .tolerances import roughness_assumptions
 # The side searches of a run, by an executor during the main search where there are workers.
 
 
+SIDE = "side_*.npz"
+"""Files of the steps of side searches that have not ended."""
 Fronts = dict[SideSearch, pd.DataFrame | None]
 
 
@@ -78,11 +81,23 @@ class SideTask:
 
     key: str
     side: SideSearch
+    path: Path | None = None
+    """The file of its steps, where it runs on this machine."""
 
 
-def front_of(task: SideTask) -> pd.DataFrame | None:
-    """The reported front of a side search."""
-    return task.side.front()
+def front_of(task: SideTask, report: Callable[[Progress], None] | None = None) -> pd.DataFrame | None:
+    """The reported front of a side search, its steps recalled; None where it was interrupted."""
+    if task.path is None:
+        return task.side.front(report)
+    steps = Checkpoint(task.path, task.side.key)
+    with suppress(InputError):  # none, or damaged: computed again
+        known = Checkpoint.read(task.path)
+        steps = known if known.identity == task.side.key else steps
+    with recorded(steps.section("steps")):
+        front = task.side.front(report, steps)
+    if front is None:
+        steps.write()
+    return front
 
 
 class Sides(Closing):
@@ -102,12 +117,14 @@ class Sides(Closing):
         self.searches, self._progress = searches, progress
         self.checkpoint = checkpoint
         checkpoint.keep_only([side.key for side in searches])
+        self.where = workers if isinstance(workers, Execution) else Execution(workers)
         name = secrets.token_hex(8)
         self._open = deque(
-            SideTask(f"{name}-{at}", side) for at, side in enumerate(searches) if side.key not in checkpoint.tables
+            SideTask(f"{name}-{at}", side, None if self.where.dask else self._file(side))
+            for at, side in enumerate(searches)
+            if side.key not in checkpoint.tables
         )
         self._background: Background[SideTask, pd.DataFrame | None] | None = None
-        self.where = workers if isinstance(workers, Execution) else Execution(workers)
         self._others = min((self.where.workers or 1) - 1, len(self._open))
         if self._open and (self.where.dask or self._others):
             # a single process is in addition to this one
@@ -146,12 +163,10 @@ class Sides(Closing):
     def _compute(self) -> None:
         while self._open:
             try:
-                side = self._open.pop().side
+                task = self._open.pop()
             except IndexError:  # begun elsewhere meanwhile
                 return
-            with recorded(self.checkpoint.section(side.key)):
-                front = side.front(partial(self._report, side))
-            self._keep(side, front)
+            self._keep(task.side, front_of(task, partial(self._report, task.side)))
             self.collect()
 
     def _report(self, side: SideSearch, state: Progress) -> None:
@@ -170,6 +185,11 @@ class Sides(Closing):
             raise KeyboardInterrupt
         if side.key not in self.checkpoint.tables:
             self.checkpoint.keep(side.key, front)
+        self._file(side).unlink(missing_ok=True)
+
+    def _file(self, side: SideSearch) -> Path:
+        """The file of the steps of a side search, by its place."""
+        return self.checkpoint.path.with_name(SIDE.replace("*", str(self.searches.index(side))))
 
 
 # The drawing of a machine with the shares of its parts, as the page shows it.
@@ -281,7 +301,7 @@ def _run(
     printed = documents(plan.problem) if plan.references else pd.DataFrame()
     searches = side_searches(plan, printed) if plan.references else ()
     searches += effects.search_without_effects(plan) + overlay.side_search(plan)
-    place.begin(keep=(CONFIGURATION, CHECKPOINT, REDUCERS) if resume else (CONFIGURATION,))
+    place.begin(keep=(CONFIGURATION, CHECKPOINT, SIDE, REDUCERS) if resume else (CONFIGURATION,))
     write_text(out / CONFIGURATION, plan.configuration)
     checkpoint.write()
     store_reducer_fronts(plan.problem, out)
