@@ -20,7 +20,7 @@ def part(state: SavedState, prefix: str) -> State:
     return {key.removeprefix(prefix): value for key, value in state.items() if key.startswith(prefix)}
 
 
-def joined(**parts: State) -> State:
+def merge_states(**parts: State) -> State:
     """The entries of several states in one: the `key` of the state `name` is named "name.key"."""
     return {f"{name}.{key}": value for name, state in parts.items() for key, value in state.items()}
 
@@ -32,7 +32,7 @@ PASSES = 16
 """Ranks that are computed one after the other; where more are needed, all are computed at once."""
 
 
-def in_order(*keys: NDArray[Any]) -> Integers:
+def lexicographic_order(*keys: NDArray[Any]) -> Integers:
     """Rows (n,) ordered by the first key (n,), where it is equal by the next ones, then by row.
 
     The order is that of `np.lexsort` of the reversed keys, several times as fast where values of the
@@ -61,7 +61,7 @@ def ranks(f: Array) -> Integers:
 
 
 def lowest_ranks_in_order(f: Array, enough: int) -> Integers:
-    """`ranks` (n,) of points (n, m) that are `in_order` of their objectives, the lowest of them.
+    """`ranks` (n,) of points (n, m) that are `lexicographic_order` of their objectives, the lowest of them.
 
     Ranks after the one with which `enough` points are reached are not distinguished. With two
     objectives each rank takes one pass over the remaining points.
@@ -71,7 +71,7 @@ def lowest_ranks_in_order(f: Array, enough: int) -> Integers:
     first, second = f.T
     assigned, rest = np.zeros(len(f), dtype=np.int64), np.arange(len(f))
     for rank in range(1, PASSES + 1):
-        rest = rest[~_lowest(first.take(rest), second.take(rest))]
+        rest = rest[~_nondominated_of_two(first.take(rest), second.take(rest))]
         assigned[rest] = rank
         if len(rest) <= max(0, len(f) - enough):
             return assigned
@@ -79,7 +79,7 @@ def lowest_ranks_in_order(f: Array, enough: int) -> Integers:
     return assigned
 
 
-def _lowest(first: Array, second: Array) -> Flags:
+def _nondominated_of_two(first: Array, second: Array) -> Flags:
     """Which of the points in order, of two objectives (n,) each, are not dominated.
 
     The second objective is less than that of all points before, or the point equals the last point
@@ -96,7 +96,7 @@ def _lowest(first: Array, second: Array) -> Flags:
 # The archive of a search: the best designs that it evaluated, within bounded memory.
 
 
-ROOM = 1000
+MIN_KEPT_DESIGNS = 1000
 """Feasible designs that are kept at least: as many as a report recomputes at full accuracy."""
 GROWTH = 4
 """Times its size to which an archive grows before it is pruned."""
@@ -110,7 +110,7 @@ class Archive:
     kept designs depend on the batches alone.
     """
 
-    def __init__(self, variables: int, objectives: int, room: int = ROOM) -> None:
+    def __init__(self, variables: int, objectives: int, room: int = MIN_KEPT_DESIGNS) -> None:
         self.room = room
         self.limit = GROWTH * room
         self.x = np.empty((0, variables))
@@ -178,7 +178,7 @@ def lowest_ranks(x: Array, f: Array, room: int) -> Integers:
 
     They are in the order of the rows; of a rank that does not fit into `room`, the first rows count.
     """
-    rows = _distinct(x, f)
+    rows = _first_of_each_design(x, f)
     if len(rows) <= room:
         return np.sort(rows)
     rank = lowest_ranks_in_order(f.take(rows, axis=0), room)
@@ -189,12 +189,12 @@ def lowest_ranks(x: Array, f: Array, room: int) -> Integers:
     return np.sort(np.concatenate([rows[rank < last], within]))
 
 
-def _distinct(x: Array, f: Array) -> Integers:
+def _first_of_each_design(x: Array, f: Array) -> Integers:
     """The first row of each design, in the order of the objectives.
 
     Equal designs have equal objectives.
     """
-    rows = in_order(*f.T, *x[:, :2].T)
+    rows = lexicographic_order(*f.T, *x[:, :2].T)
     later, value = rows[1:], f[:, 0].take(rows)
     same = value[1:] == value[:-1]
     ties = same.nonzero()[0]
@@ -294,7 +294,7 @@ class Attained:
             return
         last = self._values[-1] if self._values else 0.0
         if len(self.front) or any(map(len, self._open)):
-            join = joined_by_two if self.front.shape[1] == 2 else joined_by_any
+            join = update_front_of_two if self.front.shape[1] == 2 else update_front_by_batches
             front, values = join(self.front, self._open, *self._box(), last)
         else:
             front, values = self.front, [last] * len(self._open)
@@ -311,7 +311,7 @@ class Attained:
         self._values, self._open = state["values"].tolist(), []
 
 
-def joined_by_any(
+def update_front_by_batches(
     front: Array, batches: Sequence[Array], ideal: Array, nadir: Array, value: float
 ) -> tuple[Array, list[float]]:
     """A front that batches (n, objectives) have joined, and its hypervolume after each of them.
@@ -329,15 +329,15 @@ def joined_by_any(
     return front, values
 
 
-def joined_by_two(
+def update_front_of_two(
     front: Array, batches: Sequence[Array], ideal: Array, nadir: Array, value: float
 ) -> tuple[Array, list[float]]:
-    """`joined_by_any` of two objectives, the front sorted by the first: one sort for all batches.
+    """`update_front_by_batches` of two objectives, the front sorted by the first: one sort for all batches.
 
     A point is present from its batch on. It is in the front while no present point that precedes it
     in the order of the first objective has as little of the second.
     """
-    points, since = _in_order(front, batches)
+    points, since = _order_with_batches(front, batches)
     batch = np.arange(len(batches))[:, None]
     present = np.where(since <= batch, points[1], np.inf)
     kept = present < np.inf
@@ -369,7 +369,7 @@ def _areas(scaled: Array, counted: Flags, joins: Flags, value: float) -> list[fl
     return values
 
 
-def _in_order(front: Array, batches: Sequence[Array]) -> tuple[Array, Integers]:
+def _order_with_batches(front: Array, batches: Sequence[Array]) -> tuple[Array, Integers]:
     """Points (2, n) by the first objective, the second, and the batch (n,) they come with.
 
     Points of the front have -1 as batch; points that it dominates or equals are omitted.
@@ -384,7 +384,7 @@ def _in_order(front: Array, batches: Sequence[Array]) -> tuple[Array, Integers]:
         better = (at < 0) | (new[1] < front[:, 1].take(at))
         kept = np.concatenate([np.arange(len(front)), better.nonzero()[0] + len(front)])
         points, since = points.take(kept, axis=1), since.take(kept)
-    order = in_order(points[0], points[1], since)
+    order = lexicographic_order(points[0], points[1], since)
     return points.take(order, axis=1), since.take(order)
 
 
@@ -399,7 +399,7 @@ CURVE = ("generation", "evaluations", "cpu_s", "value", "feasible_fraction")
 """Columns of a curve."""
 PER_OCTAVE = {1: 64}
 """Generations of a curve between g and 2 g by the number of objectives, where a value is cheap."""
-FEW = 4
+DEFAULT_PER_OCTAVE = 4
 BLOCK = 20_000
 """Feasible values after which their front replaces them, so that memory is bounded."""
 
@@ -429,7 +429,7 @@ class Box:
         return hypervolume(values, np.array(self.ideal), np.array(self.nadir))
 
 
-def charted(generation: int, per_octave: int) -> bool:
+def is_charted_generation(generation: int, per_octave: int) -> bool:
     """Whether a generation (from 1) belongs to a curve, at any end of the curve."""
     step = 1 << max(0, generation.bit_length() - per_octave.bit_length())
     return generation % step == 0
@@ -455,7 +455,7 @@ class Course:
         self._rows: list[tuple[float, ...]] = []
         self._open: list[Batch] = []
         self._waiting = 0
-        self._per_octave = PER_OCTAVE.get(self.objectives, FEW)
+        self._per_octave = PER_OCTAVE.get(self.objectives, DEFAULT_PER_OCTAVE)
 
     def add(self, f: Array, feasible: Flags, cpu_s: float) -> None:
         """Take in a batch: objectives (n, objectives), feasible (n,), CPU time used so far [s]."""
@@ -487,7 +487,7 @@ class Course:
         for batch in self._open:
             group.append(batch)
             end = last and batch is self._open[-1]
-            if end or charted(batch.generation, self._per_octave):
+            if end or is_charted_generation(batch.generation, self._per_octave):
                 self._chart(group)
                 group = []
         self._open = group

@@ -19,9 +19,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..errors import refuse
-from ..files import sealed, unsealed, write_bytes
+from ..files import seal_content as sealed
+from ..files import unseal_content as unsealed
+from ..files import write_bytes
 from ..journal import Section
-from .archive import SavedState, State, joined, part
+from .archive import SavedState, State, part
+from .archive import merge_states as joined
 
 FORMAT = 4
 EVERY = 2.0

@@ -85,12 +85,12 @@ def survivors(f: Array, v: Array, count: int, rng: np.random.Generator) -> tuple
     """
     kept = v <= 0.0
     if np.count_nonzero(kept) == len(kept):
-        return _best(f, count, rng)
+        return _feasible_survivors(f, count, rng)
     feasible = kept.nonzero()[0]
     if not len(feasible):
         rows = np.argsort(v, kind="stable")[:count]
         return rows, np.zeros(len(rows), dtype=np.int64), np.zeros(len(rows))
-    inside, level, crowding = _best(f[feasible], count, rng)
+    inside, level, crowding = _feasible_survivors(f[feasible], count, rng)
     rows = feasible[inside]
     missing = min(count, len(f)) - len(rows)
     if missing:
@@ -102,7 +102,7 @@ def survivors(f: Array, v: Array, count: int, rng: np.random.Generator) -> tuple
     return rows, level, crowding
 
 
-def _best(f: Array, count: int, rng: np.random.Generator) -> tuple[Integers, Integers, Array]:
+def _feasible_survivors(f: Array, count: int, rng: np.random.Generator) -> tuple[Integers, Integers, Array]:
     """`survivors` where all points are feasible."""
     sequence = np.lexsort(f.T[::-1])
     f = f.take(sequence, axis=0)
@@ -234,7 +234,7 @@ class ArrayEngine(ABC):
 
 CROSSED = 0.5
 """Probability per variable that simulated binary crossover changes it, as pymoo has it."""
-CLOSE = 1e-14
+MIN_CROSSOVER_DISTANCE = 1e-14
 """Parents' values nearer than this are not crossed, as pymoo has it."""
 OUTWARD = np.array([[-2.0], [2.0]])
 """Twice the senses in which the smaller and the larger of two children lie from their middle."""
@@ -273,7 +273,7 @@ def crossover(parents: Array, space: Space, probability: float, eta: float, rng:
     drawn = rng.random(k * (1 + variables))
     crossed = drawn[k:].reshape(k, variables) < CROSSED
     crossed[drawn[:k] >= probability] = False
-    crossed &= np.abs(parents[:k] - parents[k:]) > CLOSE
+    crossed &= np.abs(parents[:k] - parents[k:]) > MIN_CROSSOVER_DISTANCE
     at = crossed.ravel().nonzero()[0]
     flat = children.reshape(-1)
     partner = at + k * variables
@@ -298,13 +298,13 @@ def crossover(parents: Array, space: Space, probability: float, eta: float, rng:
     p += q
     p *= 0.5
     scaled += p
-    smaller, larger = _within(scaled, low, high)
+    smaller, larger = _clip_to_bounds(scaled, low, high)
     above = np.where(swapped < 0.5, at, partner)
     flat[above], flat[at + partner - above] = larger, smaller
     return children
 
 
-def _within(x: Array, low: Array, high: Array) -> Array:
+def _clip_to_bounds(x: Array, low: Array, high: Array) -> Array:
     """x between low and high; np.clip does the same more slowly."""
     return np.minimum(np.maximum(x, low), high)
 
@@ -335,11 +335,11 @@ def mutate(x: Array, space: Space, probability: float, eta: float, rng: np.rando
     np.copysign(step, u, out=step)
     step *= span
     step += old
-    flat[at] = _within(step, low, high)
+    flat[at] = _clip_to_bounds(step, low, high)
     return mutated
 
 
-def different(n: int, count: int, rng: np.random.Generator) -> Integers:
+def draw_other_rows(n: int, count: int, rng: np.random.Generator) -> Integers:
     """For each of n points `count` others (n, count), all different, uniformly drawn."""
     taken = np.arange(n)[:, None]
     for drawn in range(1, count + 1):
@@ -350,17 +350,19 @@ def different(n: int, count: int, rng: np.random.Generator) -> Integers:
     return taken[:, 1:]
 
 
-def differential(x: Array, space: Space, rate: float, scale: tuple[float, float], rng: np.random.Generator) -> Array:
+def differential_evolution_trials(
+    x: Array, space: Space, rate: float, scale: tuple[float, float], rng: np.random.Generator
+) -> Array:
     """Trial points (n, variables) of DE/rand/1/bin: crossover rate, range of the scale factor.
 
     A value beyond a bound is drawn between the bound and the base vector, as pymoo does.
     """
     n, variables = x.shape
-    base, plus, minus = different(n, 3, rng).T
+    base, plus, minus = draw_other_rows(n, 3, rng).T
     factor = scale[0] + (scale[1] - scale[0]) * rng.random((n, 1))
     origin = x[base]
     donor = origin + factor * (x[plus] - x[minus])
-    bound = _within(donor, space.low, space.high)
+    bound = _clip_to_bounds(donor, space.low, space.high)
     row, column = np.nonzero(donor != bound)
     end, back = bound[row, column], rng.random(len(row))
     donor[row, column] = end + back * (origin[row, column] - end)
@@ -393,16 +395,16 @@ class GDE3Engine(ArrayEngine):
         self.scale = scale
 
     def _offspring(self) -> Array:
-        return differential(self.x, self.space, self.rate, self.scale, self.rng)
+        return differential_evolution_trials(self.x, self.space, self.rate, self.scale, self.rng)
 
     def _select(self, x: Array, f: Array, v: Array) -> Integers:
         if not len(self.x):
             return self._keep_best(slice(None), x, f, v)
-        stay = np.concatenate(_duel(self.f, self.v, f, v))
+        stay = np.concatenate(_replace_parents(self.f, self.v, f, v))
         return self._keep_best(np.flatnonzero(stay), x, f, v)
 
 
-def _duel(f: Array, v: Array, trial_f: Array, trial_v: Array) -> tuple[Flags, Flags]:
+def _replace_parents(f: Array, v: Array, trial_f: Array, trial_v: Array) -> tuple[Flags, Flags]:
     """Which parents and which trial points stay; of equal points the trial point stays."""
     feasible = (v <= 0.0) & (trial_v <= 0.0)
     better = np.where(feasible, (trial_f <= f).all(axis=1), trial_v < v)

@@ -10,7 +10,8 @@ import numpy as np
 from ..section import INDIVIDUALS, POINTS, Array
 from .archive import nondominated
 from .engine import GDE3Engine, Space
-from .exact.bounds import convex_pieces, restricted, upper_limit
+from .exact.bounds import convex_pieces, upper_limit
+from .exact.bounds import restrict_form as restricted
 from .exact.choices import search_vectors
 from .exact.corrected import corrected_vectors, is_corrected
 from .exact.epsilon import integer_moves, scale_of
@@ -82,7 +83,7 @@ class Hybrid(Solver):
         that differ from them in one; then the same from every improvement.
         """
         unit, free, tried = scale_of(run.problem), np.array([np.inf]), set[bytes]()
-        start, best = _best(run)
+        start, best = _best_design(run)
         while True:
             moves = [x for x in integer_moves(run.problem, start) if _integers(run, x) not in tried]
             if not moves:
@@ -91,7 +92,7 @@ class Hybrid(Solver):
             tried.add(_integers(run, moves[0]))
             branch = Branch(run, moves[0], unit)
             branch.minimise(0, branch.smooth.scaled(start[None, :])[0], free)
-            found, sampled = _best(run), run.problem.declaration.sampled
+            found, sampled = _best_design(run), run.problem.declaration.sampled
             if sampled and branch.f:  # it keeps its limits nearly, and is moved inside them at the end
                 polished = branch.smooth.vectors(branch.y[0][None, :])[0], float(branch.f[0][0])
                 found = min(found, polished, key=lambda design: design[1])
@@ -158,7 +159,7 @@ def branches_of(run: Run, x: Array, f: Array, most: int) -> list[Branch]:
     return branches
 
 
-def _best(run: Run) -> tuple[Array, float]:
+def _best_design(run: Run) -> tuple[Array, float]:
     """The best design of one objective and its value; the least violating if none is feasible."""
     x, f = run.archive.arrays()
     if not len(x):

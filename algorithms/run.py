@@ -11,10 +11,12 @@ from functools import cache, partial
 
 import numpy as np
 
-from ..journal import recalled, unrecorded
+from ..journal import recall_arrays as recalled
+from ..journal import recording_suspended as unrecorded
 from ..problems.tolerance_problem import ToleranceProblem
 from ..section import Array, Flags, Integers
-from .archive import Archive, Attained, SavedState, State, joined, part
+from .archive import Archive, Attained, SavedState, State, part
+from .archive import merge_states as joined
 from .engine import violation_of
 from .settings import Budget
 
@@ -125,7 +127,7 @@ def values_of(problem: ToleranceProblem, x: Array) -> Values:
     return out["F"], out.get("G", np.empty((len(x), 0)))
 
 
-def without_failures(f: Array, g: Array, box: Callable[[], tuple[Array, Array]]) -> tuple[Array, Array, Flags]:
+def mark_failures_infeasible(f: Array, g: Array, box: Callable[[], tuple[Array, Array]]) -> tuple[Array, Array, Flags]:
     """Objectives and constraints in which failed evaluations are infeasible, and which rows (n,) failed.
 
     An evaluation has failed where a value is not finite. Its objectives become worse than the nadir
@@ -253,7 +255,7 @@ class Run:
         covered = x if self.evaluations_left is None else x[: self.evaluations_left]
         shape = self.problem.n_obj, self.problem.n_ieq_constr
         f, g = self._values(covered) if len(covered) else (np.empty((0, shape[0])), np.empty((0, shape[1])))
-        f, g, failed = without_failures(f, g, self._box)
+        f, g, failed = mark_failures_infeasible(f, g, self._box)
         self.evaluations += len(covered)
         violation = violation_of(g)
         if np.count_nonzero(failed):

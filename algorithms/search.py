@@ -21,12 +21,14 @@ from pymoo.core.population import Population
 from pymoo.core.termination import NoTermination
 
 from ..errors import ModelError
-from ..journal import unrecorded
+from ..journal import recording_suspended as unrecorded
 from ..problems.tolerance_problem import ToleranceProblem
 from ..section import Array
-from .archive import Course, SavedState, State, joined, part
+from .archive import Course, SavedState, State, part
+from .archive import merge_states as joined
 from .engine import Space
-from .exact.epsilon import finished, secured
+from .exact.epsilon import finish_front as finished
+from .exact.epsilon import replace_violating_points as secured
 from .run import BudgetSpent, Progress, Run, Values
 from .settings import AlgorithmSettings, Budget, Solver
 
@@ -299,7 +301,7 @@ def _evolve(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> Non
     with a larger budget continues from the state before it. The evaluations that were spared because
     designs of whole numbers came again are used for all designs that remain, where they suffice.
     """
-    population, size = _begun(run, fresh, keeper), 0
+    population, size = _start_or_resume(run, fresh, keeper), 0
     while not (run.spent or run.exhausted):
         remaining = run.evaluations_left
         if keeper is not None and (keeper.due() or (remaining is not None and remaining < 2 * size)):
@@ -314,7 +316,7 @@ def _evolve(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> Non
     run.complete()
 
 
-def _begun(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> Driver:
+def _start_or_resume(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> Driver:
     """The population search, from the saved state where there is one."""
     population = fresh()
     state = None if keeper is None else keeper.saved()

@@ -23,7 +23,8 @@ import numba
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from tolevo.models.rv_reducer.dynamics import Oscillator, TabulatedMesh, Train, steady_state, tabulated
+from tolevo.models.rv_reducer.dynamics import Oscillator, TabulatedMesh, Train, steady_state
+from tolevo.models.rv_reducer.dynamics import tabulate_mesh as tabulated
 from tolevo.models.rv_reducer.lost_motion import unit_under_load as loaded_unit
 from tolevo.section import Array
 

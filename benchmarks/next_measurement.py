@@ -21,9 +21,10 @@ from tolevo.commands.gap.analysis import analysed
 from tolevo.commands.gap.configuration import read_gap
 from tolevo.commands.gap.next_measurement import next_measurement
 from tolevo.commands.gap.read import read_data
-from tolevo.commands.gap.result import Ending, ended
+from tolevo.commands.gap.result import Ending
+from tolevo.commands.gap.result import finish_analysis as ended
 from tolevo.commands.gap.scan import scan
-from tolevo.commands.gap.setup import prepared
+from tolevo.commands.gap.setup import prepare_setup as prepared
 
 Array = NDArray[np.float64]
 Law = Callable[[Mapping[str, Array], float], Array]

@@ -24,7 +24,8 @@ from tolevo.models.rv_reducer.contact.contact import LoadedContact, backlash, lo
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
 from tolevo.models.rv_reducer.population.contact import Population
 from tolevo.models.rv_reducer.population.elastic import OUTPUTS, Elastic, Loading, elastic
-from tolevo.models.rv_reducer.population.errors import modified, part_errors
+from tolevo.models.rv_reducer.population.errors import modified_geometry as modified
+from tolevo.models.rv_reducer.population.errors import part_errors
 from tolevo.models.rv_reducer.population.measures import Conditions, Measures
 from tolevo.models.rv_reducer.population.units import Involute, UnitDesign
 from tolevo.models.rv_reducer.tighter_planet import TighterPlanet

@@ -128,7 +128,7 @@ def read_extras_by(section: Section, keys: Sequence[str]) -> dict[str, float]:
     return {key: inspection + (price or 0.0) / (lot or 1) for key, price in price_of.items()}
 
 
-def dearer(curve: CostCurve, more: float) -> CostCurve:
+def add_constant_cost(curve: CostCurve, more: float) -> CostCurve:
     """The curve with a constant added."""
     if more == 0.0:
         return curve

@@ -21,7 +21,7 @@ __all__ = ["CONSTANTS", "FUNCTIONS", "Formula", "FormulaError", "domain_margin"]
 # The functions that a formula may call: value, slopes, and where they are not defined.
 
 
-def _everywhere(*_: Array) -> str:
+def _no_domain_fault(*_: Array) -> str:
     return ""
 
 
@@ -36,7 +36,7 @@ class Function:
 
     value: Callable[..., Array]
     slopes: Callable[..., tuple[Array, ...]]
-    trouble: Callable[..., str] = _everywhere
+    trouble: Callable[..., str] = _no_domain_fault
     least: int = 1
     most: int = 1
 
@@ -61,13 +61,13 @@ _not_negative = _domain(lambda x: x >= 0.0, "needs a value of at least 0")
 _positive = _domain(lambda x: x > 0.0, "needs a value above 0")
 
 
-def _no_pole(x: Array) -> str:
+def _check_tangent_pole(x: Array) -> str:
     """A pole of the tangent lies between two samples in different periods."""
     period = np.floor(np.asarray(x) / np.pi + 0.5)
     return "" if np.all(period == np.ravel(period)[0]) else f"has a pole within {span(x)} rad"
 
 
-def _off_the_cut(y: Array, x: Array) -> str:
+def _check_arctangent_cut(y: Array, x: Array) -> str:
     """atan2 jumps by 2 pi where y changes its sign at negative x."""
     y, x = np.broadcast_arrays(y, x)
     y_left = y[x <= 0.0]
@@ -75,13 +75,13 @@ def _off_the_cut(y: Array, x: Array) -> str:
     return "jumps by 2 pi: its first argument crosses 0 while the second is negative" if jumps else ""
 
 
-def _over_arguments(reduce: Callable[..., Array]) -> Callable[..., Array]:
+def _reduce_arguments(reduce: Callable[..., Array]) -> Callable[..., Array]:
     return lambda *x: reduce(np.stack(np.broadcast_arrays(*x)), axis=0)
 
 
 def _extremum_slopes(place: Callable[..., Array]) -> Callable[..., tuple[Array, ...]]:
     """Slope 1 for the first argument that is the extremum, 0 for the others."""
-    place_of = _over_arguments(place)
+    place_of = _reduce_arguments(place)
     return lambda *x: tuple(np.where(place_of(*x) == at, 1.0, 0.0) for at in range(len(x)))
 
 
@@ -89,19 +89,19 @@ FUNCTIONS: Mapping[str, Function] = MappingProxyType(
     {
         "sin": Function(np.sin, lambda x: (np.cos(x),)),
         "cos": Function(np.cos, lambda x: (-np.sin(x),)),
-        "tan": Function(np.tan, lambda x: (1.0 / np.cos(x) ** 2,), _no_pole),
+        "tan": Function(np.tan, lambda x: (1.0 / np.cos(x) ** 2,), _check_tangent_pole),
         "asin": Function(np.arcsin, lambda x: (1.0 / np.sqrt(1.0 - x * x),), _within_one),
         "acos": Function(np.arccos, lambda x: (-1.0 / np.sqrt(1.0 - x * x),), _within_one),
         "atan": Function(np.arctan, lambda x: (1.0 / (1.0 + x * x),)),
         "atan2": Function(
-            np.arctan2, lambda y, x: (x / (x * x + y * y), -y / (x * x + y * y)), _off_the_cut, least=2, most=2
+            np.arctan2, lambda y, x: (x / (x * x + y * y), -y / (x * x + y * y)), _check_arctangent_cut, least=2, most=2
         ),
         "sqrt": Function(np.sqrt, lambda x: (0.5 / np.sqrt(x),), _not_negative),
         "exp": Function(np.exp, lambda x: (np.exp(x),)),
         "log": Function(np.log, lambda x: (1.0 / x,), _positive),
         "abs": Function(np.abs, lambda x: (np.sign(x),)),
-        "min": Function(_over_arguments(np.min), _extremum_slopes(np.argmin), least=2, most=16),
-        "max": Function(_over_arguments(np.max), _extremum_slopes(np.argmax), least=2, most=16),
+        "min": Function(_reduce_arguments(np.min), _extremum_slopes(np.argmin), least=2, most=16),
+        "max": Function(_reduce_arguments(np.max), _extremum_slopes(np.argmax), least=2, most=16),
     }
 )
 KINKED = ("abs", "min", "max")
@@ -289,7 +289,7 @@ class Call(Expression):
 # atom    = number | name | function "(" sum {"," sum} ")" | "(" sum ")"
 
 
-LONGEST = 4000
+MAX_FORMULA_CHARACTERS = 4000
 """Characters of a formula."""
 NESTED = 60
 """Levels of parentheses, signs and powers within each other."""
@@ -327,13 +327,13 @@ class _Token:
 
 def parse(text: str) -> Expression:
     """The tree of a formula. Raises FormulaError."""
-    if len(text) > LONGEST:
-        raise FormulaError(LONGEST + 1, f"a formula has at most {LONGEST} characters")
+    if len(text) > MAX_FORMULA_CHARACTERS:
+        raise FormulaError(MAX_FORMULA_CHARACTERS + 1, f"a formula has at most {MAX_FORMULA_CHARACTERS} characters")
     parser = _Parser(_tokens(text))
     tree = parser.chain()
     if parser.now.kind != "end":
-        raise FormulaError(parser.now.at, _unexpected(parser.now))
-    depth: int = _folded(tree, lambda _, below: 1 + max(below, default=0))
+        raise FormulaError(parser.now.at, _unexpected_token(parser.now))
+    depth: int = _fold_tree(tree, lambda _, below: 1 + max(below, default=0))
     if depth > DEEPEST:
         raise FormulaError(1, f"a formula has at most {DEEPEST} operations in a row")
     return tree
@@ -355,7 +355,7 @@ def _tokens(text: str) -> list[_Token]:
     return tokens
 
 
-def _unexpected(token: _Token) -> str:
+def _unexpected_token(token: _Token) -> str:
     if token.kind == "end":
         return "ends too early"
     return f"unexpected `{token.text}`: an operator or the end is expected here"
@@ -494,7 +494,7 @@ class Formula:
     @property
     def linear(self) -> bool:
         """Whether it is linear in its names as written: simplifications do not count."""
-        degree: float = _folded(self.tree, lambda node, below: node.degree(below))
+        degree: float = _fold_tree(self.tree, lambda node, below: node.degree(below))
         return degree <= 1.0
 
     def value(self, x: Mapping[str, Array]) -> Array:
@@ -514,7 +514,7 @@ class Formula:
     def gradient(self, x: Mapping[str, Array]) -> dict[str, Array]:
         """Partial derivatives by name, exact to rounding (forward mode), at one or many points."""
         with np.errstate(all="ignore"):
-            value, slopes = _folded(self.tree, lambda node, below: _dual(node, below, x))
+            value, slopes = _fold_tree(self.tree, lambda node, below: _dual(node, below, x))
         return {name: np.broadcast_to(slope, value.shape) for name, slope in slopes.items()}
 
     def trouble(self, x: Mapping[str, Array]) -> str:
@@ -524,11 +524,11 @@ class Formula:
         is zero somewhere, even if no sample hits it.
         """
         with np.errstate(all="ignore"):
-            found: str = _folded(self.tree, lambda node, below: _trouble(node, below, x))[1]
+            found: str = _fold_tree(self.tree, lambda node, below: _value_and_fault(node, below, x))[1]
             return found
 
 
-def _folded(tree: Expression, of: Callable[[Expression, list[Any]], Any]) -> Any:
+def _fold_tree(tree: Expression, of: Callable[[Expression, list[Any]], Any]) -> Any:
     """What `of(node, results of its parts)` gives for the root; each node after those below it."""
     results: list[Any] = []
     for node in tree.nodes():
@@ -553,7 +553,7 @@ def _dual(
     return node.value(values, x), derivatives
 
 
-def _trouble(node: Expression, below: list[tuple[Array, str]], x: Mapping[str, Array]) -> tuple[Array, str]:
+def _value_and_fault(node: Expression, below: list[tuple[Array, str]], x: Mapping[str, Array]) -> tuple[Array, str]:
     """Value of a node, and why it or a node below it has no value; empty where all have one."""
     values = [value for value, _ in below]
     value = node.value(values, x)
@@ -588,11 +588,11 @@ def domain_margin(formula: Formula, x: Mapping[str, Array], middle: Mapping[str,
     single numbers.
     """
     with np.errstate(all="ignore"):
-        margin: Array = _folded(formula.tree, lambda node, below: _least(node, below, x, middle))[2]
+        margin: Array = _fold_tree(formula.tree, lambda node, below: _least_margin(node, below, x, middle))[2]
     return margin
 
 
-def _least(
+def _least_margin(
     node: Expression, below: list[tuple[Array, Array, Array]], x: Mapping[str, Array], middle: Mapping[str, Array]
 ) -> tuple[Array, Array, Array]:
     """Value and value at the middle of a node, and the least margin at or below it."""

@@ -115,7 +115,7 @@ RV_40E = rv({"pins": 40, "cycloid_teeth": 39, "sun_teeth": 12, "planet_teeth": 3
 """The RV-40E-121 of document B."""
 
 
-def of_ratio(pins: int, cycloid_teeth: int, ratio: float) -> Gear:
+def rv_teeth_of_ratio(pins: int, cycloid_teeth: int, ratio: float) -> Gear:
     """An RV reducer whose involute stage is given by the reduction ratio i; with a ratio of
     z_c or less there is none, and the crankshafts are the input.
     """

@@ -6,7 +6,8 @@ from dataclasses import MISSING, Field, asdict, fields, replace
 from typing import Any
 
 from ..section import Range, Section
-from .inputs import DISTRIBUTIONS, Distribution, allowed
+from .inputs import DISTRIBUTIONS, Distribution
+from .inputs import declared_range as allowed
 
 Stated = dict[str, Any]
 """Parameters by name; None where a fault has been reported."""
@@ -39,7 +40,7 @@ def read_distribution(section: Section, default: Distribution | None = None) -> 
     stated = {key: _value(section, key, kind) for key in known[1:] if key in section}
     section.accept(known)
     if kind is not None:
-        return _built(section, kind, default, stated)
+        return _build_distribution(section, kind, default, stated)
     if "distribution" not in section:
         for key in stated:
             section.fault(key, f"needs a distribution that takes it: {_remedy(key)}")
@@ -77,7 +78,7 @@ def _value(section: Section, key: str, kind: type[Distribution] | None) -> Any:
     return section.number(key, within=allowed(parameter))
 
 
-def _built(
+def _build_distribution(
     section: Section, kind: type[Distribution], default: Distribution | None, stated: Stated
 ) -> Distribution | None:
     """The distribution of a kind from the stated parameters; the others are those of `default`."""
@@ -92,7 +93,7 @@ def _built(
         section.fault(key, f"is missing: {name_of(kind)} needs {' and '.join(needed)}")
     if "cpk" in stated and "cpk" in taken:
         cp = parameters["cp"].default if default is None else getattr(default, "cp", None)
-        stated = _shifted(section, {"cp": cp} | stated)
+        stated = _apply_cpk_shift(section, {"cp": cp} | stated)
     if unsuited or missing or None in stated.values():
         return None
     distribution = kind(**stated) if default is None else replace(default, **stated)  # type: ignore[type-var]
@@ -102,7 +103,7 @@ def _built(
     return None if faults else distribution
 
 
-def _shifted(section: Section, stated: Stated) -> Stated:
+def _apply_cpk_shift(section: Section, stated: Stated) -> Stated:
     """`cpk` replaced by the shift, towards the upper limit, of Cpk = Cp (1 - |shift|)."""
     cp, cpk = stated["cp"], stated["cpk"]
     shift = None

@@ -37,11 +37,11 @@ __all__ = [
 
 GRAIN = 1e-4
 """Half-width [z] of an average that leaves a law with a bounded density as it is, within 1e-9."""
-COARSE = 0.05
+GRAIN_PER_STD = 0.05
 """The same of a law with atoms or poles, in its standard deviations: its variance grows by 0.08 %."""
 
 
-def allowed(parameter: Field[Any]) -> Range:
+def declared_range(parameter: Field[Any]) -> Range:
     """The range that a parameter declares in its metadata: low, high, open_low, open_high."""
     return Range(**parameter.metadata)
 
@@ -98,14 +98,14 @@ class Distribution(ABC):
             (parameter.name, complaint)
             for parameter in fields(self)  # type: ignore[arg-type]
             for value in np.atleast_1d(getattr(self, parameter.name))
-            if (complaint := allowed(parameter).complaint(float(value)))
+            if (complaint := declared_range(parameter).complaint(float(value)))
         ]
 
 
 def coarse(law: Distribution) -> float:
     """The `grain` of a law with atoms or poles."""
     _, first, second = law.raw_moments(2)
-    return COARSE * float(np.sqrt(second - first**2))
+    return GRAIN_PER_STD * float(np.sqrt(second - first**2))
 
 
 class WithinZone(Distribution):
@@ -395,11 +395,11 @@ class SkewNormal(Distribution):
 
         half = np.array([2.0 ** (j / 2) * gamma((j + 1) / 2) / sqrt(pi) for j in k])  # E|U|^j
         even = np.where(k % 2 == 0, half, 0.0)
-        centred = _of_sum(half, powers(-sqrt(2.0 / pi)))
+        centred = _moments_of_sum(half, powers(-sqrt(2.0 / pi)))
         _, scale = self._line
         normal_scale = scale / hypot(1.0, self.skew)
-        around = _of_sum(centred * powers(scale * self._delta), even * powers(normal_scale))
-        return _of_sum(around, powers(self.shift))
+        around = _moments_of_sum(centred * powers(scale * self._delta), even * powers(normal_scale))
+        return _moments_of_sum(around, powers(self.shift))
 
     def partial_moments(self, z: Array) -> tuple[Array, Array, Array]:
         origin, scale = self._line
@@ -451,7 +451,7 @@ def _table(skew: float) -> tuple[Array, Array]:
     return y[rising], mass[rising]
 
 
-def _of_sum(first: Array, second: Array) -> Array:
+def _moments_of_sum(first: Array, second: Array) -> Array:
     """Raw moments of the sum of two independent variables from theirs, all of shape (k + 1,)."""
     return np.array([sum(comb(k, j) * first[j] * second[k - j] for j in range(k + 1)) for k in range(len(first))])
 
@@ -459,7 +459,7 @@ def _of_sum(first: Array, second: Array) -> Array:
 # Densities that rise in a line, stay level and fall in a line: triangle and trapezoid.
 
 
-TINY = np.finfo(float).tiny
+MIN_RAMP_LENGTH = np.finfo(float).tiny
 
 
 class Plateau(WithinZone):
@@ -513,7 +513,7 @@ class Plateau(WithinZone):
 
 def _ramp(run: Array, length: float) -> tuple[Array, Array, Array]:
     """Integrals of u^k (u + 1)/length from -1 to -1 + run, k = 0, 1, 2."""
-    fraction = run / max(length, TINY)  # a ramp of no length has run = 0
+    fraction = run / max(length, MIN_RAMP_LENGTH)  # a ramp of no length has run = 0
     square = run * fraction
     return (0.5 * square, square * (run / 3.0 - 0.5), square * (0.25 * run**2 - 2.0 * run / 3.0 + 0.5))
 

@@ -91,7 +91,7 @@ def samples_of(offers: Iterable[Offer]) -> tuple[tuple[str, PartSample], ...]:
     return tuple((offer.machine.name, offer.sample) for offer in offers if offer.sample is not None)
 
 
-def departures(offers: Iterable[Offer], owner: str) -> tuple[str, ...]:
+def departures_from_normality(offers: Iterable[Offer], owner: str) -> tuple[str, ...]:
     """Departures of measured parts of machines from a single stable normal process."""
     return tuple(text for name, sample in samples_of(offers) for text in sample.departures(f"{owner}, machine {name}"))
 
@@ -143,9 +143,9 @@ def _offer(table: Section, name: str, owner: Owner) -> Offer | None:
         return None
     with_setup = price + (setup.per_part if setup else 0.0)
     machine = Machine(name, scatter[0], with_setup, scatter[1], inspection and inspection[0])
-    required, assumed = bool(inspection and inspection[1]), _assumed(name, sample)
+    required, assumed = bool(inspection and inspection[1]), _sample_assumptions(name, sample)
     offer = Offer(machine, price, setup=setup, required=required, assumed=assumed, sample=sample)
-    return offer if inspection is None else _searched(table, offer, limits, owner)
+    return offer if inspection is None else _with_searched_inspection(table, offer, limits, owner)
 
 
 def _scatter(table: Section, owner: Owner) -> tuple[tuple[float, float] | None, PartSample | None]:
@@ -166,12 +166,12 @@ def _scatter(table: Section, owner: Owner) -> tuple[tuple[float, float] | None, 
     return (sample.knowledge.std, sample.offset), sample
 
 
-def _assumed(name: str, sample: PartSample | None) -> str:
+def _sample_assumptions(name: str, sample: PartSample | None) -> str:
     """Assumptions where the table of measured parts is silent."""
     return "; ".join(f"machine {name}: {why}" for why in sample.assumed.values()) if sample else ""
 
 
-def _searched(table: Section, offer: Offer, limits: list[float | None], owner: Owner) -> Offer | None:
+def _with_searched_inspection(table: Section, offer: Offer, limits: list[float | None], owner: Owner) -> Offer | None:
     """The offer with the limits of inspection that are searched."""
     machine, unit = offer.machine, owner.unit
     usual = (

@@ -110,7 +110,7 @@ class Machine:
     def passed(self, t: Array) -> Array:
         """Fraction of the parts that an inspection at limits +-t passes."""
         w = t - self.guard_band
-        return _between((-w - self.mean) / self.measured_std, (w - self.mean) / self.measured_std)
+        return _probability_between((-w - self.mean) / self.measured_std, (w - self.mean) / self.measured_std)
 
     def good_parts(self, t: Array) -> GoodParts:
         """The good parts at limits +-t, t above the guard band."""
@@ -120,7 +120,7 @@ class Machine:
         w, scale, o = t - self.guard_band, self.measured_std, self.mean
         a, b = (-w - o) / scale, (w - o) / scale
         at_a, at_b = (density(end) / scale for end in (a, b))
-        passed = _between(a, b)
+        passed = _probability_between(a, b)
         mean = o - scale**2 * (at_b - at_a) / passed
         variance = scale**2 * (1.0 - (b * at_b - a * at_a) * scale / passed) - (mean - o) ** 2
         reliability = (self.sigma / scale) ** 2
@@ -164,7 +164,7 @@ class Machine:
         return base_cost + spent / good, (spent_slope - spent / good * good_slope) / good
 
 
-def _between(a: Array, b: Array) -> Array:
+def _probability_between(a: Array, b: Array) -> Array:
     """Phi(b) - Phi(a), on the side where it does not cancel."""
     turned = a + b > 0.0
     return np.asarray(np.where(turned, ndtr(-a) - ndtr(-b), ndtr(b) - ndtr(a)))
@@ -177,7 +177,7 @@ KNOTS = 2049
 """Limits at which scatter and cost are tabulated for their inverses."""
 STEPS = 1
 """Steps of Newton's method from the tabulated inverse, which is right to eight digits."""
-FINE = 16
+SAMPLES_PER_INTERVAL = 16
 """Points per interval of a hull at which it is tested to lie below the cost."""
 
 
@@ -299,7 +299,7 @@ def convex_cost(curve: CostCurve, x: Array) -> tuple[CostCurve, bool]:
     cost = np.minimum.accumulate(curve.cost(x))
     hull = _hull(x, cost)
     table = Table(tuple(x[hull].tolist()), tuple(cost[hull].tolist()))
-    fine = np.interp(np.linspace(0, len(x) - 1, FINE * len(x)), np.arange(len(x)), x)
+    fine = np.interp(np.linspace(0, len(x) - 1, SAMPLES_PER_INTERVAL * len(x)), np.arange(len(x)), x)
     above = max(0.0, float(np.max(table.cost(fine) - curve.cost(fine))))
     lower = tuple((np.array(table.cost_at) - above * (1.0 + 1e-6)).tolist())
     return replace(table, cost_at=lower), False

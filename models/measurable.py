@@ -74,7 +74,7 @@ def ranks_of_units(table: Mapping[str, NDArray[Any]]) -> NDArray[np.int64]:
     Labels are ordered by the numbers in them (B2 before B10); where lots number their units anew, lot
     by lot. Rows of one label keep their order.
     """
-    keys = [_ordered(table[name]) for name in ("unit", "lot") if name in table]
+    keys = [_label_numbers(table[name]) for name in ("unit", "lot") if name in table]
     if len(keys) == 2 and len(np.unique(keys[0])) == len(keys[0]):
         keys = keys[:1]
     ranks = np.empty(len(keys[0]) if keys else 0, dtype=np.int64)
@@ -82,7 +82,7 @@ def ranks_of_units(table: Mapping[str, NDArray[Any]]) -> NDArray[np.int64]:
     return ranks
 
 
-def _ordered(labels: NDArray[Any]) -> NDArray[Any]:
+def _label_numbers(labels: NDArray[Any]) -> NDArray[Any]:
     """Numbers (n,) in the order of labels."""
     if labels.dtype.kind in "fiu":
         return labels

@@ -70,9 +70,9 @@ class GearedJoint:
 # Maps from joint errors of any machine to its tool, by pose.
 
 
-WHOLE = 6
+POSE_COORDINATES = 6
 """Least number of joints with which position and orientation can both be kept."""
-NOT_MOVING = 1e-9
+RELATIVE_RATE_TOLERANCE = 1e-9
 """Rate of a joint, over the largest, below which it is rounding."""
 
 
@@ -103,10 +103,10 @@ class Drives:
         With six joints or more the orientation is kept; with fewer they move the position alone,
         with the least motion of all joints. 0 for a joint that does not move.
         """
-        whole = self.move.shape[2] >= WHOLE
+        whole = self.move.shape[2] >= POSE_COORDINATES
         rows = np.concatenate([self.move, self.turn], axis=1) if whole else self.move
         rate = np.einsum("nji,ki->knj", np.linalg.pinv(rows)[:, :, :3], directions)
-        return np.where(np.abs(rate) > NOT_MOVING * np.abs(rate).max(), np.sign(rate), 0.0)
+        return np.where(np.abs(rate) > RELATIVE_RATE_TOLERANCE * np.abs(rate).max(), np.sign(rate), 0.0)
 
     def variation(self, reversing: Array, directions: Array | None = None, free: Array | None = None) -> Array:
         """Squared vAP (n,) [m^2] of reversals `reversing` (joints,) [rad]: their root mean squares.

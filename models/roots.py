@@ -10,7 +10,7 @@ import numpy as np
 
 from ..section import Array
 
-MOST = 200
+MAX_ITERATIONS = 200
 """Evaluations at most; bisection alone would take some 60."""
 
 
@@ -51,7 +51,7 @@ def bracketed_roots(function: Callable[..., Any], ends: tuple[Any, Any], *args: 
     # b is the newest estimate, a the other end of its bracket, c the estimate before.
     a, b, fa, fb = b[rows], a[rows], fb[rows], fa[rows]
     c, fc, t = a.copy(), fa.copy(), np.full(len(rows), 0.5)
-    for _ in range(MOST):
+    for _ in range(MAX_ITERATIONS):
         if not len(rows):
             break
         x = b + t * (a - b)

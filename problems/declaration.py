@@ -20,7 +20,7 @@ Interval = tuple[float, float]
 Unpriced = Callable[[Mapping[str, Value]], frozenset[str]]
 
 
-def all_priced(parameters: Mapping[str, Value]) -> frozenset[str]:
+def check_costs(parameters: Mapping[str, Value]) -> frozenset[str]:
     """No variable is without a cost."""
     return frozenset()
 
@@ -58,7 +58,7 @@ class Declaration:
     """Which of several models of one thing the numbers are of; empty where there is one."""
     model_statement: str = ""
     """The same in words, printed wherever the numbers appear."""
-    unpriced: Unpriced = all_priced
+    unpriced: Unpriced = check_costs
     """Variables without a cost at some parameters, though there are curves for them."""
     machined: tuple[str, ...] = ()
     """Variables whose tolerances are made by the machines of a configuration."""

@@ -16,7 +16,8 @@ from scipy.special import ndtr
 
 from ..models.capability import Knowledge, Norm, norm_of
 from ..section import Array
-from .settings import ASSURED, AT_ONCE, DRAWS, Promise, assured_percent, normal_yield
+from .settings import ASSURED, DRAWS, Promise, assured_percent, normal_yield
+from .settings import VALUES_PER_BLOCK as AT_ONCE
 
 # Draws of the posterior of processes, and the yields of a sum of deviations over them.
 #
@@ -25,7 +26,7 @@ from .settings import ASSURED, AT_ONCE, DRAWS, Promise, assured_percent, normal_
 # of its mean over the estimated standard deviation.
 
 
-LEAST = 1e-300
+MIN_VARIANCE = 1e-300
 """Least variance, in place of zero."""
 
 
@@ -78,7 +79,7 @@ class Sums:
     def ends(self, drawn: Draws) -> tuple[Array, Array, Array]:
         """Standard deviation, and how many of these the ends are away from the mean, (n, draws)."""
         square = self.process_std**2 @ drawn.variance.T + self.known_variance[:, None]
-        std = np.sqrt(np.maximum(square, LEAST))
+        std = np.sqrt(np.maximum(square, MIN_VARIANCE))
         mean = self.mean[:, None] + self.moved @ drawn.error.T
         return std, (self.upper - mean) / std, (self.lower - mean) / std
 

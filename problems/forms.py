@@ -186,7 +186,7 @@ class Form:
 # S of every requirement of a form: roots and quantiles, with the tangents that bound them.
 
 
-LEAST = 1e-100
+MIN_SPREAD = 1e-100
 """A smaller value counts as no spread: a price per square of it would overflow."""
 ROUNDING = 1e-14
 """Relative allowance for the rounding of the tangent of a norm."""
@@ -231,7 +231,7 @@ def spread_of(form: Form, s: Array, most: Array | None = None) -> Spread:
             doubt = doubt + np.where(np.isfinite(reach), reach, np.inf).sum(axis=2)
         value[:, rows], direction[:, rows] = tangent.value, tangent.gradient
         intercept[:, rows] = tangent.value - np.sum(tangent.gradient * s[:, rows], axis=2) - doubt
-    return Spread(np.where(value > LEAST, value, 0.0), direction, intercept)
+    return Spread(np.where(value > MIN_SPREAD, value, 0.0), direction, intercept)
 
 
 def largest_parts(form: Form) -> Array:
@@ -248,7 +248,7 @@ def largest_parts(form: Form) -> Array:
 # The least value that a requirement of a form can have, and the allocation that has it.
 
 
-MOST = 4096
+MAX_CORNERS = 4096
 """Most combinations of ways that are evaluated."""
 
 
@@ -289,20 +289,20 @@ def least_value(form: Form, row: int, limits: Array) -> Least | None:
 
 def least_values(form: Form, rows: Sequence[int], limits: Array) -> list[Least | None]:
     """`least_value` of each of some requirements."""
-    trading = _trading(form)
+    trading = _trading_features(form)
     kept = [list(range(len(feature.ways))) for feature in form.features]
-    if form.combinations > MOST:
-        kept = [ways if at in trading else _undominated(form.features[at], ways) for at, ways in enumerate(kept)]
-    too_many = np.prod([float(len(ways)) for ways in kept]) > MOST
+    if form.combinations > MAX_CORNERS:
+        kept = [ways if at in trading else _nondominated_ways(form.features[at], ways) for at, ways in enumerate(kept)]
+    too_many = np.prod([float(len(ways)) for ways in kept]) > MAX_CORNERS
     if form.correlation is not None or too_many or len(trading) > 1:
         return [None] * len(rows)
     corner = _corner(form, trading, kept)
-    return [_least(corner, row, limits, trading) for row in rows]
+    return [_least_corner(corner, row, limits, trading) for row in rows]
 
 
-def _least(corner: _Corner, row: int, limits: Array, trading: list[int]) -> Least | None:
+def _least_corner(corner: _Corner, row: int, limits: Array, trading: list[int]) -> Least | None:
     others = np.arange(len(limits)) != row
-    least, most = _course(corner, limits, others)
+    least, most = _trading_range(corner, limits, others)
     moved = np.where(corner.slopes[:, row] >= 0.0, least, most)
     values = corner.values + corner.slopes * moved[:, None]
     possible = (least <= most) & np.all(keeps(values, limits)[:, others], axis=1)
@@ -314,7 +314,7 @@ def _least(corner: _Corner, row: int, limits: Array, trading: list[int]) -> Leas
     return Least(float(values[best, row]), tuple(corner.ways[best].tolist()), t)
 
 
-def _course(corner: _Corner, limits: Array, others: Flags) -> tuple[Array, Array]:
+def _trading_range(corner: _Corner, limits: Array, others: Flags) -> tuple[Array, Array]:
     """How far (c,) the trading feature must and may go for the limits of the `others`."""
     slopes, room = corner.slopes, limits - corner.values
     at = np.divide(room, slopes, out=np.zeros_like(room), where=slopes != 0.0)
@@ -323,7 +323,7 @@ def _course(corner: _Corner, limits: Array, others: Flags) -> tuple[Array, Array
     return np.maximum(least, 0.0), np.minimum(most, corner.width)
 
 
-def _undominated(feature: Feature, ways: list[int]) -> list[int]:
+def _nondominated_ways(feature: Feature, ways: list[int]) -> list[int]:
     """The ways of a feature that have something less than any other at their tightest.
 
     A way that is nowhere below another, in mean and scatter of each requirement, is left out.
@@ -369,7 +369,7 @@ def _corner(form: Form, trading: list[int], kept: list[list[int]]) -> _Corner:
     return _Corner(ways, low, values, slopes, (high - low)[:, trading].sum(axis=1))
 
 
-def _trading(form: Form) -> list[int]:
+def _trading_features(form: Form) -> list[int]:
     """The features without spread that lower one requirement as they grow."""
     return [
         at
@@ -386,7 +386,7 @@ def ends_of_front(form: Form, row: int, limits: Array) -> tuple[Array, Array] | 
     value, and the least value of the cheapest allocation. None where these are not known.
     """
     least = least_value(form, row, limits)
-    cheapest = _cheapest(form)
+    cheapest = _cheapest_corner(form)
     at_cheapest = least_value(cheapest, row, limits)
     if least is None or at_cheapest is None:
         return None
@@ -394,7 +394,7 @@ def ends_of_front(form: Form, row: int, limits: Array) -> tuple[Array, Array] | 
     return np.array([low, least.value]), np.array([_cost(form, least.chosen, least.t), at_cheapest.value])
 
 
-def _cheapest(form: Form) -> Form:
+def _cheapest_corner(form: Form) -> Form:
     """The form with every feature in its cheapest way, as loose as that goes if it has a cost."""
     features = []
     for feature in form.features:

@@ -15,7 +15,7 @@ from .settings import Bound
 if TYPE_CHECKING:
     from .tolerance_problem import ToleranceProblem
 
-ROOM = 1e-9
+LIMIT_ROUNDING = 1e-9
 """Fraction of a limit by which a value may lie beyond it and keep it: what is met exactly is met to
 rounding only (0.1 + 0.2 lies beyond 0.3), and a real excess is larger.
 """
@@ -36,7 +36,7 @@ def apart(low: Array, high: Array) -> Array:
 def loosened(upper: Array | float, part: float = 1.0) -> Array:
     """Upper limits, any shape, wider by a `part` of the room that rounding has."""
     finite = np.isfinite(upper)
-    return np.asarray(np.where(finite, upper + part * ROOM * np.abs(np.where(finite, upper, 0.0)), upper))
+    return np.asarray(np.where(finite, upper + part * LIMIT_ROUNDING * np.abs(np.where(finite, upper, 0.0)), upper))
 
 
 def keeps(value: Array | float, upper: Array | float) -> Flags:
@@ -51,7 +51,7 @@ def overlap(first: tuple[float, float], second: tuple[float, float]) -> tuple[fl
     """
     low, high = max(first[0], second[0]), min(first[1], second[1])
     if low > high:
-        if low - high > ROOM * max(abs(low), abs(high)):
+        if low - high > LIMIT_ROUNDING * max(abs(low), abs(high)):
             return None
         low = high = first[0] if first[0] == low else first[1]
     return low, high
@@ -89,8 +89,8 @@ class Limit:
         """By how much a value may lie beyond a bound and keep it; inf at no bound."""
         size = self._by(bound)
         if np.isfinite(self.most):
-            return max(ROOM * min(size, abs(self.most - bound)), DIGITS * abs(self.most))
-        return ROOM * size
+            return max(LIMIT_ROUNDING * min(size, abs(self.most - bound)), DIGITS * abs(self.most))
+        return LIMIT_ROUNDING * size
 
     def _excess(self, value: Array) -> list[tuple[Array, float]]:
         """By how much values lie beyond each finite bound, 0 where rounding explains it; the bound."""
@@ -134,13 +134,13 @@ def limits_of(
     return tuple(Limit(name, bound.low, bound.high, *scales[name]) for name, bound in bounds.items())
 
 
-def narrowed(limits: Iterable[Limit], name: str, low: float = -np.inf, high: float = np.inf) -> tuple[float, float]:
+def narrow_range(limits: Iterable[Limit], name: str, low: float = -np.inf, high: float = np.inf) -> tuple[float, float]:
     """The range from `low` to `high` of an output or variable within the limits on it."""
     ends = [(limit.low, limit.high) for limit in limits if limit.name == name]
     return max([low, *(end[0] for end in ends)]), min([high, *(end[1] for end in ends)])
 
 
-def impossible(problem: ToleranceProblem) -> list[Fault]:
+def unreachable_limit_faults(problem: ToleranceProblem) -> list[Fault]:
     """A fault for each limit that no design of the search space can meet, with the nearest miss."""
     faults = []
     for limit in problem.limits:

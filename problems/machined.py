@@ -17,7 +17,8 @@ from ..models.capability import Knowledge, PartSample
 from ..models.costs import CostCurve
 from ..models.input_reading import read_distribution
 from ..models.inputs import Normal
-from ..models.machine_offers import PLUG_IN, Offer, Owner, Way, departures, read_offers, samples_of
+from ..models.machine_offers import PLUG_IN, Offer, Owner, Way, read_offers, samples_of
+from ..models.machine_offers import departures_from_normality as departures
 from ..models.machines import GoodPartsBySpread
 from ..section import Array, Assumption, Flags, Integers, Kind, Section, Variable
 from ..units import split_unit
@@ -109,7 +110,9 @@ def curve_of(tolerance: MachinedTolerance, way: Way, low: float, high: float) ->
     return way.curve if low == high else tolerance.by_spread(way)
 
 
-def with_choices(variables: tuple[Variable, ...], machines: Mapping[str, tuple[Offer, ...]]) -> tuple[Variable, ...]:
+def add_machine_choices(
+    variables: tuple[Variable, ...], machines: Mapping[str, tuple[Offer, ...]]
+) -> tuple[Variable, ...]:
     """The variables, and at the end a choice of machine for each that is made by some."""
     return (*variables, *(_choice(MachinedTolerance(name, offers)) for name, offers in machines.items()))
 
@@ -132,14 +135,14 @@ def _choice(tolerance: MachinedTolerance) -> Variable:
     )
 
 
-def _machined(
+def _declare_machines(
     declaration: Declaration, machines: Mapping[str, tuple[Offer, ...]], stated: Sequence[str]
 ) -> Declaration:
     """With the choices of machines; variables that are made by machines have no cost curve."""
     by_problem = declaration.unpriced
     return replace(
         declaration,
-        variables=with_choices(declaration.variables, machines),
+        variables=add_machine_choices(declaration.variables, machines),
         unpriced=lambda parameters: by_problem(parameters) | set(stated),
         machined=tuple(stated),
     )
@@ -158,7 +161,7 @@ class Machined(ToleranceProblem):
         given = settings or Settings()
         self.machined_tolerances = {name: MachinedTolerance(name, offers) for name, offers in given.machines.items()}
         if self.machined_tolerances:
-            variables = with_choices(type(self).declaration.variables, given.machines)
+            variables = add_machine_choices(type(self).declaration.variables, given.machines)
             self.declaration = replace(self.declaration, variables=variables)
         super().__init__(settings)
 
@@ -186,7 +189,7 @@ class Machined(ToleranceProblem):
             return configured
         return replace(
             configured,
-            declaration=_machined(configured.declaration, machines, stated),
+            declaration=_declare_machines(configured.declaration, machines, stated),
             read={**configured.read, "machines": machines},
         )
 
@@ -541,7 +544,7 @@ class ProcessProblem(WithPromise):
 
         values = response(x)
         wanted = float(np.quantile(values, self.stated_promise.confidence, method="higher"))
-        scale, shift = worst.at(_reached(along, wanted))
+        scale, shift = worst.at(_position_of_value(along, wanted))
         there = self.shortfall(design, scale[None, :], shift[None, :])
         # the evaluated units correct the fitted response where it decides
         values += float(there.values[0]) - wanted
@@ -563,7 +566,7 @@ class ProcessProblem(WithPromise):
         return Verdict(self.yield_at(design, nothing, nothing, False), assurance, 0.0, shortfall.values)
 
 
-def _reached(along: Callable[[float], float], wanted: float) -> float:
+def _position_of_value(along: Callable[[float], float], wanted: float) -> float:
     """Where along the worst direction a value is reached, or the nearest end."""
     ends = [along(end) for end in (SOFTEST, HARDEST)]
     if not ends[0] < wanted < ends[1]:

@@ -153,7 +153,7 @@ def block_of(problem: RvBacklash) -> Block | str:
 
 NODES = 6000
 """Prices at which a curve in closed form is tabulated."""
-LITTLE = 1e-6
+MIN_GAIN_FRACTION = 1e-6
 """Gain, relative to the largest, below which an error does not count."""
 
 
@@ -255,7 +255,7 @@ class Clipped:
     @cached_property
     def _prices(self) -> Array:
         """Prices at which any error that counts is between its ends, falling."""
-        counts = self.gain > LITTLE * self.gain.max()
+        counts = self.gain > MIN_GAIN_FRACTION * self.gain.max()
         inner = self.b[counts] / (2.0 * self.gain[counts] ** 2)
         return np.geomspace((inner / self.low**3).max(), (inner / self.high**3).min(), NODES)
 
@@ -322,7 +322,9 @@ class Least:
     """E b^2 [arcmin^2]."""
 
 
-def least(block: Block, kappa: Array, grade: Integers, near: Least | None = None, passes: int = PASSES) -> Least:
+def least_cost_allocations(
+    block: Block, kappa: Array, grade: Integers, near: Least | None = None, passes: int = PASSES
+) -> Least:
     """The allocations at prices (n,) [per arcmin^2], each in a grade (n,) of `block.grades`.
 
     From those at prices `near` by fewer `passes` do.
@@ -392,12 +394,12 @@ def lower_bound(block: Block, kappa: Array, grade: Integers, near: Least) -> Arr
     for first, last in pairwise(edges):
         real = np.flatnonzero(last > first)
         if len(real):
-            in_cell = _in_cell(block, kappa, grade, near, first, last, real)
+            in_cell = _bound_in_cell(block, kappa, grade, near, first, last, real)
             bounds[real] = np.minimum(bounds[real], in_cell)
-    return bounds if high > low else _in_cell(block, kappa, grade, near, edges[0], edges[0], ...)
+    return bounds if high > low else _bound_in_cell(block, kappa, grade, near, edges[0], edges[0], ...)
 
 
-def _in_cell(
+def _bound_in_cell(
     block: Block, prices: Array, grades: Integers, whole: Least, first: Array, last: Array, rows: Any
 ) -> Array:
     """The same of some rows with the eccentricity between `first` and `last`."""
@@ -447,9 +449,9 @@ PRICES = np.geomspace(1e-2, 3e3, 2000)
 """Prices of an arcmin^2, in units of the cost of one."""
 STEPS = 5
 """Secant steps to a mean square: the curve knows the price to four digits already."""
-FEW = 12
+PASSES_FROM_NEIGHBOUR = 12
 """Passes from one price to the next of these steps: an error falls to 1e-6."""
-APART = 1e-12
+RELATIVE_SPACING = 1e-12
 """Relative distance of neighbouring root mean squares above which two allocations differ."""
 
 
@@ -479,32 +481,32 @@ class ReducerFront:
         known = [float(self.curves[g].price_at(np.array([t]))[0]) for t, g in zip(rms, grade, strict=True)]
         x = np.log(np.clip(known, PRICES[0], PRICES[-1]))
         before = x - 1e-3
-        made = least(self.block, np.exp(before), grade)
+        made = least_cost_allocations(self.block, np.exp(before), grade)
         missed = np.log(made.square / wanted)
         for _ in range(STEPS):
-            made = least(self.block, np.exp(x), grade, made, FEW)
+            made = least_cost_allocations(self.block, np.exp(x), grade, made, PASSES_FROM_NEIGHBOUR)
             now = np.log(made.square / wanted)
             rise = np.where(x != before, (now - missed) / np.where(x != before, x - before, 1.0), 0)
             step = np.where(rise < 0.0, -now / np.where(rise < 0.0, rise, -1.0), 0.0)
             before, missed, x = x, now, x + np.clip(step, -0.05, 0.05)
-        return least(self.block, np.exp(x), grade, made, 2 * FEW)
+        return least_cost_allocations(self.block, np.exp(x), grade, made, 2 * PASSES_FROM_NEIGHBOUR)
 
 
 def ends_of(block: Block) -> tuple[float, float]:
     """Least and largest rms [arcmin] of the front of a block, over all grades."""
     count = len(block.grades)
     prices, grade = np.repeat(PRICES[[0, -1]], count), np.tile(np.arange(count), 2)
-    square = least(block, prices, grade).square
+    square = least_cost_allocations(block, prices, grade).square
     return float(np.sqrt(square.min())), float(np.sqrt(square.max()))
 
 
 def _curve(block: Block, at: int) -> PricedCurve:
     grade = np.full(len(PRICES), at)
-    allocations = least(block, PRICES, grade)
+    allocations = least_cost_allocations(block, PRICES, grade)
     proven = lower_bound(block, PRICES, grade, allocations)
     order = np.argsort(PRICES)[::-1]  # the highest price has the least rms
     t = np.sqrt(allocations.square)[order]
-    apart = np.append(True, np.diff(t) > APART * t[1:])
+    apart = np.append(True, np.diff(t) > RELATIVE_SPACING * t[1:])
     kept = order[apart]
     return PricedCurve.of(
         np.sqrt(allocations.square)[kept],
@@ -705,7 +707,7 @@ def curve_of_points(rms: tuple[float, ...], cost: tuple[float, ...]) -> PricedCu
     for at in range(len(square)):
         if kept and costs[at] >= costs[kept[-1]]:
             continue
-        while len(kept) > 1 and _above(square, costs, kept[-2], kept[-1], at):
+        while len(kept) > 1 and _is_above_chord(square, costs, kept[-2], kept[-1], at):
             kept.pop()
         kept.append(at)
     square, costs = square[kept], costs[kept]
@@ -713,7 +715,7 @@ def curve_of_points(rms: tuple[float, ...], cost: tuple[float, ...]) -> PricedCu
     return PricedCurve(np.sqrt(square), costs, np.maximum(kappa, 1e-9))
 
 
-def _above(x: Array, y: Array, first: int, middle: int, last: int) -> bool:
+def _is_above_chord(x: Array, y: Array, first: int, middle: int, last: int) -> bool:
     """Whether the middle point lies on or above the chord of the other two."""
     chord = y[first] + (y[last] - y[first]) * (x[middle] - x[first]) / (x[last] - x[first])
     return bool(y[middle] >= chord)

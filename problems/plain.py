@@ -43,7 +43,7 @@ def variables_of(problem: Problem) -> tuple[Variable, ...]:
     if declared:
         return tuple(declared)
     if mixed := mixed_variables(problem):
-        return tuple(_mixed(str(name), variable) for name, variable in mixed.items())
+        return tuple(_mixed_variable(str(name), variable) for name, variable in mixed.items())
     whole = problem.vtype in (int, bool, Integer)
     return tuple(
         Variable(f"x{at}", "", Kind.NOMINAL, low, high, f"variable {at}", integer=whole)
@@ -57,7 +57,7 @@ def mixed_variables(problem: Problem) -> Mapping[Any, Any]:
     return variables
 
 
-def _mixed(name: str, variable: Any) -> Variable:
+def _mixed_variable(name: str, variable: Any) -> Variable:
     """A variable of pymoo's mixed `vars`; options of a choice are 0, 1, ... with their texts as labels."""
     if isinstance(variable, Choice):
         labels = tuple(map(str, variable.options))
@@ -66,7 +66,7 @@ def _mixed(name: str, variable: Any) -> Variable:
     return Variable(name, "", Kind.NOMINAL, low, high, f"variable {name}", integer=not isinstance(variable, Real))
 
 
-def mixed_designs(problem: Problem, designs: Array) -> NDArray[Any]:
+def designs_as_dictionaries(problem: Problem, designs: Array) -> NDArray[Any]:
     """Designs (n, variables) as a problem with mixed `vars` takes them: a dictionary each."""
     columns: dict[str, list[Any]] = {}
     for (name, variable), column in zip(mixed_variables(problem).items(), designs.T, strict=True):
@@ -187,7 +187,7 @@ class PlainProblem(ToleranceProblem):
 
     def _evaluated(self, designs: Array) -> Array:
         """Objectives and constraints (n, all) of designs (n, variables), by pymoo's problem."""
-        x = mixed_designs(self.pymoo_problem, designs) if mixed_variables(self.pymoo_problem) else designs
+        x = designs_as_dictionaries(self.pymoo_problem, designs) if mixed_variables(self.pymoo_problem) else designs
         values = self.pymoo_problem.evaluate(x, return_as_dictionary=True)
         used = [key for key, names in names_of(self.pymoo_problem).items() if names]
         return np.concatenate([np.asarray(values[key], dtype=float).reshape(len(x), -1) for key in used], axis=1)

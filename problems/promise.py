@@ -62,15 +62,15 @@ def contradictions(promise: Promise, given: Mapping[str, Bound]) -> list[Fault]:
     return [
         Fault(
             f"limits.{name}",
-            f"asks for {_percent(bound)}, but the promise is of {promise.yield_percent:g} %: leave the limit out, or "
-            "state the same percentage",
+            f"asks for {_percent_range(bound)}, but the promise is of {promise.yield_percent:g} %: leave the limit out, "
+            "or state the same percentage",
         )
         for name, bound in given.items()
         if means_promise(name, promise) and bound != Bound(low=promise.yield_percent)
     ]
 
 
-def _percent(bound: Bound) -> str:
+def _percent_range(bound: Bound) -> str:
     ends = [f"{end:g} % at {side}" for side, end in (("least", bound.low), ("most", bound.high)) if np.isfinite(end)]
     return ", ".join(ends)
 
@@ -85,7 +85,7 @@ class WithPromise(ToleranceProblem):
 
     def __init__(self, settings: Settings | None = None) -> None:
         if settings is not None and settings.promise is not None:
-            self.declaration = _promising(type(self).declaration, settings.promise)
+            self.declaration = _declare_promise(type(self).declaration, settings.promise)
         super().__init__(settings)
 
     @property
@@ -117,7 +117,7 @@ class WithPromise(ToleranceProblem):
         promise = read_promise(top, cls.promised_of)
         if promise is None or configured is None:
             return configured
-        declaration = _promising(configured.declaration, promise)
+        declaration = _declare_promise(configured.declaration, promise)
         read = {**configured.read, "promise": promise}
         return ConfiguredProblem(declaration, configured.make, read)
 
@@ -180,7 +180,7 @@ class WithPromise(ToleranceProblem):
         return super().interval(output)
 
 
-def _promising(declaration: Declaration, promise: Promise) -> Declaration:
+def _declare_promise(declaration: Declaration, promise: Promise) -> Declaration:
     """With the outputs of a promise; by gradients where its units are evaluated for it."""
     algorithm = declaration.algorithm or ("exact" if promise.statement != PLUG_IN else "")
     outputs = (*declaration.outputs, *outputs_of_promise(promise))

@@ -25,7 +25,8 @@ from .pose_accuracy.outputs import Grouping, costs_of, read_grouping, standard_d
 from .robot import problem as definition
 from .robot.machine import Machine, Places
 from .robot.problem import PARAMETERS as OF_ROBOTS
-from .robot.problem import Drive, RobotProblem, declaration_of, millimetres, share_name, sketched
+from .robot.problem import Drive, RobotProblem, declaration_of, millimetres, share_name
+from .robot.problem import sketch_part as sketched
 from .settings import Settings
 
 __all__ = ["RobotJoint"]
@@ -62,7 +63,7 @@ def reference_of(source: str) -> float:
     return KINDS[kind_of(source)][1]
 
 
-def _grouped() -> dict[str, tuple[str, ...]]:
+def _default_groups() -> dict[str, tuple[str, ...]]:
     groups: dict[str, tuple[str, ...]] = {}
     for kind, source in product(KINDS, SOURCES):
         if kind_of(source.name) == kind:
@@ -71,7 +72,7 @@ def _grouped() -> dict[str, tuple[str, ...]]:
     return groups
 
 
-TWENTY_ONE: Grouping = _grouped()
+TWENTY_ONE: Grouping = _default_groups()
 """A standard deviation for each kind of each chain, which every elementary error of it has."""
 
 

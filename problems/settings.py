@@ -37,7 +37,7 @@ YIELD, PROMISED, ASSURANCE = "yield_percent", "promised_yield_percent", "assuran
 """Outputs: what estimates say, what the statement promises, how surely the promise is kept."""
 DRAWS = 20_000
 """Draws of the posterior that a stated assurance is of."""
-AT_ONCE = 2_000_000
+VALUES_PER_BLOCK = 2_000_000
 """Yields that are computed at once."""
 
 
@@ -245,7 +245,7 @@ def assumptions_of(problem: ToleranceProblem) -> tuple[Assumption, ...]:
     return (*_parameters(problem), *_variables(problem), *_costs(problem))
 
 
-def _set_by(name: str, given: object) -> str:
+def _value_origin(name: str, given: object) -> str:
     return "configuration" if name in given else "default"  # type: ignore[operator]
 
 
@@ -253,7 +253,11 @@ def _parameters(problem: ToleranceProblem) -> list[Assumption]:
     settings, given = problem.settings, problem.given
     return [
         Assumption(
-            f"parameters.{p.name}", settings.parameters[p.name], p.unit, p.meaning, _set_by(p.name, given.parameters)
+            f"parameters.{p.name}",
+            settings.parameters[p.name],
+            p.unit,
+            p.meaning,
+            _value_origin(p.name, given.parameters),
         )
         for p in problem.declaration.parameters
         if p.assumed and settings.parameters[p.name] != p.readings.get(PRINTED, NOT_PRINTED)
@@ -264,7 +268,7 @@ def _variables(problem: ToleranceProblem) -> list[Assumption]:
     assumptions = []
     for v in problem.variables:
         setting = problem.settings.variables[v.name]
-        set_by = _set_by(v.name, problem.given.variables)
+        set_by = _value_origin(v.name, problem.given.variables)
         if v.assumed and v.document is not None:
             place = f"references.{v.name}"
             assumptions.append(Assumption(place, v.document, v.unit, v.assumed))
@@ -273,7 +277,7 @@ def _variables(problem: ToleranceProblem) -> list[Assumption]:
             reason = "search range; no document prints one"
             assumptions.append(Assumption(f"variables.{v.name}", text, v.unit, reason, set_by))
         if setting.sample is not None:
-            assumptions += _measured(v, setting.sample, problem.settings.promise)
+            assumptions += _sample_statement(v, setting.sample, problem.settings.promise)
         elif v.random:
             kind = type(setting.distribution).__name__ if setting.distribution else "Uniform"
             reason = "distribution over units; the documents name none"
@@ -282,7 +286,7 @@ def _variables(problem: ToleranceProblem) -> list[Assumption]:
     return assumptions
 
 
-def _measured(variable: Variable, sample: PartSample, promise: Promise | None) -> list[Assumption]:
+def _sample_statement(variable: Variable, sample: PartSample, promise: Promise | None) -> list[Assumption]:
     """The statement of measured parts about a variable, and the assumptions that it needs."""
     place = f"variables.{variable.name}"
     known = sample.statement(variable.unit)
@@ -306,7 +310,7 @@ def _costs(problem: ToleranceProblem) -> list[Assumption]:
             for name in money.assumed
         ]
     return [
-        Assumption(f"costs.{name}", repr(curve), "", reason, _set_by(name, problem.given.costs))
+        Assumption(f"costs.{name}", repr(curve), "", reason, _value_origin(name, problem.given.costs))
         for name, curve in problem.settings.costs.items()
     ]
 
@@ -314,9 +318,9 @@ def _costs(problem: ToleranceProblem) -> list[Assumption]:
 # Numbers of a configuration that look as if they were stated in another unit.
 
 
-FAR = 20.0
+UNIT_SLIP_RATIO = 20.0
 """Ratio of a number to the usual one, or its inverse, above which it is suspicious."""
-NEAR = 3.0
+USUAL_RANGE_RATIO = 3.0
 """Largest ratio to the usual number in the unit that was probably meant."""
 
 
@@ -328,11 +332,11 @@ def unit_slips(problem: ToleranceProblem) -> list[Fault]:
     return [Fault(place, text) for place, text in (*_parameter_slips(problem), *_variable_slips(problem))]
 
 
-def slip(value: float, unit: str, low: float, high: float) -> str:
+def unit_slip(value: float, unit: str, low: float, high: float) -> str:
     """Why a number is suspicious where `low` to `high` is usual, empty where it is not."""
-    if low / FAR <= value <= high * FAR or low <= 0.0 or value <= 0.0:
+    if low / UNIT_SLIP_RATIO <= value <= high * UNIT_SLIP_RATIO or low <= 0.0 or value <= 0.0:
         return ""
-    hint = unit_hint(value, unit, low / NEAR, high * NEAR)
+    hint = unit_hint(value, unit, low / USUAL_RANGE_RATIO, high * USUAL_RANGE_RATIO)
     usual = f"{low:g} {unit}" if low == high else f"{low:g} to {high:g} {unit}"
     return f"{value:g} {unit} is far from what is usual ({usual}){hint}" if hint else ""
 
@@ -342,7 +346,7 @@ def _parameter_slips(problem: ToleranceProblem) -> Iterator[tuple[str, str]]:
         value, default = problem.settings.parameters.get(parameter.name), parameter.default
         if not (isinstance(value, int | float) and isinstance(default, int | float) and parameter.unit):
             continue
-        if text := slip(abs(value), parameter.unit, abs(default), abs(default)):
+        if text := unit_slip(abs(value), parameter.unit, abs(default), abs(default)):
             yield f"parameters.{parameter.name}", text
 
 
@@ -354,7 +358,7 @@ def _variable_slips(problem: ToleranceProblem) -> Iterator[tuple[str, str]]:
             continue
         for key in ("value", "low", "high"):
             value = getattr(setting, key)
-            if value is not None and (text := slip(value, variable.unit, variable.low, variable.high)):
+            if value is not None and (text := unit_slip(value, variable.unit, variable.low, variable.high)):
                 yield f"variables.{name}.{key}", text
 
 
@@ -366,7 +370,7 @@ def unit_of_cost(money: Money) -> str:
     return f"{money.currency}, partly assumed" if money.assumed else money.currency
 
 
-def with_currency(outputs: Iterable[Output], money: Money) -> tuple[Output, ...]:
+def add_currency(outputs: Iterable[Output], money: Money) -> tuple[Output, ...]:
     """The outputs with the unit of the cost, and which curves behind it are assumed."""
     unit = unit_of_cost(money)
     more = f"; assumed: {', '.join(money.assumed)}" if money.assumed else ""
@@ -378,7 +382,7 @@ def with_currency(outputs: Iterable[Output], money: Money) -> tuple[Output, ...]
     )
 
 
-def rising(name: str, curve: CostCurve | None) -> str:
+def rising_price_note(name: str, curve: CostCurve | None) -> str:
     """A note that prices of a table rise with the tolerance, empty where none does."""
     if not isinstance(curve, Table) or not curve.rising:
         return ""

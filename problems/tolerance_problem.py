@@ -13,12 +13,15 @@ import pandas as pd
 from pymoo.core.problem import Problem
 
 from ..errors import Fault, ModelError
-from ..journal import recalled_columns
+from ..journal import recall_columns as recalled_columns
 from ..records import Bars, UnitsShown
 from ..section import Array, Assumption, Integers, Output, Section, Variable, completed
 from .declaration import ConfiguredProblem, Declaration, Interval
-from .limits import apart, impossible, limits_of
-from .settings import Bound, Promise, Settings, VariableSetting, assumptions_of, rising, unit_slips, with_currency
+from .limits import apart, limits_of
+from .limits import unreachable_limit_faults as impossible
+from .settings import Bound, Promise, Settings, VariableSetting, assumptions_of, unit_slips
+from .settings import add_currency as with_currency
+from .settings import rising_price_note as rising
 
 if TYPE_CHECKING:
     from ..models.capability import PartSample

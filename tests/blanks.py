@@ -30,5 +30,5 @@ def blanks() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(drawing, "FigureCanvasSVG", Blank)
         patch.setattr(drawing, "FigureCanvasAgg", Blank)
-        patch.setattr(drawing, "_laid_out", lambda figure: None)
+        patch.setattr(drawing, "_lay_out_panels", lambda figure: None)
         yield

@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from tolevo.models.rv_reducer.dynamics import LEFT_OUT, OrderTable
+from tolevo.models.rv_reducer.dynamics import NEGLIGIBLE_AMPLITUDE as LEFT_OUT
+from tolevo.models.rv_reducer.dynamics import OrderTable
 from tolevo.models.rv_reducer.lost_motion import LoadedUnit
 
 _meshes: dict[bytes, Any] = {}

@@ -23,7 +23,7 @@ from benchmarks.tasks.mixed_process import A as PROCESS_A  # noqa: E402
 from benchmarks.tasks.mixed_process import B as PROCESS_B  # noqa: E402
 from benchmarks.tasks.mixed_process import S as PART_S  # noqa: E402
 from benchmarks.tasks.rv_backlash import rv_backlash, stored  # noqa: E402
-from tolevo.models.rv_reducer.dynamics import tabulated  # noqa: E402
+from tolevo.models.rv_reducer.dynamics import tabulate_mesh as tabulated  # noqa: E402
 from tolevo.models.rv_reducer.lost_motion import unit_under_load as loaded_unit  # noqa: E402
 
 

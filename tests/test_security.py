@@ -20,7 +20,7 @@ from typer.testing import CliRunner, Result
 from tolevo.algorithms.checkpoint import Checkpoint
 from tolevo.cli import app
 from tolevo.errors import InputError
-from tolevo.files import sealed
+from tolevo.files import seal_content as sealed
 
 ROOMS = ("", "models", "problems", "algorithms")
 RUNS_CODE = {

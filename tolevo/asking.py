@@ -13,7 +13,8 @@ from scipy.spatial.distance import cdist
 
 from .algorithms.archive import Archive, nondominated
 from .algorithms.engine import violation_of
-from .algorithms.run import DiscreteDesigns, without_failures
+from .algorithms.run import DiscreteDesigns
+from .algorithms.run import mark_failures_infeasible as without_failures
 from .algorithms.search import driver
 from .algorithms.settings import AlgorithmSettings, Solver
 from .errors import Fault, raise_all, refuse
@@ -23,7 +24,7 @@ from .section import Array, Integers
 # Outputs that a user tells of designs: brought into the order in which the designs were asked for.
 
 
-SAME = 1e-6
+DESIGN_TOLERANCE = 1e-6
 """Difference, as a fraction of the range of a variable, up to which designs are the same: a table
 may round them."""
 NOT_ASKED = "must be the designs that ask() returned last, in their order, or with its index or columns"
@@ -33,7 +34,7 @@ NO_ORDER = (
 )
 
 
-def aligned(
+def align_outputs(
     problem: ToleranceProblem, asked: pd.DataFrame, x: pd.DataFrame, outputs: pd.DataFrame | Mapping[str, Any]
 ) -> Mapping[str, Any] | pd.DataFrame:
     """The outputs, by name, in the order of the designs that were `asked` for.
@@ -42,29 +43,30 @@ def aligned(
     `x`; the rows of a frame belong to the designs in their own columns where it has them all, else
     to the designs of the same index. Raises InputError where no order fits.
     """
-    order = _order(problem, asked, x)
+    order = _row_order(problem, asked, x)
     if order is None:
         raise refuse("x", NOT_ASKED)
     if not isinstance(outputs, pd.DataFrame):
         if not (outputs and all(isinstance(column, pd.Series) for column in outputs.values())):
             return {
-                name: np.asarray(column)[order] if _fits(column, order) else column for name, column in outputs.items()
+                name: np.asarray(column)[order] if _has_order_shape(column, order) else column
+                for name, column in outputs.items()
             }
         outputs = pd.DataFrame(dict(outputs))
     if len(outputs) != len(order):
         return outputs
     if set(_free(problem)) <= set(outputs):
-        rows = _order(problem, asked, outputs)
+        rows = _row_order(problem, asked, outputs)
         if rows is None:
             raise refuse("outputs", "belong to other designs than those that ask() returned last: see their columns")
     else:
-        rows = _by_index(x.index, outputs.index, order)
+        rows = _align_by_index(x.index, outputs.index, order)
         if rows is None:
             raise refuse("outputs", NO_ORDER.format(", ".join(_free(problem))))
     return outputs.iloc[rows].reset_index(drop=True)
 
 
-def _fits(column: Any, order: Integers) -> bool:
+def _has_order_shape(column: Any, order: Integers) -> bool:
     return bool(np.shape(column) == np.shape(order))
 
 
@@ -72,7 +74,7 @@ def _free(problem: ToleranceProblem) -> list[str]:
     return [variable.name for variable in problem.free]
 
 
-def _by_index(index: pd.Index[Any], outputs: pd.Index[Any], order: Integers) -> Integers | None:
+def _align_by_index(index: pd.Index[Any], outputs: pd.Index[Any], order: Integers) -> Integers | None:
     """The rows of outputs in the order that was asked for, by their index; None where it does not fit."""
     if index.equals(outputs):
         return order
@@ -83,7 +85,7 @@ def _by_index(index: pd.Index[Any], outputs: pd.Index[Any], order: Integers) -> 
     return np.asarray(outputs.get_indexer(index[order]), dtype=np.int64)
 
 
-def _order(problem: ToleranceProblem, asked: pd.DataFrame, table: pd.DataFrame) -> Integers | None:
+def _row_order(problem: ToleranceProblem, asked: pd.DataFrame, table: pd.DataFrame) -> Integers | None:
     """The rows of a table in the order of the designs `asked` for, None where it holds others."""
     if len(table) != len(asked) or not set(_free(problem)) <= set(table):
         return None
@@ -95,7 +97,7 @@ def _order(problem: ToleranceProblem, asked: pd.DataFrame, table: pd.DataFrame) 
         return rows
     distance = cdist(wanted, given, "chebyshev")
     rows = linear_sum_assignment(distance)[1]
-    return rows if np.all(distance[np.arange(len(rows)), rows] <= SAME) else None
+    return rows if np.all(distance[np.arange(len(rows)), rows] <= DESIGN_TOLERANCE) else None
 
 
 def _vectors(problem: ToleranceProblem, table: pd.DataFrame) -> Array | None:
@@ -111,7 +113,7 @@ def _vectors(problem: ToleranceProblem, table: pd.DataFrame) -> Array | None:
     return np.asarray((designs[:, free] - problem.xl) / (problem.xu - problem.xl))
 
 
-TRIES = 50
+MAX_ASK_ATTEMPTS = 50
 """Generations without a new design of whole numbers after which the remaining ones are asked for."""
 
 
@@ -183,7 +185,7 @@ class Search:
                 self._new = self._open[self._discrete.unknown(self._open)]
                 tries += 1
                 if not len(self._new) and self._discrete.remaining > 0.0:
-                    if tries < TRIES:
+                    if tries < MAX_ASK_ATTEMPTS:
                         self._driver.tell(*self._discrete.values(self._open))
                         self._open = None
                     else:  # the algorithm has converged
@@ -199,7 +201,7 @@ class Search:
         ConfigurationError where an output is missing or of another length, or where the order of
         the rows is not known.
         """
-        outputs = aligned(self.problem, self.ask(), x, outputs)
+        outputs = align_outputs(self.problem, self.ask(), x, outputs)
         raise_all(self._faults(outputs, len(self._new)))
         assert self._open is not None
         designs = self.problem.complete(self._new)

@@ -259,7 +259,7 @@ class Target:
         return self.blocks.exists()
 
 
-def joined(blocks: Iterable[Any], path: Path) -> None:
+def join_blocks(blocks: Iterable[Any], path: Path) -> None:
     """Write the rows of all blocks, Parquet files, into one file, CSV or Parquet by its name.
 
     Few blocks are in memory at once, and the bytes do not depend on how many rows a block had.
@@ -319,11 +319,11 @@ class BlockFolder(BlockStore):
 
     def __init__(self, path: Path, about: About, resume: bool, overwrite: bool) -> None:
         self.path = path
-        self.about = _agreed(path, about, resume, overwrite)
+        self.about = _agree_on_identity(path, about, resume, overwrite)
         if overwrite and path.exists():
             shutil.rmtree(path)
         path.mkdir(parents=True, exist_ok=True)
-        self._lock = _locked(path)
+        self._lock = _lock_folder(path)
         if not (path / ABOUT).exists():
             write_record(path / ABOUT, asdict(self.about))
         self.completed = self._intact_blocks()
@@ -380,10 +380,10 @@ def _digest(path: Path) -> str:
         return ""
 
 
-def _agreed(path: Path, about: About, resume: bool, overwrite: bool) -> About:
+def _agree_on_identity(path: Path, about: About, resume: bool, overwrite: bool) -> About:
     """The identity of the blocks: those that are there decide how many rows a block has."""
     raise_all(folder_faults(path, resume, overwrite))
-    if overwrite or not path.exists() or _blank(path):
+    if overwrite or not path.exists() or _is_blank_folder(path):
         return about
     try:
         stored: dict[str, Any] = read_record(path / ABOUT) or {}
@@ -394,12 +394,12 @@ def _agreed(path: Path, about: About, resume: bool, overwrite: bool) -> About:
     return about.with_blocks_of(stored)
 
 
-def _blank(path: Path) -> bool:
+def _is_blank_folder(path: Path) -> bool:
     """Whether a directory holds nothing but the files of a process killed as it began."""
     return all(entry.name == LOCK or LEFTOVER.fullmatch(entry.name) for entry in path.iterdir())
 
 
-def _locked(path: Path) -> int:
+def _lock_folder(path: Path) -> int:
     """The lock of the directory, or an InputError where another process has it."""
     handle = os.open(path / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
     try:
@@ -415,7 +415,7 @@ def _locked(path: Path) -> int:
 
 def folder_faults(path: Path, resume: bool, overwrite: bool) -> list[Fault]:
     """The reasons why a directory of blocks cannot be written, before anything is read."""
-    if not path.exists() or (path.is_dir() and _blank(path)):
+    if not path.exists() or (path.is_dir() and _is_blank_folder(path)):
         return []
     if not path.is_dir():
         return [Fault("--out", f"{path} is a file; name a directory for --partitioned")]
@@ -507,7 +507,7 @@ def computed(
         wanted = range(total if frame else 1)
         whole = pd.concat([pd.read_parquet(store.block(number)) for number in wanted], ignore_index=True)
         if target is not None and not target.partitioned:
-            joined(map(store.block, range(total)), target.path)
+            join_blocks(map(store.block, range(total)), target.path)
             store.remove()
     return whole if frame else whole.iloc[:0]
 

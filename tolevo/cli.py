@@ -25,7 +25,7 @@ from .files import cause, write_text
 from .interrupts import INTERRUPTED, current, keep_standard_streams, listen, warn_in_a_line
 from .models.manipulator.maps import SOURCES
 from .results import Finished
-from .section import forced
+from .section import force_counts as forced
 
 if TYPE_CHECKING:
     from .algorithms.run import Progress
@@ -45,14 +45,14 @@ def exit_status() -> Iterator[None]:
             warnings.showwarning = warn_in_a_line
             yield
     except KeyboardInterrupt:
-        _interrupted()
+        _exit_interrupted()
     except BaseException as error:
         if (interrupts := current()) is not None and interrupts.requested:
-            _interrupted()  # an error of what was interrupted
-        _failed(error)
+            _exit_interrupted()  # an error of what was interrupted
+        _exit_with_error(error)
 
 
-def _interrupted() -> NoReturn:
+def _exit_interrupted() -> NoReturn:
     interrupts = current()
     if interrupts is None:
         typer.echo("interrupted: nothing more is written", err=True)
@@ -61,7 +61,7 @@ def _interrupted() -> NoReturn:
     raise typer.Exit(INTERRUPTED) from None
 
 
-def _failed(error: BaseException) -> NoReturn:
+def _exit_with_error(error: BaseException) -> NoReturn:
     """Raise Exit with the message of an expected error, and any other as it is."""
     if isinstance(error, TolevoError):
         typer.echo(str(error), err=True)
@@ -160,7 +160,7 @@ class Dialect:
     ] = None
 
 
-def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
+def expand_option_groups(command: Callable[..., Any]) -> Callable[..., Any]:
     """A command whose arguments that are groups are options of their own, as typer wants them."""
     groups: dict[str, Any] = {}
     parameters: list[Parameter] = []
@@ -237,13 +237,13 @@ def command(name: str) -> Callable[[Callable[..., Finished | None]], Callable[..
     """Make a function a command: it prints its summary, if any, and ends with an exit status."""
 
     def registered(function: Callable[..., Finished | None]) -> Callable[..., Any]:
-        whole = grouped(function)
+        whole = expand_option_groups(function)
 
         def ending(**options: Any) -> None:
             with exit_status(), forced(options.get("force", False)):
                 finished = whole(**options)
             if finished is not None:
-                raise typer.Exit(_ended(finished))
+                raise typer.Exit(_print_ending(finished))
 
         ending.__dict__.update(vars(whole))
         ending.__annotations__, ending.__doc__ = whole.__annotations__, whole.__doc__
@@ -252,16 +252,16 @@ def command(name: str) -> Callable[[Callable[..., Finished | None]], Callable[..
     return registered
 
 
-def _called(name: str, asked: Asked, *arguments: Any, **options: Any) -> Finished:
+def _call_with_progress(name: str, asked: Asked, *arguments: Any, **options: Any) -> Finished:
     """What a function of the Python interface returns, its progress shown on the terminal."""
     from . import api
 
-    with shown(name, asked.quiet) as progress:
+    with progress_reporter(name, asked.quiet) as progress:
         finished: Finished = getattr(api, name)(*arguments, **options, progress=progress)
         return finished
 
 
-def _ended(finished: Finished) -> int:
+def _print_ending(finished: Finished) -> int:
     """Print how a command ended, and where its page is; returns the exit status."""
     if finished.status == "interrupted" and (interrupts := current()) is not None:
         interrupts.say(finished.lines[0])
@@ -286,7 +286,7 @@ def _root(version: Annotated[bool, typer.Option("--version", help="Print the ver
 @command("run")
 def run(config: Config, *, into: Into, asked: Asked) -> Finished:
     """Run one optimisation: from a configuration to a Pareto front."""
-    return _called("run", asked, config, **into.arguments(), **asked.arguments())
+    return _call_with_progress("run", asked, config, **into.arguments(), **asked.arguments())
 
 
 @command("gap")
@@ -299,13 +299,13 @@ def gap(
     asked: Asked,
 ) -> Finished:
     """Find where model and measurement disagree, name the missing effect, correct the model."""
-    return _called("gap", asked, config, data, **into.arguments(), **asked.arguments(), **asdict(dialect))
+    return _call_with_progress("gap", asked, config, data, **into.arguments(), **asked.arguments(), **asdict(dialect))
 
 
 @command("study")
 def study(config: Config, *, into: Into, asked: Asked) -> Finished:
     """Run many optimisations over settings and seeds, and report what the settings do."""
-    return _called("study", asked, config, **into.arguments(), **asked.arguments())
+    return _call_with_progress("study", asked, config, **into.arguments(), **asked.arguments())
 
 
 @command("reproduce")
@@ -318,7 +318,7 @@ def reproduce(
     asked: Asked,
 ) -> Finished:
     """Recompute every figure that documents print, and report which of them hold."""
-    return _called("reproduce", asked, claims or (), **into.arguments(), settings=asked.set_)
+    return _call_with_progress("reproduce", asked, claims or (), **into.arguments(), settings=asked.set_)
 
 
 @command("evaluate")
@@ -336,7 +336,7 @@ def evaluate(
 ) -> None:
     """Evaluate a configuration's problem at given designs."""
     options = asked.arguments() | asdict(dialect) | asdict(blocks)
-    _called("evaluate", asked, config, designs, out, **options, quality=quality, frame=False)
+    _call_with_progress("evaluate", asked, config, designs, out, **options, quality=quality, frame=False)
     typer.echo(f"written: {out}")
 
 
@@ -352,7 +352,7 @@ def simulate(
 ) -> None:
     """Predict a configuration's model at given operating points."""
     options = asked.arguments() | asdict(dialect) | asdict(blocks)
-    _called("simulate", asked, config, inputs, out, **options, frame=False)
+    _call_with_progress("simulate", asked, config, inputs, out, **options, frame=False)
     typer.echo(f"written: {out}")
 
 
@@ -408,7 +408,7 @@ def review(
     dialect: Dialect,
 ) -> None:
     """Test the promise of a run against parts that were made to its drawing."""
-    from .commands.review.configuration import reviewed
+    from .commands.review.configuration import review_text as reviewed
     from .tables import ReadOptions
 
     typer.echo(reviewed(folder, parts, since or (), ReadOptions(**asdict(dialect))))
@@ -417,13 +417,13 @@ def review(
 @command("list")
 def list_(json_: Annotated[bool, typer.Option("--json", help="As JSON.")] = False) -> None:
     """List models, problems, algorithms, effects and calculations, including those of plugins."""
-    typer.echo(listed(json_))
+    typer.echo(list_as_text(json_))
 
 
 # `tolevo list`: what is installed, as text or as JSON.
 
 
-def listed(as_json: bool = False) -> str:
+def list_as_text(as_json: bool = False) -> str:
     """Models, problems, algorithms, effects, calculations, and the elementary errors."""
     groups = registry.listing() | {"elementary_errors": _elementary_errors()}
     if as_json:
@@ -452,8 +452,8 @@ LINE_EVERY = 10.0
 
 def describe(progress: Progress) -> str:
     """Generation, evaluations, hypervolume and remaining time in one line."""
-    step = f"generation {_of(progress.generation, progress.generations)}"
-    evaluations = f"evaluations {_of(progress.evaluations, progress.evaluations_total)}"
+    step = f"generation {_count_of_total(progress.generation, progress.generations)}"
+    evaluations = f"evaluations {_count_of_total(progress.evaluations, progress.evaluations_total)}"
     return f"{progress.phase or step}, {evaluations}, hypervolume {progress.hypervolume:.4f}{_remaining(progress)}"
 
 
@@ -535,7 +535,7 @@ DISPLAYS: Mapping[str, Display] = {
 
 
 @contextmanager
-def shown(command: str, quiet: bool) -> Iterator[Callable[[Any], None] | None]:
+def progress_reporter(command: str, quiet: bool) -> Iterator[Callable[[Any], None] | None]:
     """A function to call with every state of a command, None where nothing is to be shown."""
     display = DISPLAYS[command]
     if quiet:
@@ -545,7 +545,7 @@ def shown(command: str, quiet: bool) -> Iterator[Callable[[Any], None] | None]:
         yield (lambda progress: update(progress) if progress.total > 1 else None) if display.counts_parts else update
 
 
-def _of(done: int, total: int | None) -> str:
+def _count_of_total(done: int, total: int | None) -> str:
     return f"{done}" if total is None else f"{done}/{total}"
 
 

@@ -44,7 +44,7 @@ class DaskCluster(Executor):
         self._quiet = self._logger.disabled
         self._logger.disabled = True  # a lost scheduler is reported here, without a traceback
         self._client: Any = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
-        if faults := _other_versions(self._client, place):
+        if faults := _version_faults(self._client, place):
             self.close()
             raise InputError(faults)
 
@@ -126,7 +126,7 @@ def _check(address: str, place: str) -> None:
     """
     try:
         with ThreadPoolExecutor(1) as apart:  # a notebook has an event loop running in its thread
-            kind = apart.submit(asyncio.run, _answered(address)).result()
+            kind = apart.submit(asyncio.run, _answering_kind(address)).result()
     except (OSError, ValueError, TypeError, MemoryError, EOFError, RuntimeError) as error:
         reason = str(error).splitlines()[0] if str(error) else "no answer"
         text = f"no Dask scheduler answers at {address} ({reason}); start one: dask scheduler"
@@ -135,7 +135,7 @@ def _check(address: str, place: str) -> None:
         raise refuse(place, f"at {address} there is a {kind}: give the address of the scheduler")
 
 
-async def _answered(address: str) -> str:
+async def _answering_kind(address: str) -> str:
     """The type of Dask's process at an address, if it answers in time."""
     return await asyncio.wait_for(_kind(address), PATIENCE)
 
@@ -153,7 +153,7 @@ async def _kind(address: str) -> str:
         comm.abort()
 
 
-def _other_versions(client: Any, place: str) -> list[Fault]:
+def _version_faults(client: Any, place: str) -> list[Fault]:
     """A fault per version of the package, other than that of this process, that workers have."""
     installed, names_by_version = version("tolevo"), dict[str, list[str]]()
     try:

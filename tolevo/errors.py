@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 
-LONGEST = 100
+MAX_COMPARED_NAME = 100
 """Characters of a name for which the nearest valid one is looked for."""
 _PART = re.compile(r" \(part [^()]*\)$")
 """The part that a message is about, whose place says so as well."""
@@ -105,7 +105,7 @@ def raise_all(faults: Iterable[Fault]) -> None:
 
 def nearest(name: str, valid: Iterable[str]) -> str:
     """' (did you mean `x`?)' for the closest valid name, else an empty string."""
-    if len(name) > LONGEST:
+    if len(name) > MAX_COMPARED_NAME:
         return ""
     close = difflib.get_close_matches(name, list(valid), n=1, cutoff=0.6)
     return f" (did you mean `{close[0]}`?)" if close else ""

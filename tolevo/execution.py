@@ -48,7 +48,7 @@ __all__ = [
 
 ATTEMPTS = 3
 """Workers that may be lost in a task before it is given up."""
-KEPT = 4
+MAX_CACHED_OBJECTS = 4
 """Objects that a worker keeps built."""
 VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Environment variables that those libraries read when they are loaded."""
@@ -188,7 +188,7 @@ class Background(Generic[TaskT, Result]):
         self._thread.join()
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=MAX_CACHED_OBJECTS)
 def built(content: bytes) -> Any:
     """The pickled object; the next task with the same one finds it built."""
     return pickle.loads(content)
@@ -283,7 +283,7 @@ class _Lane:
         if self._pool is None:
             self._pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_begin)
             existing = set(active_children())
-            with _one_thread(), _uninterrupted():  # the process starts with its first task
+            with _one_thread(), _ignore_interrupts():  # the process starts with its first task
                 self._pool.submit(os.getpid)
             self._processes = set(active_children()) - existing
         return self._pool
@@ -310,7 +310,7 @@ def _one_thread() -> Iterator[None]:
 
 
 @contextmanager
-def _uninterrupted() -> Iterator[None]:
+def _ignore_interrupts() -> Iterator[None]:
     """Processes that start in this context leave interrupts to this one, from their first moment on."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, REQUESTS)
     try:
@@ -326,10 +326,10 @@ def _begin() -> None:
     warnings.showwarning = warn_in_a_line
     parent = parent_process()
     if parent is not None:
-        threading.Thread(target=_follow, args=(parent,), daemon=True).start()
+        threading.Thread(target=_exit_with_parent, args=(parent,), daemon=True).start()
 
 
-def _follow(parent: Any) -> None:
+def _exit_with_parent(parent: Any) -> None:
     connection.wait([parent.sentinel])
     os._exit(ORPHANED)
 

@@ -79,7 +79,7 @@ def write_bytes(path: Path, content: bytes) -> None:
             os.replace(part, path)
     except OSError as error:
         part.unlink(missing_ok=True)
-        raise _at(path, error) from None
+        raise _error_at(path, error) from None
     except BaseException:
         part.unlink(missing_ok=True)
         raise
@@ -100,7 +100,7 @@ def write_with(path: Path, writer: Callable[[Path], object]) -> None:
             os.fsync(file.fileno())
         os.replace(folder / path.name, path)
     except OSError as error:
-        raise _at(path, error) from None
+        raise _error_at(path, error) from None
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
@@ -126,7 +126,7 @@ def content(path: Path, most: int = TABLE, pipe: bool = False) -> bytes:
     Raises ValueError, whose text says what keeps it from being read: it is no such file, or has
     more than `most` bytes.
     """
-    if unreadable := not_a_file(path, most, pipe):
+    if unreadable := file_obstacle(path, most, pipe):
         raise ValueError(unreadable)
     try:
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -138,7 +138,7 @@ def content(path: Path, most: int = TABLE, pipe: bool = False) -> bytes:
         raise ValueError(f"cannot be read ({error.strerror})") from None
 
 
-def not_a_file(path: Path, most: int = TABLE, pipe: bool = False) -> str:
+def file_obstacle(path: Path, most: int = TABLE, pipe: bool = False) -> str:
     """Why a path cannot be read as a file of at most `most` bytes; empty where it can."""
     try:
         state = os.stat(path)
@@ -148,7 +148,7 @@ def not_a_file(path: Path, most: int = TABLE, pipe: bool = False) -> str:
         return f"cannot be read ({getattr(error, 'strerror', None) or error})"
     if not stat.S_ISREG(state.st_mode) and not (pipe and stat.S_ISFIFO(state.st_mode)):
         return f"is {_kind(state.st_mode)}; name a file"
-    return _too_large(state.st_size, most)
+    return _size_message(state.st_size, most)
 
 
 def _through_pipe(handle: int, most: int) -> bytes:
@@ -161,12 +161,12 @@ def _through_pipe(handle: int, most: int) -> bytes:
             return b"".join(chunks)
         chunks.append(chunk)
         length += len(chunk)
-        if complaint := _too_large(length, most):
+        if complaint := _size_message(length, most):
             raise ValueError(complaint)
     raise ValueError(f"is a pipe through which nothing came in {SILENCE:.0f} s")
 
 
-def _too_large(length: int, most: int) -> str:
+def _size_message(length: int, most: int) -> str:
     if length <= most or is_forced():
         return ""
     return f"has {size(length)} or more, and {size(most)} is the most that is read: name another, or add --force"
@@ -246,7 +246,7 @@ def _part(path: Path) -> Path:
     return path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
 
 
-def _at(path: Path, error: OSError) -> OSError:
+def _error_at(path: Path, error: OSError) -> OSError:
     """The error with the name of the file that was meant, not that of its part."""
     error.filename, error.filename2 = str(path), None
     return error
@@ -276,8 +276,10 @@ def csv_text(frame: pd.DataFrame, header: bool = True) -> str:
 
     Without its `header` it continues a file that has a header.
     """
-    names = [neutral(name) for name in frame.columns]
-    return _changed(frame, neutral).to_csv(index=False, lineterminator="\n", header=names if header else False)
+    names = [neutralise_cell(name) for name in frame.columns]
+    return _change_texts(frame, neutralise_cell).to_csv(
+        index=False, lineterminator="\n", header=names if header else False
+    )
 
 
 def read_own_csv(path: Path | TextIO) -> pd.DataFrame:
@@ -285,31 +287,31 @@ def read_own_csv(path: Path | TextIO) -> pd.DataFrame:
 
     Raises OSError where the file cannot be read, ValueError where it is not a table.
     """
-    table = _changed(pd.read_csv(path, **EXACT), original)
-    return table.set_axis([original(name) for name in table.columns], axis="columns")
+    table = _change_texts(pd.read_csv(path, **EXACT), restore_cell)
+    return table.set_axis([restore_cell(name) for name in table.columns], axis="columns")
 
 
-def neutral(cell: Any) -> Any:
+def neutralise_cell(cell: Any) -> Any:
     """A cell that is text to a spreadsheet: with an apostrophe if it would be a formula."""
     if not isinstance(cell, str) or not _ACTIVE.match(cell) or _NUMBERS.fullmatch(cell):
         return cell
     return f"'{cell}"
 
 
-def original(cell: Any) -> Any:
-    """The argument of `neutral`, from its result."""
+def restore_cell(cell: Any) -> Any:
+    """The argument of `neutralise_cell`, from its result."""
     return cell[1:] if isinstance(cell, str) and _MARKED.match(cell) else cell
 
 
-def originals(cells: NDArray[Any]) -> NDArray[Any]:
-    """`original` of every cell."""
-    changed = _changed_cells(cells, original)
+def restore_cells(cells: NDArray[Any]) -> NDArray[Any]:
+    """`restore_cell` of every cell."""
+    changed = _change_cells(cells, restore_cell)
     return cells if changed is None else changed
 
 
-def _changed(frame: pd.DataFrame, change: Callable[[Any], Any]) -> pd.DataFrame:
+def _change_texts(frame: pd.DataFrame, change: Callable[[Any], Any]) -> pd.DataFrame:
     """The table with the changed texts; the table itself where none changes."""
-    columns = {at: _changed_cells(frame.iloc[:, at].to_numpy(), change) for at in range(frame.shape[1])}
+    columns = {at: _change_cells(frame.iloc[:, at].to_numpy(), change) for at in range(frame.shape[1])}
     changed = {at: cells for at, cells in columns.items() if cells is not None}
     table = frame.copy() if changed else frame
     for at, cells in changed.items():
@@ -317,7 +319,7 @@ def _changed(frame: pd.DataFrame, change: Callable[[Any], Any]) -> pd.DataFrame:
     return table
 
 
-def _changed_cells(cells: NDArray[Any], change: Callable[[Any], Any]) -> NDArray[Any] | None:
+def _change_cells(cells: NDArray[Any], change: Callable[[Any], Any]) -> NDArray[Any] | None:
     """The changed cells of a column; None where none changes."""
     if cells.dtype.kind not in "OUT":
         return None
@@ -340,13 +342,13 @@ KEY = "sha256"
 LENGTH = len(MARK) + 64 + 1
 
 
-def sealed(content: bytes) -> bytes:
+def seal_content(content: bytes) -> bytes:
     """The content with its SHA-256 at its end."""
     return content + _seal(content)
 
 
-def unsealed(content: bytes) -> bytes:
-    """What `sealed` was given. Raises ValueError where a byte is not as it was written."""
+def unseal_content(content: bytes) -> bytes:
+    """What `seal_content` was given. Raises ValueError where a byte is not as it was written."""
     body, seal = content[:-LENGTH], content[-LENGTH:]
     if not seal.startswith(MARK):
         raise ValueError("it is cut short, or of another version: it does not end with its digest")
@@ -355,13 +357,13 @@ def unsealed(content: bytes) -> bytes:
     return body
 
 
-def sealed_record(record: Mapping[str, Any], of: str = "") -> dict[str, Any]:
+def seal_record(record: Mapping[str, Any], of: str = "") -> dict[str, Any]:
     """A record of JSON values with its digest as the last entry, bound to the text `of`."""
     return {**record, KEY: digest_of(record, of)}
 
 
-def unsealed_record(stored: Any, of: str = "") -> dict[str, Any]:
-    """What `sealed_record` was given. Raises ValueError where a value is another."""
+def unseal_record(stored: Any, of: str = "") -> dict[str, Any]:
+    """What `seal_record` was given. Raises ValueError where a value is another."""
     if not isinstance(stored, dict) or KEY not in stored:
         raise ValueError("it is not a record with a digest")
     record = {name: value for name, value in stored.items() if name != KEY}
@@ -372,7 +374,7 @@ def unsealed_record(stored: Any, of: str = "") -> dict[str, Any]:
 
 def write_record(path: Path, record: Mapping[str, Any]) -> None:
     """Write a sealed record as a JSON file."""
-    write_text(path, json.dumps(sealed_record(record), indent=1) + "\n")
+    write_text(path, json.dumps(seal_record(record), indent=1) + "\n")
 
 
 def read_record(path: Path) -> dict[str, Any] | None:
@@ -383,7 +385,7 @@ def read_record(path: Path) -> dict[str, Any] | None:
         return None
     except OSError as error:
         raise ValueError(error.strerror) from error
-    return unsealed_record(loads(text))
+    return unseal_record(loads(text))
 
 
 def digest_of(record: Mapping[str, Any], of: str = "") -> str:

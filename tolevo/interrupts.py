@@ -36,7 +36,7 @@ class Interrupts:
         self._said = False
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
-        if self.requested or self._kept is None or _fragile(frame):
+        if self.requested or self._kept is None or _is_fragile(frame):
             self.quit()
         self.requested = True
         signal.signal(signal.SIGVTALRM, lambda *_: self.quit())
@@ -105,7 +105,7 @@ def keeps(kept: Callable[[], str]) -> None:
         interrupts.keeps(kept)
 
 
-def _fragile(frame: FrameType | None) -> bool:
+def _is_fragile(frame: FrameType | None) -> bool:
     while frame is not None:
         if str(frame.f_globals.get("__name__", "")).startswith(FRAGILE):
             return True
@@ -161,9 +161,9 @@ def keep_standard_streams() -> None:
         except OSError:
             os.open(os.devnull, os.O_RDWR)
     if sys.stdout is sys.__stdout__:  # else they lead elsewhere
-        sys.stdout = _over(1, sys.stdout, line_buffering=sys.stdout is not None and sys.stdout.isatty())
+        sys.stdout = _replace_stream(1, sys.stdout, line_buffering=sys.stdout is not None and sys.stdout.isatty())
     if sys.stderr is sys.__stderr__:
-        sys.stderr = _over(2, sys.stderr, line_buffering=True)
+        sys.stderr = _replace_stream(2, sys.stderr, line_buffering=True)
 
 
 def warn_in_a_line(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
@@ -175,7 +175,7 @@ def warn_in_a_line(message: Warning | str, category: type[Warning], *_: object, 
         print(f"warning: {message}", file=sys.stderr, flush=True)
 
 
-def _over(number: int, before: io.TextIOWrapper | Any, line_buffering: bool) -> io.TextIOWrapper:
+def _replace_stream(number: int, before: io.TextIOWrapper | Any, line_buffering: bool) -> io.TextIOWrapper:
     """A text stream over a file descriptor, with the encoding of the one that it replaces."""
     encoding, errors = getattr(before, "encoding", "utf-8"), getattr(before, "errors", "replace")
     raw = io.BufferedWriter(Unread(number, "w", closefd=False))

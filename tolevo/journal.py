@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Arrays = tuple[NDArray[Any], ...]
-LEAST = 5e-4
+MIN_RECORDED_SECONDS = 5e-4
 """CPU time [s] of a step from which on its result is stored."""
-MOST = 100_000_000
+MAX_JOURNAL_BYTES = 100_000_000
 """Bytes of results that are stored at most in a section; later steps are computed again."""
 KINDS = "fiub"
 """Kinds of numpy's types that can be stored."""
@@ -61,7 +61,7 @@ class Section:
             self._inner = at, check, Section(self._changed)
         start = time.thread_time()
         try:
-            with recorded(self._inner[2]):
+            with recording_steps(self._inner[2]):
                 result = compute()
         except BaseException:
             self._at = at
@@ -71,7 +71,7 @@ class Section:
             self._checks.append(check)
         size = sum(array.nbytes for array in result)
         savable = all(array.dtype.kind in KINDS for array in result)
-        if savable and time.thread_time() - start >= LEAST and self._bytes + size <= MOST:
+        if savable and time.thread_time() - start >= MIN_RECORDED_SECONDS and self._bytes + size <= MAX_JOURNAL_BYTES:
             self._bytes += size
             self._results[at] = tuple(np.array(array) for array in result)
             self._changed()
@@ -121,7 +121,7 @@ _OPEN: ContextVar[Section | None] = ContextVar("section", default=None)
 
 
 @contextmanager
-def recorded(section: Section | None) -> Iterator[None]:
+def recording_steps(section: Section | None) -> Iterator[None]:
     """Within this context steps are recalled from a section, and stored in it."""
     if section is not None:
         section.begin()
@@ -132,9 +132,9 @@ def recorded(section: Section | None) -> Iterator[None]:
         _OPEN.reset(before)
 
 
-def unrecorded() -> Any:
+def recording_suspended() -> Any:
     """Within this context nothing is recalled."""
-    return recorded(None)
+    return recording_steps(None)
 
 
 def stretch() -> object:
@@ -143,7 +143,7 @@ def stretch() -> object:
     return None if section is None else section.stretch
 
 
-def recalled(inputs: Iterable[Any], compute: Callable[[], Arrays]) -> Arrays:
+def recall_arrays(inputs: Iterable[Any], compute: Callable[[], Arrays]) -> Arrays:
     """What `compute` returns, numbers as arrays; recalled where a section is open.
 
     `inputs` are arrays and texts on which the result depends, in addition to what is the same
@@ -153,8 +153,8 @@ def recalled(inputs: Iterable[Any], compute: Callable[[], Arrays]) -> Arrays:
     return compute() if section is None else section.step(_checksum(inputs), compute)
 
 
-def recalled_columns(inputs: Iterable[Any], compute: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """`recalled` for arrays by name."""
+def recall_columns(inputs: Iterable[Any], compute: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """`recall_arrays` for arrays by name."""
     if _OPEN.get() is None:
         return compute()
 
@@ -163,7 +163,7 @@ def recalled_columns(inputs: Iterable[Any], compute: Callable[[], dict[str, Any]
         names = np.frombuffer("\n".join(columns).encode(), dtype=np.uint8)
         return (names, *map(np.asarray, columns.values()))
 
-    names, *columns = recalled(inputs, listed)
+    names, *columns = recall_arrays(inputs, listed)
     return dict(zip(names.astype(np.uint8).tobytes().decode().split("\n"), columns, strict=bool(columns)))
 
 

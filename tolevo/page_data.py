@@ -18,7 +18,7 @@ FORMAT = 1
 Result = TypeVar("Result")
 
 
-def dumped(result: Any) -> str:
+def dump_result(result: Any) -> str:
     """A result record (a dataclass whose tables are frames) as JSON."""
     tables = {
         field.name: _table(value)
@@ -37,8 +37,8 @@ def dumped(result: Any) -> str:
     return json.dumps(head | {"fields": plain, "tables": tables}, default=_python_scalar) + "\n"
 
 
-def loaded(kind: type[Result], content: Mapping[str, Any]) -> tuple[Result, list[str]]:
-    """The record that `dumped` wrote, and the names of what is missing or wrong in it.
+def load_result(kind: type[Result], content: Mapping[str, Any]) -> tuple[Result, list[str]]:
+    """The record that `dump_result` wrote, and the names of what is missing or wrong in it.
 
     Those are empty in the record.
     """

@@ -135,14 +135,18 @@ def _mechanism(known: object) -> list[str]:
     """The mechanism and its requirements, a line per entry."""
     if not isinstance(known, Mapping):
         return []
-    mechanism = _described(known)
+    mechanism = _description_line(known)
     requirements = [requirement for requirement in known.get("requirements") or () if isinstance(requirement, Mapping)]
     alone = len(requirements) == 1 and requirements[0].get("name") == known.get("name")
-    lines = [f"requirement {_described(requirement)}" for requirement in requirements if _described(requirement)]
+    lines = [
+        f"requirement {_description_line(requirement)}"
+        for requirement in requirements
+        if _description_line(requirement)
+    ]
     return lines if alone else [*([f"mechanism {mechanism}"] if mechanism else []), *lines]
 
 
-def _described(known: Mapping[str, Any]) -> str:
+def _description_line(known: Mapping[str, Any]) -> str:
     """One line, like "end play, at most 0.2 mm (drawing GB-100): play of the shaft"."""
     low, high, unit = (known.get(key) for key in ("lower", "upper", "unit"))
     name, ends = str(known.get("name") or ""), f" {unit}" if unit else ""

@@ -48,11 +48,11 @@ SHOWN = 80
 
 def _offers(group: str) -> tuple[EntryPoint, ...]:
     """The entry points of a group, by name."""
-    return _offered(group, tuple(sys.path))
+    return _entry_points_on_path(group, tuple(sys.path))
 
 
 @lru_cache(maxsize=32)
-def _offered(group: str, path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
+def _entry_points_on_path(group: str, path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
     """The entry points of the distributions on `path` (`sys.path`), which are read once."""
     offers = entry_points(group=f"tolevo.{group}")
     return tuple(sorted(offers, key=lambda offer: (offer.name, offer.value)))
@@ -117,7 +117,11 @@ def load(group: str, name: str) -> Any:
     if complaint := _misfit(group, loaded):
         raise refuse(kind, f'"{short}"{whose} {complaint}')
     for extra in getattr(loaded, "extras", ()):
-        if offer is not None and offer.dist is not None and (missing := _missing(offer.dist.requires or [], extra)):
+        if (
+            offer is not None
+            and offer.dist is not None
+            and (missing := _missing_packages(offer.dist.requires or [], extra))
+        ):
             command = f"pip install '{offer.dist.name}[{extra}]'"
             raise refuse(kind, f'"{name}" needs {", ".join(missing)}: {command}')
     return loaded
@@ -141,7 +145,7 @@ def _misfit(group: str, loaded: Any) -> str:
         return f"is not a class: {wanted}"
     if not issubclass(loaded, getattr(import_module(module), name)):
         return f"is not a class of {group}: {wanted}"
-    if missing := _unstated(loaded):
+    if missing := _missing_members(loaded):
         return f"cannot be used: it does not state {', '.join(missing)}"
     if group in SETTINGS and not is_dataclass(loaded):
         return "cannot be used: it must be a dataclass, whose fields are its settings"
@@ -149,7 +153,7 @@ def _misfit(group: str, loaded: Any) -> str:
 
 
 @lru_cache
-def _unstated(kind: type) -> tuple[str, ...]:
+def _missing_members(kind: type) -> tuple[str, ...]:
     """Members that the bases of a class leave to it, and that it does not have."""
     stated = {key for base in kind.__mro__ for key in vars(base)}
     declared = (item for base in kind.__mro__ for item in vars(base).get("__annotations__", {}).items())
@@ -161,7 +165,7 @@ def _unstated(kind: type) -> tuple[str, ...]:
 def name_of(group: str, kind: type) -> str:
     """The name under which a class is registered, else its path."""
     for offer in _offers(group):
-        if offer.attr == kind.__qualname__ and _begun(offer) and offer.load() is kind:
+        if offer.attr == kind.__qualname__ and _is_imported(offer) and offer.load() is kind:
             return offer.name
     return f"{kind.__module__}:{kind.__qualname__}"
 
@@ -188,7 +192,7 @@ class Kinds(Mapping[str, type[Kind]]):
         them. A class that cannot be used is reported when it is used.
         """
         classes = {}
-        for name in dict.fromkeys(offer.name for offer in _offers(self.group) if _begun(offer)):
+        for name in dict.fromkeys(offer.name for offer in _offers(self.group) if _is_imported(offer)):
             try:
                 classes[name] = self[name]
             except InputError:
@@ -203,7 +207,7 @@ class Kinds(Mapping[str, type[Kind]]):
         raise LookupError(f"{kind.__module__}.{kind.__qualname__} is not an entry point of tolevo.{self.group}")
 
 
-def _begun(offer: EntryPoint) -> bool:
+def _is_imported(offer: EntryPoint) -> bool:
     """Whether the package of an entry point is imported already: no unused plugin is run."""
     return offer.module.partition(".")[0] in sys.modules
 
@@ -214,19 +218,19 @@ def needed(extra: str) -> list[Fault]:
         requires = distribution("tolevo").requires or []
     except PackageNotFoundError:
         return []
-    missing = _missing(requires, extra)
+    missing = _missing_packages(requires, extra)
     command = f"pip install 'tolevo[{extra}]'"
     return [Fault(extra, f"needs {', '.join(missing)}: {command}")] if missing else []
 
 
-def _missing(requirements: list[str], extra: str) -> list[str]:
+def _missing_packages(requirements: list[str], extra: str) -> list[str]:
     """The packages of an extra that are not installed."""
     marker = re.compile(rf"""extra *== *["']{re.escape(extra)}["']""")
     wanted = [re.split(r"[^\w.-]", requirement)[0] for requirement in requirements if marker.search(requirement)]
-    return [name for name in wanted if not _installed(name)]
+    return [name for name in wanted if not _is_installed(name)]
 
 
-def _installed(name: str) -> bool:
+def _is_installed(name: str) -> bool:
     try:
         version(name)
     except PackageNotFoundError:

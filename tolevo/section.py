@@ -31,7 +31,7 @@ MEMORY = 8.0 * 2**30
 """Bytes that one count may take."""
 TIME = 30.0 * 86_400.0
 """Seconds that one count may take on one core."""
-_HUGE = 10**100
+_MAX_COUNT = 10**100
 """Larger counts are replaced by this number: it exceeds every budget, and is still a float."""
 _TIMES = (("years", 365.25 * 86_400.0), ("days", 86_400.0), ("hours", 3600.0), ("s", 1.0))
 _SIZES = (("TiB", 2.0**40), ("GiB", 2.0**30), ("MiB", 2.0**20), ("KiB", 2.0**10))
@@ -54,12 +54,12 @@ class Need:
 
     def memory(self, count: int) -> float:
         """Bytes that the count takes."""
-        number = float(min(count, _HUGE))
+        number = float(min(count, _MAX_COUNT))
         return number * self.bytes + number * number * self.bytes_per_pair
 
     def time(self, count: int) -> float:
         """Seconds that the count takes."""
-        return float(min(count, _HUGE)) * self.seconds
+        return float(min(count, _MAX_COUNT)) * self.seconds
 
     @property
     def most(self) -> int:
@@ -69,7 +69,7 @@ class Need:
             half = 0.5 * self.bytes / self.bytes_per_pair
             ends.append(math.sqrt(half * half + MEMORY / self.bytes_per_pair) - half)
         ends += [TIME / self.seconds] if self.seconds else []
-        least = int(min(ends, default=_HUGE))
+        least = int(min(ends, default=_MAX_COUNT))
         step: int = 10 ** max(len(str(least)) - 2, 0)
         return least // step * step
 
@@ -99,7 +99,7 @@ PROCESS = 2.0e8
 
 
 @contextmanager
-def forced(force: bool = True) -> Iterator[None]:
+def force_counts(force: bool = True) -> Iterator[None]:
     """Within it no count is refused for its size, if `force` is true."""
     token = _FORCED.set(force or _FORCED.get())
     try:
@@ -197,9 +197,9 @@ def _number_text(value: float) -> str:
 
 
 ANY = Range()
-MOST = 1000
+MAX_FAULTS = 1000
 """Faults of a configuration that are reported."""
-MANY = 100
+MAX_NAMES_COMPARED = 100
 """Unknown keys for which the nearest valid one is looked for."""
 SHOWN = 100
 """Characters of a value that a message repeats."""
@@ -245,9 +245,9 @@ class Section:
         return self._faults
 
     def fault(self, key: str, message: str, kind: type[Fault] = Fault) -> None:
-        """Report a fault of `key`, or of the table where the key is empty; no more than `MOST`."""
+        """Report a fault of `key`, or of the table where the key is empty; no more than `MAX_FAULTS`."""
         fault = kind(self.place(key) or "configuration", message)
-        if len(self._faults) < MOST and fault not in self._faults:  # a table may be read twice
+        if len(self._faults) < MAX_FAULTS and fault not in self._faults:  # a table may be read twice
             self._faults.append(fault)
 
     def take(self, key: str) -> Any:
@@ -263,7 +263,7 @@ class Section:
         """Report every key that was not read, with the nearest key that would be valid."""
         unknown = [key for key in self._table if key not in self._known]
         for at, key in enumerate(unknown):
-            close = nearest(key, self._known) if at < MANY else ""
+            close = nearest(key, self._known) if at < MAX_NAMES_COMPARED else ""
             self.fault(key, f"is not a known key{close}", UnknownKey)
 
     def number(self, key: str, unit: str = "", within: Range = ANY) -> float | None:
@@ -349,7 +349,7 @@ class Section:
         return value
 
     def names(self, key: str) -> list[str] | None:
-        """A list of strings, at least one and no more than `MOST`."""
+        """A list of strings, at least one and no more than `MAX_FAULTS`."""
         value = self.take(key)
         if value is None:
             return None
@@ -359,8 +359,8 @@ class Section:
         if not value:
             self.fault(key, "must name at least one")
             return None
-        if len(value) > MOST:
-            self.fault(key, f"has {len(value)} names, {MOST} at most")
+        if len(value) > MAX_FAULTS:
+            self.fault(key, f"has {len(value)} names, {MAX_FAULTS} at most")
             return None
         return value
 
@@ -469,21 +469,21 @@ def differences(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str
     A table in a list has its place, such as part[1].cost.b; where a name is added or removed the
     list is one value.
     """
-    old, new = flat(_placed(before, after)), flat(_placed(after, before))
+    old, new = flat(_tables_by_place(before, after)), flat(_tables_by_place(after, before))
     keys = dict.fromkeys([*new, *old])
     return {key: (_shown(old, key), _shown(new, key)) for key in keys if old.get(key) != new.get(key)}
 
 
-def _placed(table: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+def _tables_by_place(table: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
     """A table in which lists of tables that are as long in the other one are tables by place."""
     placed: dict[str, Any] = {}
     for key, value in table.items():
         counterpart: Any = other.get(key)
         if isinstance(value, dict) and isinstance(counterpart, dict):
-            placed[key] = _placed(value, counterpart)
+            placed[key] = _tables_by_place(value, counterpart)
         elif _tables(value) and _tables(counterpart) and len(value) == len(counterpart):
             pairs = zip(value, counterpart, strict=True)
-            placed |= {f"{key}[{at}]": _placed(own, another) for at, (own, another) in enumerate(pairs)}
+            placed |= {f"{key}[{at}]": _tables_by_place(own, another) for at, (own, another) in enumerate(pairs)}
         else:
             placed[key] = value
     return placed

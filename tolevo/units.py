@@ -213,9 +213,9 @@ class _Reader:
         base = self._base()
         if self.next.kind == "power":
             self._take()
-            return _raised(base, self._exponent())
+            return _raise_to_power(base, self._exponent())
         if self.next.kind in ("number", "raised") and not self.next.apart:
-            return _raised(base, self._exponent())
+            return _raise_to_power(base, self._exponent())
         return base
 
     def _base(self) -> Factors:
@@ -240,7 +240,7 @@ class _Reader:
         return int(digits)
 
 
-def _raised(base: Factors, exponent: int) -> Factors:
+def _raise_to_power(base: Factors, exponent: int) -> Factors:
     raised = tuple((name, power * exponent) for name, power in base)
     if any(abs(power) > EXPONENT for _, power in raised):
         raise UnitError(f"no exponent is beyond {EXPONENT}")
@@ -298,7 +298,7 @@ _NEWTONS = ("n", "u", "µ", "m", "c", "d", "da", "", "h", "k", "M", "G")
 _METRES = ("mm", "cm", "dm", "m")
 _TORQUES: Mapping[str, str] = {f"{p}N{m}": f"{p}N {m}" for p in _NEWTONS for m in _METRES}
 """Torques in one word: kNm, Nmm. (Of pint's, "Nm" is a number times a length.)"""
-LARGEST = 1e150
+MAX_UNIT_FACTOR = 1e150
 """SI units in a unit, or units in an SI unit, at most: a quotient of two is a number as well."""
 _PLURALS = 3
 """Letters that a name has at least where an "s" may follow it: "mils", but not "mms"."""
@@ -333,7 +333,7 @@ def unit_of(text: str) -> Unit:
 
     Raises UnitError, which says why, where it names none.
     """
-    parts = _written_out(text)
+    parts = _expand_factors(text)
     if len(parts) == 1 and parts[0][1] == 1:
         return _unit_named(parts[0][0])
     above = [name for name, power in parts if power > 0]
@@ -341,25 +341,25 @@ def unit_of(text: str) -> Unit:
         raise UnitError("a percentage of a unit is not a unit")
     product = NUMBER
     for name, power in parts:
-        product = _times(product, _unit_named(name), power)
-    if not 1.0 / LARGEST < product.factor < LARGEST:
+        product = _multiply_units(product, _unit_named(name), power)
+    if not 1.0 / MAX_UNIT_FACTOR < product.factor < MAX_UNIT_FACTOR:
         raise UnitError(f'"{text}" is beyond all that is measured')
     return product
 
 
-def _written_out(text: str) -> Factors:
+def _expand_factors(text: str) -> Factors:
     """The factors of a text, none of a plain number, with abbreviations spelt out."""
     written_out: Factors = ()
     for name, power in factors(text) if text.strip() else ():
         longhand = _longhand(name)
-        inner = ((name, 1),) if longhand == name else _written_out(longhand)
+        inner = ((name, 1),) if longhand == name else _expand_factors(longhand)
         written_out += tuple((part, exponent * power) for part, exponent in inner)
     return written_out
 
 
 def names_in(text: str) -> tuple[str, ...]:
     """The names that a unit is made of, abbreviations written out."""
-    return tuple(name for name, _ in _written_out(text))
+    return tuple(name for name, _ in _expand_factors(text))
 
 
 def _longhand(name: str) -> str:
@@ -371,7 +371,7 @@ def _longhand(name: str) -> str:
     return _TORQUES.get(name) or _OURS.get(name, name)
 
 
-def _times(unit: Unit, factor: Unit, power: int) -> Unit:
+def _multiply_units(unit: Unit, factor: Unit, power: int) -> Unit:
     """The product with a power of another unit; a temperature counts as a difference."""
     powers = dict(unit.dimensions)
     for base, exponent in factor.dimensions:
@@ -399,19 +399,19 @@ def _unit_named(name: str) -> Unit:
     """The unit of a single name, with or without a prefix or a plural's s."""
     if name in COMMON:
         return Unit(*COMMON[name], ZEROS.get(name, Fraction(0)))
-    return looked_up(name)
+    return look_up_unit(name)
 
 
-def looked_up(name: str) -> Unit:
+def look_up_unit(name: str) -> Unit:
     """The unit of a single name by the definitions of pint."""
-    prefix, stem = _split(name)
-    unit = _defined(stem)
+    prefix, stem = _split_prefix(name)
+    unit = _defined_unit(stem)
     if prefix and unit.zero:
         raise UnitError(f'"{name}" is not a unit: what has a zero of its own takes no prefix')
     return Unit(unit.factor * Fraction(10) ** _PREFIXES.get(prefix, 0), unit.dimensions, unit.zero)
 
 
-def _split(name: str) -> tuple[str, str]:
+def _split_prefix(name: str) -> tuple[str, str]:
     """Prefix and defined name."""
     for whole in (name, name[:-1] if name.endswith("s") and len(name) > _PLURALS else name):
         if whole in _names():
@@ -422,7 +422,7 @@ def _split(name: str) -> tuple[str, str]:
     raise UnitError(f'"{name}" is not a unit')
 
 
-def _defined(name: str) -> Unit:
+def _defined_unit(name: str) -> Unit:
     """A unit of pint's, without a prefix."""
     from pint.util import to_units_container
 
@@ -462,7 +462,7 @@ SUFFIXES = frozenset(
 )
 """The unit suffixes that names of parameters, variables and outputs end with."""
 
-LONGEST = 300
+MAX_QUANTITY_CHARACTERS = 300
 """Largest number of characters of a quantity."""
 SHOWN = 60
 """Characters of a text that a message repeats."""
@@ -477,8 +477,8 @@ def to_unit(text: str, unit: str, scale_only: bool = False) -> float:
     with a unit that fits.
     """
     wanted = f"a string with a unit of {unit}" if unit else "a plain number"
-    message = f'must be a number or {wanted}, got "{shortened(text)}"'
-    match = _QUANTITY.fullmatch(text.strip()) if len(text) <= LONGEST else None
+    message = f'must be a number or {wanted}, got "{shorten_text(text)}"'
+    match = _QUANTITY.fullmatch(text.strip()) if len(text) <= MAX_QUANTITY_CHARACTERS else None
     if match is None or bool(match[2]) != bool(unit):
         raise ValueError(message)
     try:
@@ -494,7 +494,7 @@ def to_unit(text: str, unit: str, scale_only: bool = False) -> float:
         return math.copysign(math.inf, number)
 
 
-def shortened(text: str) -> str:
+def shorten_text(text: str) -> str:
     """A text as messages repeat it."""
     return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
 
@@ -517,7 +517,7 @@ def dimension(unit: str) -> str:
     try:
         parsed = unit_of(unit)
     except UnitError as error:
-        text = f'"{shortened(unit)}" is not a unit; write "mm", "N m", "rad", "rpm", ...'
+        text = f'"{shorten_text(unit)}" is not a unit; write "mm", "N m", "rad", "rpm", ...'
         raise ValueError(f"{text} ({error})") from error
     return _in_si(parsed) if parsed.dimensions else ""
 
@@ -574,7 +574,7 @@ def _affine(unit: str, to: str) -> tuple[float, float]:
     try:
         scale, zero = _scale(unit, to)
     except UnitError as error:
-        message = f'"{shortened(unit)}" is not a unit that can be stated in {shortened(to)}'
+        message = f'"{shorten_text(unit)}" is not a unit that can be stated in {shorten_text(to)}'
         raise ValueError(f"{message}: {error}" if str(error) else message) from error
     return float(scale), float(zero)
 

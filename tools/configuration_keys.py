@@ -20,7 +20,8 @@ from typing import Any
 import tomli_w
 
 from tolevo.commands.gap.configuration import is_gap, read_gap
-from tolevo.commands.reproduce.configuration import read_claims, shipped
+from tolevo.commands.reproduce.configuration import read_claims
+from tolevo.commands.reproduce.configuration import shipped_claims as shipped
 from tolevo.commands.study.configuration import is_study, read_study
 from tolevo.configuration.reader import read
 from tolevo.configuration.search import read_execution

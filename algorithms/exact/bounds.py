@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from ...errors import ModelError
 from ...problems.forms import Feature, Form, Way, largest_parts, least_values
-from ...problems.limits import ROOM, loosened
+from ...problems.limits import LIMIT_ROUNDING as ROOM
+from ...problems.limits import loosened
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Flags
 from .choices import cost_range, least_cost
-from .combination import Optimum, less_rounding, spread_at, tabulated
+from .combination import Optimum, less_rounding, spread_at
+from .combination import tabulate_priced_costs as tabulated
 
 
 def convex_pieces(form: Form) -> Form:
@@ -91,7 +93,7 @@ class _Course:
             new = (at < len(rows)) & np.isfinite(self.cost[near])
             new[new] = rows[at[new]] == near[new]
             if np.any(new):
-                neighbour_bound = _by(self.form, known.at(at[new]), self.limits[rest[new]])
+                neighbour_bound = _bound_by_tangents(self.form, known.at(at[new]), self.limits[rest[new]])
                 self.bound[rest[new]] = np.maximum(self.bound[rest[new]], neighbour_bound)
         wider = np.all(self.limits[rows][None, :, :] >= self.limits[rest][:, None, :], axis=2)
         proven = np.where(wider, known.bound[None, :], -np.inf).max(axis=1, initial=-np.inf)
@@ -120,14 +122,14 @@ class _Course:
         return np.asarray(np.interp(x[rest], x[every], self.cost[every]))
 
 
-def _by(form: Form, near: Optimum, limits: Array) -> Array:
+def _bound_by_tangents(form: Form, near: Optimum, limits: Array) -> Array:
     """Lagrangian bounds (n,) at limits (n, r) by the tangents and multiples of prices of `near`."""
     spread = spread_at(form, near.chosen, near.t, largest_parts(form))
     tables, received = tabulated(form, GRID, near.multiplier, limits, spread)
-    return np.asarray(form.base + np.max(less_rounding(_combined(tables), received), axis=1).min(axis=0))
+    return np.asarray(form.base + np.max(less_rounding(_combine_ways(tables), received), axis=1).min(axis=0))
 
 
-def _combined(tables: list[Array]) -> Array:
+def _combine_ways(tables: list[Array]) -> Array:
     """Costs plus prices (combinations, g, n) of every combination of ways, or of the best ways alone."""
     count = int(np.prod([float(len(table)) for table in tables]))
     if count > PAIRS:
@@ -144,7 +146,7 @@ def _combined(tables: list[Array]) -> Array:
 
 LOOSER = 1e-11
 """Relative widening of a point's own values, so that the point always keeps them."""
-BEYOND = 2.0
+LIMIT_WIDENING = 2.0
 """Widening of a limit, in units of the room within which it counts as kept: no design that keeps it
 is excluded, whatever its rounding."""
 
@@ -187,7 +189,9 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
     if not points:
         return Proof(np.empty(0), form.statement, form.relaxed)
     own = [_values_if_required(problem, form, values, name, points) for name in form.outputs]
-    limits = np.minimum(loosened(np.stack(own, axis=1), LOOSER / ROOM), loosened(row_limits(problem, form), BEYOND))
+    limits = np.minimum(
+        loosened(np.stack(own, axis=1), LOOSER / ROOM), loosened(row_limits(problem, form), LIMIT_WIDENING)
+    )
     distinct, place = np.unique(limits, axis=0, return_inverse=True)
     bound = _least_bound(form, distinct)[np.ravel(place)]
     cost = np.asarray(values["cost"])
@@ -225,7 +229,7 @@ def _bound(form: Form, limits: Array) -> Array:
     """Proven least costs (n,) of one form at limits (n, r)."""
     used = np.any(np.isfinite(limits), axis=0)
     used[0] |= not np.any(used)
-    form, limits = convex_pieces(restricted(form, used)), limits[:, used]
+    form, limits = convex_pieces(restrict_form(form, used)), limits[:, used]
     bound, possible = np.full(len(limits), np.inf), within_reach(form, limits)
     if np.any(possible):
         bound[possible] = least_bounds(form, limits[possible])
@@ -238,7 +242,7 @@ def within_reach(form: Form, limits: Array) -> Flags:
     every = range(len(form.outputs) if form.quantiles else 0)
     for row, least in zip(every, least_values(form, every, limits.max(axis=0)), strict=True):
         if least is not None:
-            possible &= limits[:, row] >= least.value - BEYOND * ROOM * abs(least.value)
+            possible &= limits[:, row] >= least.value - LIMIT_WIDENING * ROOM * abs(least.value)
     return possible
 
 
@@ -278,7 +282,7 @@ def _values_if_required(
     return np.asarray(values[name]) if required else np.full(points, np.inf)
 
 
-def restricted(form: Form, used: Flags) -> Form:
+def restrict_form(form: Form, used: Flags) -> Form:
     """The form with some of its requirements only."""
     kept = np.flatnonzero(used).tolist()
     surpluses = tuple(form.surpluses[i] for i in kept) if form.surpluses else ()

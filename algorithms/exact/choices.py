@@ -20,15 +20,19 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ...journal import recalled
+from ...journal import recall_arrays as recalled
 from ...problems.forms import Feature, Form, Spread, largest_parts, spread_of
 from ...problems.limits import EQUAL, loosened
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Flags, Integers
-from .combination import ROUNDING, Ascent, Combination, Path, less_rounding, rows_of, spread_at, tabulated
+from .combination import ROUNDING, Ascent, Combination, Path, less_rounding, rows_of, spread_at
 from .combination import Optimum as Optimum
+from .combination import tabulate_priced_costs as tabulated
 from .programme import Programme
-from .separable import Leaf, Squares, least_leaf, least_under_doubt, separable, separable_but_for_doubt
+from .separable import Leaf, Squares, least_leaf
+from .separable import is_separable as separable
+from .separable import is_separable_without_doubt as separable_but_for_doubt
+from .separable import least_cost_under_doubt as least_under_doubt
 
 # Many ways under several requirements: branch and bound on a linear master problem.
 #
@@ -122,7 +126,7 @@ class Master:
                 proven = min(proven, bound)
                 continue
             at = int(np.argmax(mixed))
-            first = _heaviest(weight[at], allowed[at])
+            first = _heaviest_way(weight[at], allowed[at])
             others = tuple(way for way in allowed[at] if way != first)
             for side, ways in enumerate(((first,), others)):
                 child = (*allowed[:at], ways, *allowed[at + 1 :])
@@ -266,8 +270,8 @@ class Master:
 
     def _round(self, weight: list[Array], allowed: Allowed, start: Array) -> None:
         """Solve the ways of most weight, and at first the tightest of those that have weight too."""
-        heavy = tuple(map(_heaviest, weight, allowed))
-        tight = tuple(map(_tightest, self.form.features, weight, allowed, heavy))
+        heavy = tuple(map(_heaviest_way, weight, allowed))
+        tight = tuple(map(_tightest_way, self.form.features, weight, allowed, heavy))
         for chosen in (heavy, tight) if self.best is None else (heavy,):
             self._leaf(chosen, start)
 
@@ -287,12 +291,12 @@ class Master:
             self.best = Solution(chosen, t, cost, -np.inf)
 
 
-def _heaviest(weight: Array, ways: tuple[int, ...]) -> int:
+def _heaviest_way(weight: Array, ways: tuple[int, ...]) -> int:
     """The way of most weight among some; after a linear programme that failed all weights are 0."""
     return max(ways, key=weight.tolist().__getitem__)
 
 
-def _tightest(feature: Feature, weight: Array, ways: tuple[int, ...], default: int) -> int:
+def _tightest_way(feature: Feature, weight: Array, ways: tuple[int, ...], default: int) -> int:
     """The way with the least lower end of its range, of those that have weight."""
     mixed = (way for way in ways if weight[way] > 1e-6)
     return min(mixed, default=default, key=lambda way: feature.ways[way].low)
@@ -330,23 +334,23 @@ def search_vector(problem: ToleranceProblem, form: Form, ways: tuple[int, ...], 
 # form that is a bound exclude choices that the full model allows: there that model decides.
 
 
-MOST = 300_000
+MAX_COMBINATIONS = 300_000
 """Choices of ways that are computed at most."""
 FIRST, BATCH, TESTED = 8, 256, 16_384
 """Choices that the full model computes first, at once, and at most."""
-SAME = 1e-12
+COST_TIE_TOLERANCE = 1e-12
 """Relative difference of costs that is rounding."""
 
 
-def points_alone(form: Form) -> bool:
+def has_only_point_ways(form: Form) -> bool:
     """Whether all ways of a form are points, and few enough to compute all choices."""
     points = all(way.low == way.high for feature in form.features for way in feature.ways)
-    return points and form.combinations <= MOST
+    return points and form.combinations <= MAX_COMBINATIONS
 
 
-def only_points(form: Form) -> bool:
-    """Whether a form is of `points_alone`, and of roots: the values of all choices follow from sums."""
-    return points_alone(form) and form.joint is None and form.correlation is None
+def is_enumerable_root_form(form: Form) -> bool:
+    """Whether a form is of `has_only_point_ways`, and of roots: the values of all choices follow from sums."""
+    return has_only_point_ways(form) and form.joint is None and form.correlation is None
 
 
 def cheapest_choice(problem: ToleranceProblem, form: Form, upper: Array, floor: float) -> Array | None:
@@ -355,29 +359,29 @@ def cheapest_choice(problem: ToleranceProblem, form: Form, upper: Array, floor: 
     Choices beyond upper limits (r,) of the form, or cheaper than a proven `floor`, are none. Of those
     of one cost the one with most room counts. None where too many would have to be computed.
     """
-    cost, values = _every(form)
+    cost, values = _all_choices(form)
     by_sums = np.array([quantile is None and form.correlation is None for quantile in form.rows])
     fits = np.all(values[by_sums] <= loosened(upper, 2.0)[by_sums, None], axis=0)
-    fits &= cost >= floor - SAME * abs(floor)
+    fits &= cost >= floor - COST_TIE_TOLERANCE * abs(floor)
     order = np.flatnonzero(fits)
     order = order[np.argsort(cost[order], kind="stable")]
     done, x = 0, np.empty((0, problem.n_var))
     while done < min(len(order), TESTED):
         rows = order[done : done + (BATCH if done else FIRST)]
-        last = cost[rows[-1]] * (1.0 + SAME * np.sign(cost[rows[-1]]))
+        last = cost[rows[-1]] * (1.0 + COST_TIE_TOLERANCE * np.sign(cost[rows[-1]]))
         rows = order[done : max(done + len(rows), int(np.searchsorted(cost[order], last, side="right")))]
-        x = search_vectors(problem, form, _chosen(form, rows, cost))
+        x = search_vectors(problem, form, _optima_of_choices(form, rows, cost))
         violations = problem.tested(x)[1].max(axis=1, initial=-np.inf)
         if np.any(kept := violations <= 0.0):
             first = cost[rows[int(np.argmax(kept))]]
-            same = kept & (cost[rows] - first <= SAME * abs(first))
+            same = kept & (cost[rows] - first <= COST_TIE_TOLERANCE * abs(first))
             at = int(np.argmin(np.where(same, violations, np.inf)))
             return x[at : at + 1]
         done += len(rows)
     return x[:0] if done >= len(order) else None
 
 
-def _chosen(form: Form, rows: Integers, cost: Array) -> Optimum:
+def _optima_of_choices(form: Form, rows: Integers, cost: Array) -> Optimum:
     """Choices by number as optima; their costs are their own bounds."""
     shape = tuple(len(feature.ways) for feature in form.features)
     ways = np.stack(np.unravel_index(rows, shape), axis=1).astype(np.int64)
@@ -385,25 +389,25 @@ def _chosen(form: Form, rows: Integers, cost: Array) -> Optimum:
     return Optimum(ways, np.stack(low, axis=1), cost[rows], cost[rows], np.zeros((len(rows), len(form.outputs))))
 
 
-def least_of_points(form: Form, limits: Array) -> Optimum:
+def cheapest_choice_within_limits(form: Form, limits: Array) -> Optimum:
     """The cheapest choice that keeps each set of upper limits (n, r); its cost is its own bound.
 
     Cost and bound are inf where none keeps them.
     """
-    cost, values = _every(form)
+    cost, values = _all_choices(form)
     order = np.argsort(cost, kind="stable")
     optimum = Optimum.unknown(form, limits)
     for row, limit in enumerate(limits):
         fits = np.all(values[:, order] <= limit[:, None], axis=0)
         if not np.any(fits):
             continue
-        best = _chosen(form, order[[int(np.argmax(fits))]], cost)
+        best = _optima_of_choices(form, order[[int(np.argmax(fits))]], cost)
         optimum.chosen[row], optimum.t[row] = best.chosen[0], best.t[0]
         optimum.cost[row] = optimum.bound[row] = best.cost[0]
     return optimum
 
 
-def _every(form: Form) -> tuple[Array, Array]:
+def _all_choices(form: Form) -> tuple[Array, Array]:
     """Cost (m,) and requirements (r, m) of every choice, the last feature changing fastest.
 
     Those that are no roots of sums mean nothing.
@@ -445,7 +449,7 @@ Watch = Callable[[Optimum, float], None]
 """Called with optima as they are solved, and the fraction of all that is solved."""
 
 
-def unwatched(optimum: Optimum, share: float) -> None:
+def ignore_progress(optimum: Optimum, share: float) -> None:
     """Do nothing with what is solved."""
 
 
@@ -457,15 +461,15 @@ ROUNDS = 4
 """Times all multipliers are improved at most, each after a better allocation."""
 LEAVES = 4096
 """Allocations that are solved at most."""
-MANY = 1000
+MAX_UNPRICED_COMBINATIONS = 1000
 """Combinations of ways from which on prices of squares exclude most of them at once."""
 MIXED = 5
 """Features with several ways from which on quantiles are searched by a linear master problem."""
-CLOSE = 1e-10
+COST_GAP_TOLERANCE = 1e-10
 """A node whose bound is this close to the best cost cannot improve it noticeably."""
 
 
-def least_cost(form: Form, limits: Array, watch: Watch = unwatched) -> Optimum:
+def least_cost(form: Form, limits: Array, watch: Watch = ignore_progress) -> Optimum:
     """The cheapest allocation that keeps each set of upper limits (n, r) of a form.
 
     Cost and bound are inf where no allocation can keep them, the cost alone where none is known.
@@ -473,44 +477,46 @@ def least_cost(form: Form, limits: Array, watch: Watch = unwatched) -> Optimum:
     """
     limits = np.asarray(limits, dtype=float)
     if form.quantiles and sum(len(feature.ways) > 1 for feature in form.features) >= MIXED:
-        return _each(form, limits, watch, lambda limit, _: _by_master(form, limit))
-    if only_points(form):
-        return _together(form, limits, watch, lambda: least_of_points(form, limits))
-    if separable_but_for_doubt(form) and not _pointed(form):
-        return _together(form, limits, watch, lambda: least_under_doubt(form, limits, cost_range(form)[0]))
+        return _solve_limits_in_turn(form, limits, watch, lambda limit, _: _least_cost_by_master(form, limit))
+    if is_enumerable_root_form(form):
+        return _solve_all_limits(form, limits, watch, lambda: cheapest_choice_within_limits(form, limits))
+    if separable_but_for_doubt(form) and not _has_point_alternatives(form):
+        return _solve_all_limits(form, limits, watch, lambda: least_under_doubt(form, limits, cost_range(form)[0]))
     several = len(form.outputs) > 1
-    if (several or form.combinations > MANY) and _priced(form):
-        return _by_squares(form, limits, watch)
+    if (several or form.combinations > MAX_UNPRICED_COMBINATIONS) and _has_priced_curves(form):
+        return _least_cost_by_squares(form, limits, watch)
     if form.combinations == 1 or form.separable or len(limits) < 2:
-        return _together(form, limits, watch, lambda: _least_cost(form, limits, None))
+        return _solve_all_limits(form, limits, watch, lambda: _least_cost(form, limits, None))
     # multipliers of several requirements are improved for each alone
-    return _each(form, limits, watch, lambda limit, previous: _least_cost(form, limit, previous))
+    return _solve_limits_in_turn(form, limits, watch, lambda limit, previous: _least_cost(form, limit, previous))
 
 
-def _together(form: Form, limits: Array, watch: Watch, solve: Callable[[], Optimum]) -> Optimum:
+def _solve_all_limits(form: Form, limits: Array, watch: Watch, solve: Callable[[], Optimum]) -> Optimum:
     """What `solve` returns for all limits, unless it was solved before."""
-    optimum = _recalled(form, limits, solve)
+    optimum = _recall_optimum(form, limits, solve)
     watch(optimum, 1.0)
     return optimum
 
 
-def _each(form: Form, limits: Array, watch: Watch, solve: Callable[[Array, Optimum | None], Optimum]) -> Optimum:
+def _solve_limits_in_turn(
+    form: Form, limits: Array, watch: Watch, solve: Callable[[Array, Optimum | None], Optimum]
+) -> Optimum:
     """What `solve` returns for one set of limits (1, r) after the other, next to the one before."""
     optima: list[Optimum] = []
     for done, limit in enumerate(limits, 1):
         solved = partial(solve, limit[None, :], optima[-1] if optima else None)
-        optima.append(_recalled(form, limit, solved))
+        optima.append(_recall_optimum(form, limit, solved))
         watch(optima[-1], done / len(limits))
-    return _joined([Optimum.unknown(form, limits[:0]), *optima])
+    return _stack_optima([Optimum.unknown(form, limits[:0]), *optima])
 
 
-def _joined(optima: list[Optimum]) -> Optimum:
+def _stack_optima(optima: list[Optimum]) -> Optimum:
     """The optima below each other."""
     names = Optimum.__dataclass_fields__
     return Optimum(*(np.concatenate([getattr(optimum, name) for optimum in optima]) for name in names))
 
 
-def _recalled(form: Form, limits: Array, solve: Callable[[], Optimum]) -> Optimum:
+def _recall_optimum(form: Form, limits: Array, solve: Callable[[], Optimum]) -> Optimum:
     ranges = [(way.low, way.high) for feature in form.features for way in feature.ways]
 
     def arrays() -> tuple[Array, ...]:
@@ -520,7 +526,7 @@ def _recalled(form: Form, limits: Array, solve: Callable[[], Optimum]) -> Optimu
     return Optimum(*recalled((limits, *form.outputs, np.array(ranges)), arrays))
 
 
-def _pointed(form: Form) -> bool:
+def _has_point_alternatives(form: Form) -> bool:
     """Whether some feature has alternatives that are points: no tangent is near all of them."""
     return any(way.low == way.high for feature in form.features if len(feature.ways) > 1 for way in feature.ways)
 
@@ -539,13 +545,13 @@ def _least_cost(form: Form, limits: Array, near: Optimum | None) -> Optimum:
     return Optimum(search.chosen, search.t, search.cost, search.bound, search.multiplier)
 
 
-def _priced(form: Form) -> bool:
+def _has_priced_curves(form: Form) -> bool:
     """Whether a form of roots alone has curves that know their own prices (PricedCurve)."""
     curves = [way.curve for feature in form.features for way in feature.ways]
     return any(curve.priced for curve in curves) and separable(form)
 
 
-def _by_squares(form: Form, limits: Array, watch: Watch) -> Optimum:
+def _least_cost_by_squares(form: Form, limits: Array, watch: Watch) -> Optimum:
     """`least_cost` for roots of sums of squares, by prices of the squares."""
     squares, optima, floor = Squares(form), [Optimum.unknown(form, limits[:0])], cost_range(form)[0]
     known: Leaf | None = None
@@ -558,7 +564,7 @@ def _by_squares(form: Form, limits: Array, watch: Watch) -> Optimum:
         costs = np.array([best.cost]), np.array([bound])
         optima.append(Optimum(ways[None, :], t[None, :], *costs, (mu * squares.worth(limit))[None, :]))
         watch(optima[-1], done / len(limits))
-    return _joined(optima)
+    return _stack_optima(optima)
 
 
 def _leaf_arrays(squares: Squares, limit: Array, known: Leaf | None) -> tuple[Array | Integers, ...]:
@@ -566,7 +572,7 @@ def _leaf_arrays(squares: Squares, limit: Array, known: Leaf | None) -> tuple[Ar
     return np.array(leaf.ways, dtype=np.int64), leaf.t, leaf.mu, np.array([leaf.cost, leaf.bound, bound])
 
 
-def _by_master(form: Form, limits: Array) -> Optimum:
+def _least_cost_by_master(form: Form, limits: Array) -> Optimum:
     """`least_cost` by a linear master problem, one set of limits after the other."""
     optimum = Optimum.unknown(form, limits)
     for row, limit in enumerate(limits):
@@ -599,8 +605,8 @@ class _Search:
         self.cost, self.bound = np.full(n, np.inf), np.full(n, np.inf)
         self.factor, self.ascended = np.ones(n), np.full_like(self.limits, np.nan)
         self.floor, self.ceiling = cost_range(self.form)
-        self.alike = _alike(self.form)
-        self.least = None if compensating(self.form) else _Least.of(self.form)
+        self.alike = _repeated_features(self.form)
+        self.least = None if has_compensation(self.form) else _Least.of(self.form)
 
     def leaf(self, chosen: tuple[int, ...], alive: Flags) -> None:
         """Solve a combination at the limits `alive`, except where it is solved already."""
@@ -700,7 +706,7 @@ class _Search:
     def node(self, ways: tuple[int, ...], alive: Flags, decided: Array, bounds: Array) -> None:
         """Enter a node at the limits where it may contain a cheaper allocation, best child first."""
         known = np.where(np.isfinite(self.cost), self.cost, 0.0)
-        enter = alive & (bounds < self.cost - CLOSE * np.abs(known)) & (self.leaves < LEAVES)
+        enter = alive & (bounds < self.cost - COST_GAP_TOLERANCE * np.abs(known)) & (self.leaves < LEAVES)
         pruned = alive & ~enter
         self.bound[pruned] = np.minimum(self.bound[pruned], np.maximum(bounds[pruned], self.floor))
         if not np.any(enter):
@@ -736,7 +742,7 @@ class _Least:
 
     @classmethod
     def of(cls, form: Form) -> _Least:
-        """The contributions of a form that is not `compensating`.
+        """The contributions of a form that is not `has_compensation`.
 
         Squares add up only under roots: those of a quantile are not counted.
         """
@@ -758,7 +764,7 @@ class _Least:
         return np.asarray(np.all(least * (1.0 - np.sign(least) * ROUNDING) <= limits, axis=1))
 
 
-def _alike(form: Form) -> list[bool]:
+def _repeated_features(form: Form) -> list[bool]:
     """Which features are interchangeable with the feature before: their ways are tried in one order."""
     pairs = pairwise(form.features)
     same = [
@@ -768,7 +774,7 @@ def _alike(form: Form) -> list[bool]:
     return [False, *same]
 
 
-def compensating(form: Form) -> bool:
+def has_compensation(form: Form) -> bool:
     """Whether deviations may compensate each other, so that contributions do not add up."""
     return form.correlation is not None and bool(np.any(form.correlation < 0.0))
 

@@ -33,7 +33,7 @@ ROUNDING = 1e-13
 """Relative allowance for rounding in a bound."""
 
 
-def only_roots(form: Form) -> Flags:
+def pure_root_rows(form: Form) -> Flags:
     """Which requirements (r,) are priced by their square: roots, no linear part or correlation."""
     ways = [way for feature in form.features for way in feature.ways]
     nothing = (0.0,) * len(form.outputs)
@@ -57,7 +57,9 @@ def rows_of(spread: Spread, rows: NDArray[Any]) -> Spread:
     return Spread(spread.value[rows], spread.direction[rows], spread.intercept[rows])
 
 
-def tabulated(form: Form, grid: Array, multiplier: Array, limits: Array, spread: Spread) -> tuple[list[Array], Array]:
+def tabulate_priced_costs(
+    form: Form, grid: Array, multiplier: Array, limits: Array, spread: Spread
+) -> tuple[list[Array], Array]:
     """Cost plus price of every way of each feature, (ways, g, n), and the sum (g, n) of the limits,
     at multiples `grid` (g,) of multipliers (n, r) and at limits (n, r), with tangents `spread`.
     """
@@ -92,7 +94,7 @@ class Prices:
         """Prices from multipliers and limits (n, r) and the S at n reference points."""
         safe = np.where(spread.value > 0.0, spread.value, 1.0)
         multiplier = np.where(np.isfinite(limit), multiplier, 0.0)
-        squared = only_roots(form) & (spread.value > 0.0)
+        squared = pure_root_rows(form) & (spread.value > 0.0)
         linear = np.where(squared, 0.0, multiplier)
         square = np.where(squared, multiplier / (2.0 * safe), 0.0)
         room = np.where(np.isfinite(limit), limit - form.offset, 0.0)
@@ -320,7 +322,7 @@ def within(form: Form, optimum: Optimum, limit: Array) -> Optimum:
     t = optimum.t.copy()
     for row in np.flatnonzero(np.isfinite(optimum.cost)):
         combination = Combination(form, tuple(optimum.chosen[row].tolist()))
-        moved = moved_within(combination, t[row], limit, combination.low)
+        moved = move_point_within_limits(combination, t[row], limit, combination.low)
         if moved is not None and combination.cost(moved[None, :])[0] - optimum.cost[row] <= HARDLY * abs(
             optimum.cost[row]
         ):
@@ -328,7 +330,7 @@ def within(form: Form, optimum: Optimum, limit: Array) -> Optimum:
     return replace(optimum, t=t)
 
 
-def moved_within(combination: Combination, t: Array, limit: Array, inner: Array) -> Array | None:
+def move_point_within_limits(combination: Combination, t: Array, limit: Array, inner: Array) -> Array | None:
     """A point between t and an `inner` one, as near to t as chords allow, that keeps upper limits (r,).
 
     Values are convex, so that they lie below the chord: where it meets a limit they keep it. None
@@ -369,7 +371,7 @@ def _columns(rows: Sequence[Sequence[float]]) -> Array:
 
 DECADES = 40.0
 """Prices are searched from 1e-40 to 1e40 of the units of cost and requirement."""
-COARSE = 128
+PATH_SAMPLES = 128
 """Prices that the arc length of a front is measured at."""
 
 
@@ -496,7 +498,7 @@ class Path:
         It begins where V keeps `upper` and ends where the cost keeps `most`.
         """
         ends = self._begin(upper), self._end(most)
-        x = np.linspace(ends[0], max(ends), COARSE)
+        x = np.linspace(ends[0], max(ends), PATH_SAMPLES)
         t = self.at(np.exp(x))
         length = arc_length(np.stack([self.value(t), self.combination.cost(t)]))
         even = np.linspace(0.0, length[-1], count)
@@ -538,7 +540,7 @@ def arc_length(drawn: Array) -> Array:
 # by L-BFGS-B (Byrd, Lu, Nocedal & Zhu 1995) has only the duality gap.
 
 
-LITTLE = 1e-6
+MIN_PRICED_FRACTION = 1e-6
 """Fraction of the bound that a limit is worth at least, where prices are improved from."""
 STEPS = 200
 """Evaluations of the dual at most."""
@@ -557,7 +559,7 @@ class Ascent:
         asked = np.isfinite(self.limit)
         scale = abs(self.value(first)[0]) or 1.0
         sizes = np.where(asked & (self.limit != 0.0), np.abs(np.where(asked, self.limit, 1.0)), 1.0)
-        worth = max(float(np.max(first * sizes, initial=0.0)), LITTLE * scale)
+        worth = max(float(np.max(first * sizes, initial=0.0)), MIN_PRICED_FRACTION * scale)
         unit = np.where(first > 0.0, first, 1e-2 * worth / sizes)
 
         def scaled(y: Array) -> tuple[float, Array]:
@@ -591,7 +593,7 @@ class Ascent:
         value = self.spread.value[0]
         limit = np.where(asked, self.limit, 0.0)
         room = np.maximum(limit - form.offset, 0.0)
-        squared = only_roots(form) & (value > 0.0)
+        squared = pure_root_rows(form) & (value > 0.0)
         by_square = (square - room**2) / (2.0 * np.where(value > 0.0, value, 1.0))
         along = linear + self.spread.intercept[0] - limit
         return np.where(asked, np.where(squared, by_square, along), 0.0)

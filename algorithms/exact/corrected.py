@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...journal import recalled
+from ...journal import recall_arrays as recalled
 from ...problems.forms import Form, least_value
 from ...section import Array, Flags, Integers
 from ..run import Run
@@ -20,22 +20,22 @@ from .choices import least_cost, search_vector
 from .combination import Combination, Optimum, arc_length
 from .programme import Programme
 
-COARSE = 24
+MAX_COARSE_LEVELS = 24
 """Levels of a coarse front, by which the points are spread."""
 FIRST = 5e-4
 """Fraction of the range of levels between the least one, which leaves no room, and the first."""
 STEPS = (-4, 4, -1, 1)
 """Steps of ways that are tried from the ways of the form's optimum."""
-MANY = 12
+MANY_WAYS_THRESHOLD = 12
 """Ways of a feature above which long steps are tried."""
 ROUNDS, FURTHER = 5, 10
 """Times that limits are moved, and further times where a point still breaks them by little."""
-NEAR = 2e-3
+RELATIVE_LIMIT_SLACK = 2e-3
 """Fraction of a level by which a point may miss it, because the value of the point counts."""
 DEARER, FAR = 1.003, 2e-3
 """A point of a cost higher by this factor is not corrected further where it breaks limits by less
 than this fraction."""
-CLOSE = 1e-5
+EXCESS_TOLERANCE = 1e-5
 """Fraction of a limit's scale by which a point may stay inside it."""
 INSIDE = 2e-6
 """Fraction of a limit's scale by which a point is to stay inside it."""
@@ -86,7 +86,7 @@ class Corrected:
         if self._apart is None:
             return ways
         return tuple(
-            min(max(way + int(step), 0), len(feature.ways) - 1) if len(feature.ways) > MANY else way
+            min(max(way + int(step), 0), len(feature.ways) - 1) if len(feature.ways) > MANY_WAYS_THRESHOLD else way
             for way, step, feature in zip(ways, self._apart, self.form.features, strict=True)
         )
 
@@ -105,7 +105,7 @@ class Corrected:
             (at, step)
             for at in self._open
             for step in STEPS
-            if abs(step) == 1 or (len(self.form.features[at].ways) > MANY and self._apart is None)
+            if abs(step) == 1 or (len(self.form.features[at].ways) > MANY_WAYS_THRESHOLD and self._apart is None)
         ]
 
     def point(self, ways: tuple[int, ...], limit: Array, least: int = -1, than: float = np.inf) -> Point | None:
@@ -149,7 +149,7 @@ class Corrected:
             if cost > than * DEARER and np.all(excess < FAR):
                 return None
             if best is not None and (
-                done + 1 >= ROUNDS or np.all(np.abs(excess[self._active(moved, t, ways, scale)]) < CLOSE)
+                done + 1 >= ROUNDS or np.all(np.abs(excess[self._active(moved, t, ways, scale)]) < EXCESS_TOLERANCE)
             ):
                 break
             if done + 1 >= ROUNDS and np.any(excess >= FAR):
@@ -174,7 +174,7 @@ class Corrected:
 
     def _near_enough(self, values: Array, limit: Array, least: int) -> bool:
         """Whether a point keeps limits of the requirements that the problem does not check."""
-        slack = np.where(np.isfinite(self.form.own_limits), np.inf, NEAR * np.abs(limit))
+        slack = np.where(np.isfinite(self.form.own_limits), np.inf, RELATIVE_LIMIT_SLACK * np.abs(limit))
         if least >= 0:
             slack[least] = np.inf
         return bool(np.all(values <= limit + slack))
@@ -182,7 +182,7 @@ class Corrected:
     def _solved(self, ways: tuple[int, ...], limit: Array, least: int, start: Array | None) -> Array | None:
         """Tolerances (features,) of least cost, from a `start`, or of the least value of a row."""
         if least >= 0:
-            lowest = least_value(_with_chosen_ways(self.form, ways), least, limit)
+            lowest = least_value(_fix_ways(self.form, ways), least, limit)
             return None if lowest is None else lowest.t
         return Programme(Combination(self.form, ways)).allocation(limit, start)
 
@@ -203,7 +203,7 @@ def corrected_vectors(run: Run, form: Form, points: int) -> Array:
         return np.empty((0, run.problem.n_var)) if best is None else best.x[None, :]
     row = int(np.argmax(swept))
     run.phase("ends of the front", 0.05)
-    ends, chosen_at_end = _ends(form, limits, row)
+    ends, chosen_at_end = _range_along_front(form, limits, row)
     end = corrected.point(chosen_at_end, limits, least=row)
     x = [] if end is None else [end.x]
     asked, chosen = _levels(run, form, limits, row, ends, points)
@@ -220,14 +220,14 @@ def corrected_vectors(run: Run, form: Form, points: int) -> Array:
     return np.array(x).reshape(len(x), run.problem.n_var)
 
 
-def _ends(form: Form, limits: Array, row: int) -> tuple[tuple[float, float], tuple[int, ...]]:
+def _range_along_front(form: Form, limits: Array, row: int) -> tuple[tuple[float, float], tuple[int, ...]]:
     """Least and largest value of a row along the front, and the ways of the least."""
     free = limits.copy()
     free[row] = np.inf
     cheapest = least_cost(form, limits[None, :])
     chosen = tuple(cheapest.chosen[0].tolist())
     most = float(Combination(form, chosen).values(cheapest.t)[0, row])
-    same = least_value(_with_fixed_tolerances(_with_chosen_ways(form, chosen), cheapest.t[0]), row, free * (1.0 + 1e-9))
+    same = least_value(_fix_tolerances(_fix_ways(form, chosen), cheapest.t[0]), row, free * (1.0 + 1e-9))
     least = least_value(form, row, free)
     if least is None:
         return (most, most), chosen
@@ -239,10 +239,10 @@ def _levels(
 ) -> tuple[Array, Integers]:
     """Limits (n, r) spread by the arc length of a coarse front, and ways (n, features) for each."""
     low, high = ends
-    steps = np.linspace(0.0, 1.0, max(2, min(COARSE, points))) ** 2
+    steps = np.linspace(0.0, 1.0, max(2, min(MAX_COARSE_LEVELS, points))) ** 2
     coarse = low + (high - low) * np.maximum(steps, FIRST)
     run.phase("coarse front", 0.1)
-    optima, asked = _at(form, limits, row, coarse)
+    optima, asked = _solve_at_levels(form, limits, row, coarse)
     if len(asked) < 2 or points <= len(coarse):
         return asked, optima.chosen
     length = arc_length(np.stack([asked[:, row], optima.cost]))
@@ -253,7 +253,7 @@ def _levels(
     return fine, chosen
 
 
-def _at(form: Form, limits: Array, row: int, levels: Array) -> tuple[Optimum, Array]:
+def _solve_at_levels(form: Form, limits: Array, row: int, levels: Array) -> tuple[Optimum, Array]:
     """The form solved at levels (n,) of a row, and the limits (n, r); those that exist."""
     asked = np.tile(limits, (len(levels), 1))
     asked[:, row] = levels
@@ -262,7 +262,7 @@ def _at(form: Form, limits: Array, row: int, levels: Array) -> tuple[Optimum, Ar
     return optima.at(np.flatnonzero(real)), asked[real]
 
 
-def _with_fixed_tolerances(form: Form, t: Array) -> Form:
+def _fix_tolerances(form: Form, t: Array) -> Form:
     """A form of one way per feature with every tolerance that has a cost held at t (features,)."""
     features = tuple(
         feature
@@ -274,7 +274,7 @@ def _with_fixed_tolerances(form: Form, t: Array) -> Form:
     return replace(form, features=features)
 
 
-def _with_chosen_ways(form: Form, chosen: tuple[int, ...]) -> Form:
+def _fix_ways(form: Form, chosen: tuple[int, ...]) -> Form:
     """The form with one way of each feature."""
     features = tuple(
         replace(feature, ways=(feature.ways[at],)) for feature, at in zip(form.features, chosen, strict=True)

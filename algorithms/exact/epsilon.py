@@ -20,7 +20,8 @@ from ...section import Array, Flags
 from ..archive import nondominated
 from ..run import BudgetSpent, Run
 from ..settings import Budget
-from .local import NEARLY, Branch, joint, joint_front
+from .local import NEARLY, Branch, joint_front
+from .local import joint_front_points as joint
 
 # The end of a search on a sample: its points are tested on fresh units, and solved again.
 #
@@ -40,11 +41,11 @@ OF_TAIL = 0.02
 farther."""
 HALVED = 10
 """Times that the step to the tightest tolerances is halved, where nothing else keeps the limits."""
-FAR = 0.5
+MAX_RESTORATION_STEP = 0.5
 """Fraction of a limit by which it is moved at most."""
 
 
-def tested_afresh(run: Run, points: Sequence[tuple[Branch, int]]) -> None:
+def submit_retested_points(run: Run, points: Sequence[tuple[Branch, int]]) -> None:
     """Hand points, each by its branch and index, to the run as its result.
 
     A point that breaks a limit on fresh units is solved again with the limit moved by the excess.
@@ -67,10 +68,10 @@ def feasible_afresh(run: Run, branch: Branch, y: Array, f: Array, search: bool) 
     for _ in range(rounds if search else 0):
         excess = _excess_afresh(run, branch, y, accepted)
         violation = branch.smooth.values(y)[1]
-        moved = np.where(excess != violation, excess - violation + _farther(run), 0.0)
-        y = branch.solved(0, branch.restored(y, moved, FAR), limit, moved)
+        moved = np.where(excess != violation, excess - violation + _limit_displacement(run), 0.0)
+        y = branch.solved(0, branch.restored(y, moved, MAX_RESTORATION_STEP), limit, moved)
     _excess_afresh(run, branch, y, accepted)
-    return min(accepted, key=lambda point: point[0])[1] if accepted else _pushed(run, branch, y)
+    return min(accepted, key=lambda point: point[0])[1] if accepted else _push_inside_limits(run, branch, y)
 
 
 def _excess_afresh(run: Run, branch: Branch, y: Array, accepted: list[tuple[float, Array]]) -> Array:
@@ -82,9 +83,9 @@ def _excess_afresh(run: Run, branch: Branch, y: Array, accepted: list[tuple[floa
     return branch.smooth.constraints(excess[0])[0]
 
 
-def _pushed(run: Run, branch: Branch, y: Array) -> Array:
+def _push_inside_limits(run: Run, branch: Branch, y: Array) -> Array:
     """The search vector (1, variables) of a point that is moved inside its limits on fresh units."""
-    slack, farther = np.zeros(run.problem.n_ieq_constr), _farther(run)
+    slack, farther = np.zeros(run.problem.n_ieq_constr), _limit_displacement(run)
     for _ in range(SPARE):
         x = branch.smooth.vectors(y[None, :])
         excess = branch.smooth.constraints(run.problem.tested(x)[1][0])[0]
@@ -92,13 +93,13 @@ def _pushed(run: Run, branch: Branch, y: Array) -> Array:
             break
         violation = branch.smooth.values(y)[1]
         slack = np.where(excess > 0.0, np.maximum(slack, -violation) + BEYOND * excess + farther, slack)
-        y = branch.restored(y, slack, FAR)
+        y = branch.restored(y, slack, MAX_RESTORATION_STEP)
     else:
-        y = _tightened(run, branch, y)
+        y = _tighten_to_limits(run, branch, y)
     return branch.smooth.vectors(y[None, :])
 
 
-def _tightened(run: Run, branch: Branch, y: Array) -> Array:
+def _tighten_to_limits(run: Run, branch: Branch, y: Array) -> Array:
     """The point, where it breaks limits with all its tolerances tighter alike, by no more than it must be."""
 
     def kept(fraction: float) -> bool:
@@ -114,7 +115,7 @@ def _tightened(run: Run, branch: Branch, y: Array) -> Array:
     return np.asarray(np.where(branch.smooth.log, (1.0 - high) * y, y))
 
 
-def _farther(run: Run) -> Array:
+def _limit_displacement(run: Run) -> Array:
     """The fraction by which limits (constraints,) are moved beyond what fresh units require."""
     fractions = []
     for limit in run.problem.limits:
@@ -153,14 +154,14 @@ def sampled_front(run: Run, branches: list[Branch], points: int) -> None:
             run.phase("least value", 0.8 * at / len(branches))
             branch.begin(run)
         alive = [branch for branch in branches if branch.f]
-        tested_afresh(run, joint(alive)[:1] if alive else [])
+        submit_retested_points(run, joint(alive)[:1] if alive else [])
     else:
-        levels = _between(run, branches, points)
-        tested_afresh(run, [_best(branches, level) for level in sorted(levels)])
-        run.chosen = undominated(run.problem, run.chosen)
+        levels = _fill_between_levels(run, branches, points)
+        submit_retested_points(run, [_best_branch_point(branches, level) for level in sorted(levels)])
+        run.chosen = nondominated_feasible_designs(run.problem, run.chosen)
 
 
-def undominated(problem: ToleranceProblem, x: Array) -> Array:
+def nondominated_feasible_designs(problem: ToleranceProblem, x: Array) -> Array:
     """The search vectors (k, variables) that none of those (n, variables) that keep the limits dominates.
 
     On fresh units a point may come out both dearer and looser than its neighbours: the rounding of a
@@ -173,25 +174,28 @@ def undominated(problem: ToleranceProblem, x: Array) -> Array:
     return x[[not np.any(np.all(kept <= point, axis=1) & np.any(kept < point, axis=1)) for point in f]]
 
 
-def _between(run: Run, branches: list[Branch], points: int) -> Levels:
+def _fill_between_levels(run: Run, branches: list[Branch], points: int) -> Levels:
     """Solve at coarse levels, then where the joint front is widest, until it has `points`."""
-    levels = _coarse(run, branches)
+    levels = _solve_coarse_levels(run, branches)
     while levels and len(levels) < points:
         run.phase("largest gaps of the front", 0.4 + 0.5 * len(levels) / points)
-        below, above = _widest(levels, branches[0].unit)
+        below, above = _widest_gap(levels, branches[0].unit)
         level = 0.5 * (below + above)
-        tried = _promising(levels[below]) | _promising(levels[above])
+        tried = _promising_integer_sets(levels[below]) | _promising_integer_sets(levels[above])
         levels[level] = np.array(
-            [_solved(branch, level) if promising else np.inf for branch, promising in zip(branches, tried, strict=True)]
+            [
+                _solve_level(branch, level) if promising else np.inf
+                for branch, promising in zip(branches, tried, strict=True)
+            ]
         )
     for sweep in range(SWEEPS):
         run.phase("points from their neighbours", 0.8 + 0.1 * sweep / SWEEPS)
-        if not _mended(branches, levels):
+        if not _improve_nonconvex_points(branches, levels):
             break
     return levels
 
 
-def _mended(branches: list[Branch], levels: Levels) -> bool:
+def _improve_nonconvex_points(branches: list[Branch], levels: Levels) -> bool:
     """Solve points above the chord of their neighbours again from there; whether there were any.
 
     On doubly logarithmic axes a front is convex, but for kinks where the integers change.
@@ -215,7 +219,7 @@ def _mended(branches: list[Branch], levels: Levels) -> bool:
     return bool(bad)
 
 
-def _coarse(run: Run, branches: list[Branch]) -> Levels:
+def _solve_coarse_levels(run: Run, branches: list[Branch]) -> Levels:
     """From the cheapest design of every set of integers to tighter levels, as far as possible."""
     none = np.full(len(branches[0].unit), np.inf)
     for at, branch in enumerate(branches):
@@ -238,15 +242,15 @@ def _coarse(run: Run, branches: list[Branch]) -> Levels:
     low = END * last.f[0][1]
     count = int(np.ceil(np.log(low / high) / np.log(RATIO)))
     levels = np.geomspace(low, high, max(count, 2) + 1).tolist()
-    return {level: np.array([_solved(b, level) for b in branches]) for level in levels}
+    return {level: np.array([_solve_level(b, level) for b in branches]) for level in levels}
 
 
-def _promising(values: Array) -> Flags:
+def _promising_integer_sets(values: Array) -> Flags:
     """Which sets of integers (n,) are good enough at a level; a set that is not tried is not."""
     return np.asarray(values <= (1.0 + BEATEN) * np.min(values))
 
 
-def _widest(levels: dict[float, Array], unit: Array) -> tuple[float, float]:
+def _widest_gap(levels: dict[float, Array], unit: Array) -> tuple[float, float]:
     """The neighbouring levels between which the joint front has its largest gap."""
     order = sorted(levels)
     least = np.array([np.min(levels[level]) for level in order])
@@ -257,23 +261,23 @@ def _widest(levels: dict[float, Array], unit: Array) -> tuple[float, float]:
 
 def _value(branch: Branch, level: float) -> float:
     """The least first objective that a branch has at a level, or nearly there."""
-    return min(_reached(branch, level), default=np.inf)
+    return min(_attained_objectives(branch, level), default=np.inf)
 
 
-def _reached(branch: Branch, level: float) -> list[float]:
+def _attained_objectives(branch: Branch, level: float) -> list[float]:
     """First objectives of the points of a branch up to a level, or nearly there."""
     return [float(f[0]) for f in branch.f if f[1] <= level + NEARLY * branch.unit[1]]
 
 
-def _best(branches: list[Branch], level: float) -> tuple[Branch, int]:
+def _best_branch_point(branches: list[Branch], level: float) -> tuple[Branch, int]:
     """Branch and index of the least first objective at a level: other points there are not part of
     the front, though some are tighter by less than the accuracy of a solution.
     """
     branch = min(branches, key=lambda candidate: _value(candidate, level))
-    return branch, int(np.argmin(_reached(branch, level)))
+    return branch, int(np.argmin(_attained_objectives(branch, level)))
 
 
-def _solved(branch: Branch, level: float) -> float:
+def _solve_level(branch: Branch, level: float) -> float:
     """The least first objective at a level, from between its neighbours, else from the tighter."""
     limit = branch.at_most(1, level)
     values = np.array([f[1] for f in branch.f])
@@ -287,11 +291,11 @@ def _solved(branch: Branch, level: float) -> float:
     if _value(branch, level) > 0.999 * cost_there:
         branch.minimise(0, tighter, limit)
     if _value(branch, level) > 0.999 * cost_there:
-        _stepped(branch, level)
+        _step_to_level(branch, level)
     return _value(branch, level)
 
 
-def _stepped(branch: Branch, level: float) -> None:
+def _step_to_level(branch: Branch, level: float) -> None:
     """From the next looser point to a level in steps, where a larger step does not lead there."""
     looser = [f[1] for f in branch.f if f[1] > level]
     if not looser:
@@ -303,7 +307,7 @@ def _stepped(branch: Branch, level: float) -> None:
 
 SETS = 64
 """Sets of integers that are enumerated at most."""
-COARSE = 5
+COARSE_LEVELS = 5
 """Points per set of integers before sets are dropped."""
 SOLVED = 48
 """Points that are solved; the others are interpolated between them."""
@@ -329,9 +333,9 @@ def _front(run: Run, alive: list[Branch], points: int) -> None:
     """From the ends of two objectives to the whole front."""
     for at, branch in enumerate(alive):
         run.phase("coarse front", 0.2 + 0.1 * at / len(alive))
-        for _ in range(COARSE):
+        for _ in range(COARSE_LEVELS):
             branch.halve()
-    alive = _contributing(alive)
+    alive = _branches_on_front(alive)
     _fill(run, alive, max(2, min(SOLVED, points)))
     run.phase("interpolated points", 0.9)
     for branch in alive:
@@ -395,7 +399,7 @@ def integer_moves(problem: ToleranceProblem, x: Array) -> list[Array]:
     return vectors
 
 
-def _contributing(branches: list[Branch]) -> list[Branch]:
+def _branches_on_front(branches: list[Branch]) -> list[Branch]:
     """The branches with a point on the joint front of their coarse points."""
     f = np.vstack([np.array(branch.f) for branch in branches])
     owner = np.repeat(np.arange(len(branches)), [len(branch.f) for branch in branches])
@@ -414,7 +418,7 @@ CANDIDATES = 500
 """Designs of the archive that take the place of a result of which no point keeps its limits."""
 
 
-def finished(run: Run, polish: bool) -> None:
+def finish_front(run: Run, polish: bool) -> None:
     """Make the front of the run its result, after its limits hold on fresh units.
 
     With `polish` every point is first improved by SLSQP at its own value of the other objectives,
@@ -422,13 +426,13 @@ def finished(run: Run, polish: bool) -> None:
     the starts of the problem are solved instead, until one keeps them. Tests on fresh units, and the
     moves that they require, do not count as evaluations.
     """
-    x = _finished_front(run)
+    x = _select_along_front(run)
     aside = Run(run.problem, Budget(evaluations=run.evaluations_left), seed=0)
     free, unit = Run(run.problem, Budget(), seed=0), scale_of(run.problem)
     for done, vector in enumerate(x):
         run.phase("polish" if polish else "fresh units", done / len(x))
         if polish:
-            vector = _polished(aside, vector, unit)
+            vector = _polish_design(aside, vector, unit)
         branch = Branch(free, vector, unit)
         y = branch.smooth.scaled(vector[None, :])[0]
         run.choose(feasible_afresh(free, branch, y, branch.smooth.values(y)[0], search=polish))
@@ -442,7 +446,7 @@ def finished(run: Run, polish: bool) -> None:
         run.evaluations += aside.evaluations
 
 
-def secured(run: Run) -> None:
+def replace_violating_points(run: Run) -> None:
     """Replace points of the result that break a limit as reported, though they keep it in the search.
 
     A single point is solved again with its limits moved by the difference, in any case where they take
@@ -456,7 +460,7 @@ def secured(run: Run) -> None:
         return
     archived = run.archive.arrays()[0]
     if not len(x):
-        x = _finished_front(run, max(POINTS, len(archived)))
+        x = _select_along_front(run, max(POINTS, len(archived)))
     if not len(x) and sampled:
         x = run.archive.miss
     if not len(x):
@@ -480,7 +484,7 @@ def secured(run: Run) -> None:
         run.choose(archived[order[np.unique(np.linspace(0, len(order) - 1, CANDIDATES).astype(int))]])
 
 
-def _finished_front(run: Run, most: int = POINTS) -> Array:
+def _select_along_front(run: Run, most: int = POINTS) -> Array:
     """Search vectors (n, variables) along the front of the archive, at most so many."""
     x, f = run.archive.arrays()
     if not len(x):
@@ -493,7 +497,7 @@ def _finished_front(run: Run, most: int = POINTS) -> Array:
     return np.asarray(x[rows[some]])
 
 
-def _polished(run: Run, x: Array, unit: Array) -> Array:
+def _polish_design(run: Run, x: Array, unit: Array) -> Array:
     """The search vector after SLSQP on its first objective, the others held."""
     try:
         branch = Branch(run, x, unit)

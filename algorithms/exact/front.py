@@ -10,7 +10,8 @@ import scipy
 from ...problems.forms import Form
 from ...section import Array, Flags
 from .bounds import convex_pieces
-from .choices import Watch, contributions, least_cost, unwatched
+from .choices import Watch, contributions, least_cost
+from .choices import ignore_progress as unwatched
 from .combination import Combination, Optimum, Path, arc_length
 from .programme import Programme
 

@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 from scipy.special import ndtri
 
-from ...journal import recalled_columns
+from ...journal import recall_columns as recalled_columns
 from ...problems.limits import Limit
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array
@@ -109,7 +109,7 @@ def ascend(
 
 STEP = 1e-4
 """Finite difference in scaled coordinates: above the noise of a propagation, below its curvature."""
-SURE = 1e-10
+MIN_TAIL_PROBABILITY = 1e-10
 """Fraction of units outside of their limits below which a yield no longer matters."""
 
 
@@ -216,15 +216,15 @@ def probits(g: Array, least: Array) -> tuple[Array, Array]:
     asked = np.isfinite(least)
     low = np.where(asked, least, 50.0)
     tail, most = 1.0 - 0.01 * low * (1.0 - g), 1.0 - 0.01 * low
-    z, z0 = (-ndtri(0.5 * np.clip(q, SURE, 1.0)) for q in (tail, most))
-    inside = (tail > SURE) & (tail < 1.0)
+    z, z0 = (-ndtri(0.5 * np.clip(q, MIN_TAIL_PROBABILITY, 1.0)) for q in (tail, most))
+    inside = (tail > MIN_TAIL_PROBABILITY) & (tail < 1.0)
     fall = np.where(inside, 0.01 * low * 0.5 * np.sqrt(2.0 * np.pi) * np.exp(0.5 * z**2), 0.0)
     return np.where(asked, 1.0 - z / z0, g), np.where(asked, fall / z0, 1.0)
 
 
 def _percentages(limit: Limit) -> list[float]:
     """The least percentage of each side of a limit, NaN where it is none."""
-    least = limit.low if limit.of_percentage and 0.0 < limit.low < 100.0 * (1.0 - SURE) else np.nan
+    least = limit.low if limit.of_percentage and 0.0 < limit.low < 100.0 * (1.0 - MIN_TAIL_PROBABILITY) else np.nan
     return [end for side, end in ((limit.low, least), (limit.high, np.nan)) if np.isfinite(side)]
 
 
@@ -250,7 +250,7 @@ RESTARTS, GAINED = 3, 1e-3
 kink it stops early, and a restart continues."""
 SETTLED = 1e-5
 """Fraction of a value by which a restart gains at least, to be followed by another."""
-KEPT = 1e-6
+VIOLATION_TOLERANCE = 1e-6
 """Violation of a limit that counts as none."""
 ANALYTIC, NUMERIC, SAMPLED = (1e-7, 40), (1e-5, 15), (1e-5, 40, 50)
 """Tolerance and most steps of SLSQP, with derivatives of the model, with differences, and on the
@@ -281,7 +281,7 @@ class Branch:
             if not (wrong or (gained and right)):
                 break
             y, f, g = again, better, broken
-        if np.any(g > (NEARLY if sampled else KEPT)):
+        if np.any(g > (NEARLY if sampled else VIOLATION_TOLERANCE)):
             return None
         at = int(np.searchsorted([point[1] for point in self.f], f[1])) if len(f) > 1 else 0
         self.y.insert(at, y)
@@ -439,7 +439,7 @@ class Branch:
         return self.smooth.vectors(course(np.linspace(0.0, length[-1], count)))
 
 
-def joint(branches: list[Branch]) -> list[tuple[Branch, int]]:
+def joint_front_points(branches: list[Branch]) -> list[tuple[Branch, int]]:
     """Branch and index of the points that no point of any branch dominates, by objective 2, 1."""
     places = [(branch, at) for branch in branches for at in range(len(branch.f))]
     f = np.array([branch.f[at] for branch, at in places])
@@ -449,4 +449,4 @@ def joint(branches: list[Branch]) -> list[tuple[Branch, int]]:
 
 def joint_front(branches: list[Branch]) -> Array:
     """Objectives (n, objectives) of the points that no point of any branch dominates."""
-    return np.array([branch.f[at] for branch, at in joint(branches)])
+    return np.array([branch.f[at] for branch, at in joint_front_points(branches)])

@@ -14,9 +14,10 @@ from functools import partial
 
 import numpy as np
 
-from ...journal import recalled
+from ...journal import recall_arrays as recalled
 from ...section import Array, Flags
-from .combination import ROUNDING, Combination, Solved, moved_within
+from .combination import ROUNDING, Combination, Solved
+from .combination import move_point_within_limits as moved_within
 from .local import ascend, slsqp
 
 GAP, GAP_QUANTILE = 1e-10, 1e-8
@@ -30,9 +31,9 @@ FLAT, BENDS = 1e-2, 2.0
 of a Lagrangian in units of the fall."""
 BETWEEN = 17
 """Points between the tightest and the loosest tolerances that a search without a start evaluates."""
-LITTLE = 1e-6
+MIN_PRICED_FRACTION = 1e-6
 """Fraction of the cost that a limit is worth at least, where prices are improved from."""
-TINY = 1e-6
+MIN_ROW_SCALE = 1e-6
 """Fraction of a limit that counts as a step where nothing moves its value."""
 CORNER = 1e-5
 """Fraction of a limit up to which the tightest tolerances leave so little room that SLSQP, whose steps
@@ -240,7 +241,7 @@ class Programme:
         asked = np.isfinite(limit)
         step, unit = self._steps(start, movable)
         rise = (c.gradients(start[None, :])[0] * start)[asked][:, movable] * step
-        scale = np.maximum(np.linalg.norm(rise, axis=1), TINY * np.abs(limit[asked]))
+        scale = np.maximum(np.linalg.norm(rise, axis=1), MIN_ROW_SCALE * np.abs(limit[asked]))
         scale = np.where(scale > 0.0, scale, 1.0)
 
         def whole(x: Array) -> Array:
@@ -296,7 +297,7 @@ class Programme:
         if cost - first_bound <= enough * abs(cost):
             return first_bound, multiplier
         sizes = c.sizes(limit)
-        worth = max(float(np.max(multiplier * sizes)), LITTLE * abs(cost))
+        worth = max(float(np.max(multiplier * sizes)), MIN_PRICED_FRACTION * abs(cost))
         unit = np.where(multiplier > 0.0, multiplier, 1e-3 * (worth or 1.0) / sizes)
         better = unit * ascend(lambda y: bound(y * unit) / (abs(cost) or 1.0), multiplier / unit)
         return max((first_bound, multiplier), (bound(better), better), key=lambda pair: pair[0])

@@ -24,13 +24,14 @@ import numpy as np
 from ...models.costs import Reciprocal
 from ...problems.forms import Form
 from ...section import Array, Flags
-from .combination import ROUNDING, Combination, Optimum, only_roots
+from .combination import ROUNDING, Combination, Optimum
+from .combination import pure_root_rows as only_roots
 from .local import ascend
 
 STEPS = 60
-CLOSE = 1e-13
+LIMIT_TOLERANCE = 1e-13
 """Relative distance of a square from its limit that counts as none."""
-LEAST = 1e-12
+MIN_PRICE_FRACTION = 1e-12
 """Price, relative to the largest cost per room of the limit, below which a requirement does not
 bind."""
 NUDGE = 1e-6
@@ -41,17 +42,17 @@ LEAVES = 400
 """Choices of ways that are solved at most for one set of limits."""
 
 
-def separable(form: Form) -> bool:
+def is_separable(form: Form) -> bool:
     """Whether all requirements are roots alone, and all costs positive functions of one price."""
     return bool(np.all(only_roots(form)))
 
 
-def separable_but_for_doubt(form: Form) -> bool:
+def is_separable_without_doubt(form: Form) -> bool:
     """Whether the form has surpluses by the doubt of its processes, all convex in the squares, and
-    would be `separable` without them.
+    would be `is_separable` without them.
     """
     convex = all(surplus is None or surplus.convex for surplus in form.surpluses)
-    return bool(form.surpluses) and convex and separable(replace(form, surpluses=()))
+    return bool(form.surpluses) and convex and is_separable(replace(form, surpluses=()))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,9 +190,9 @@ class _Choice:
     def _newton(self, room: Array, asked: Flags, first: Array | None) -> Array:
         """Prices (r,) at which every square meets its room or its price is zero."""
         scale = self.cost(self.low) / np.where(asked, room, 1.0)
-        start = 1e-2 * scale if first is None else np.maximum(first, LEAST * scale)
+        start = 1e-2 * scale if first is None else np.maximum(first, MIN_PRICE_FRACTION * scale)
         y = np.where(asked, np.log(start), -np.inf)
-        floor = np.log(LEAST * scale)
+        floor = np.log(MIN_PRICE_FRACTION * scale)
         active = asked.copy()
         with np.errstate(divide="ignore", invalid="ignore"):
             for _ in range(STEPS):
@@ -201,9 +202,9 @@ class _Choice:
                 size = self.square @ t**2
                 missed = np.where(asked, np.log(size / room), 0.0)
                 # a broken requirement without a price gets a price again
-                back = asked & ~active & (missed > CLOSE)
+                back = asked & ~active & (missed > LIMIT_TOLERANCE)
                 y, active = np.where(back, floor + 1.0, y), active | back
-                if np.all(np.abs(missed[active]) <= CLOSE):
+                if np.all(np.abs(missed[active]) <= LIMIT_TOLERANCE):
                     break
                 rows = np.flatnonzero(active)
                 inverse = np.where(q > 0.0, 1.0 / q, 0.0)
@@ -258,7 +259,7 @@ def least_leaf(squares: Squares, limit: Array, known: Leaf | None) -> tuple[Leaf
         solved[leaf.ways] = leaf
         best = min(best, leaf, key=lambda candidate: candidate.cost)
     if not np.isfinite(best.cost):
-        return best, _impossible(squares, room)
+        return best, _infeasibility_bound(squares, room)
     for _ in range(ROUNDS):
         chosen = tuple(int(np.argmin(way_excess)) for way_excess in squares.excess(best))
         if chosen in solved:
@@ -267,13 +268,15 @@ def least_leaf(squares: Squares, limit: Array, known: Leaf | None) -> tuple[Leaf
         if not solved[chosen].cost < best.cost:
             break
         best = solved[chosen]
-    return _searched(squares, room, best, solved)
+    return _search_remaining_choices(squares, room, best, solved)
 
 
-def _searched(squares: Squares, room: Array, best: Leaf, solved: dict[tuple[int, ...], Leaf]) -> tuple[Leaf, float]:
+def _search_remaining_choices(
+    squares: Squares, room: Array, best: Leaf, solved: dict[tuple[int, ...], Leaf]
+) -> tuple[Leaf, float]:
     """Solve every choice that the prices of the best leaf do not exclude."""
     excess, anchor, remaining = squares.excess(best), best, np.inf
-    for total, ways in _cheaper(squares, excess, anchor):
+    for total, ways in _choices_by_excess(squares, excess, anchor):
         if anchor.bound + total >= best.cost or len(solved) >= LEAVES:
             remaining = anchor.bound + total
             break
@@ -285,7 +288,7 @@ def _searched(squares: Squares, room: Array, best: Leaf, solved: dict[tuple[int,
     return best, min(remaining, best.cost, *bounds)
 
 
-def _cheaper(squares: Squares, excess: list[Array], anchor: Leaf) -> Iterator[tuple[float, tuple[int, ...]]]:
+def _choices_by_excess(squares: Squares, excess: list[Array], anchor: Leaf) -> Iterator[tuple[float, tuple[int, ...]]]:
     """Choices of ways with their excess over the anchor, the least first."""
     several = squares.several
     order = [np.argsort(excess[at], kind="stable") for at in several]
@@ -310,7 +313,7 @@ def _cheaper(squares: Squares, excess: list[Array], anchor: Leaf) -> Iterator[tu
                     heappush(heap, (total(further), further))
 
 
-def _impossible(squares: Squares, room: Array) -> float:
+def _infeasibility_bound(squares: Squares, room: Array) -> float:
     """inf where no choice of ways can keep the limits, else -inf, because that is not known."""
     least = sum(
         np.min([square * way.low**2 for way, square in zip(f.ways, s, strict=True)], axis=0)
@@ -323,7 +326,7 @@ def _impossible(squares: Squares, room: Array) -> float:
 #
 # A surplus N(v) of squares v lies above its tangent planes, so that a root with weighted squares,
 # w = 1 + dN/dv at any reference point, lies below the requirement and is separable at prices
-# (`separable`): its least cost, over all choices of ways, is a proven bound. At the weights of the
+# (`is_separable`): its least cost, over all choices of ways, is a proven bound. At the weights of the
 # optimum it is the optimum's cost. The weights of an allocation give the next allocation; every
 # allocation is moved back within the limits, and the best counts.
 
@@ -343,7 +346,7 @@ CHORDS, DOUBT_CLOSE = 8, 1e-14
 counts as met."""
 
 
-def least_under_doubt(form: Form, limits: Array, floor: float) -> Optimum:
+def least_cost_under_doubt(form: Form, limits: Array, floor: float) -> Optimum:
     """The cheapest allocation that keeps each set of upper limits (n, r); `floor` bounds its cost.
 
     Cost and bound are inf where no allocation can keep them, the cost alone where none is known.
@@ -428,7 +431,7 @@ class _Reweighted:
     def _keep(self, leaf: Leaf, squares: Squares) -> None:
         """Record an allocation, moved back within the limits, where it is the cheapest yet."""
         combination = Combination(self.form, leaf.ways)
-        t = _within(combination, leaf.t, self.limit)
+        t = _move_within_limit(combination, leaf.t, self.limit)
         if t is None:
             return
         cost = float(combination.cost(t[None, :])[0])
@@ -437,7 +440,7 @@ class _Reweighted:
             self.multiplier = leaf.mu * squares.worth(self.limit)
 
 
-def _within(combination: Combination, t: Array, limit: Array) -> Array | None:
+def _move_within_limit(combination: Combination, t: Array, limit: Array) -> Array | None:
     """Tolerances that keep the limits, nearly the first on the way from t to the tightest.
 
     Values are convex, so that they lie below their chord: where it meets a limit they keep it.

@@ -9,22 +9,18 @@ from typing import ClassVar
 import numpy as np
 
 from ...problems.forms import Form
-from ...problems.limits import ROOM, loosened
+from ...problems.limits import LIMIT_ROUNDING as ROOM
+from ...problems.limits import loosened
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import POINTS, Array, Flags
 from ..run import Run
 from ..settings import Budget, Solver
-from .bounds import BEYOND, convex_pieces, reason, restricted, row_limits, upper_limit
-from .choices import (
-    Watch,
-    cheapest_choice,
-    least_cost,
-    points_alone,
-    search_vector,
-    search_vectors,
-    tightest_ways,
-    unwatched,
-)
+from .bounds import LIMIT_WIDENING as BEYOND
+from .bounds import convex_pieces, reason, row_limits, upper_limit
+from .bounds import restrict_form as restricted
+from .choices import Watch, cheapest_choice, least_cost, search_vector, search_vectors, tightest_ways
+from .choices import has_only_point_ways as points_alone
+from .choices import ignore_progress as unwatched
 from .combination import Optimum, within
 from .corrected import corrected_vectors, is_corrected
 from .epsilon import epsilon_front, scale_of
@@ -43,7 +39,7 @@ BACK = np.array([0.0, 1e-9, 1e-7, 1e-5, 1e-3, 1e-2])
 """Fractions of the way back to a design that keeps the limits, where SLSQP ends just beyond them."""
 EARLY = 0.9
 """Fraction of the work that a closed form takes."""
-SOME = 3
+CHECKED_POINTS = 3
 """Points of a front that are tested: if any breaks limits in the full model, the limits are moved."""
 
 
@@ -58,7 +54,7 @@ class Exact(Solver):
     def solve(self, run: Run) -> None:
         form = closed_form(run.problem)
         if form is None and run.problem.objectives == ("cost",):
-            x = _cheapest_of_points(run.problem)
+            x = _cheapest_point_choice(run.problem)
             if len(x):
                 run.choose(x)
                 run.evaluate(x)
@@ -71,12 +67,14 @@ class Exact(Solver):
         points = self.points if remaining is None else max(2, min(self.points, remaining))
         if is_corrected(form):
             few = FEW if self.points == POINTS_BY_DEFAULT else CORRECTED
-            x = _improved(run, form, corrected_vectors(run, form, min(points, few)))
+            x = _improve_by_full_model(run, form, corrected_vectors(run, form, min(points, few)))
             if len(x):
                 run.choose(x)
                 run.evaluate(x)
             return
-        x = _improved(run, form, exact_vectors(run.problem, form, points, partial(_watched, run, form)))
+        x = _improve_by_full_model(
+            run, form, exact_vectors(run.problem, form, points, partial(_report_optimum, run, form))
+        )
         if not len(x):
             return
         inexact = run.problem.n_obj == 1 and not form.exact and not form.tested
@@ -91,7 +89,7 @@ class Exact(Solver):
             epsilon_front(run, self.points)
 
 
-def _watched(run: Run, form: Form, optimum: Optimum, share: float) -> None:
+def _report_optimum(run: Run, form: Form, optimum: Optimum, share: float) -> None:
     """Report a point that is solved; those of a coarse front are evaluated, so that it has points
     from the start, unless evaluations are counted.
     """
@@ -121,18 +119,18 @@ def exact_vectors(problem: ToleranceProblem, form: Form, points: int, watch: Wat
     upper = _solved_limits(problem, form)
     real = np.isfinite(upper)
     if np.any(np.abs(upper - tightest(form))[real] <= ROOM * np.abs(upper[real])):
-        return _corner(problem, form, upper)
+        return _tightest_corner_design(problem, form, upper)
     if problem.n_obj == 1:
-        return _cheapest(problem, form, upper)
+        return _cheapest_design(problem, form, upper)
     swept = np.array([not set(form.requesting_outputs(name)).isdisjoint(problem.objectives) for name in form.outputs])
     most = upper_limit(problem, "cost")
     limit, x = upper, np.empty((0, problem.n_var))
     for _ in range(CORRECTIONS):
         optimum = front(form, points, loosened(limit, ROOMIER), swept, float(loosened(most)), watch)
-        x = search_vectors(problem, form, within(form, optimum, _strict(form, limit)))
+        x = search_vectors(problem, form, within(form, optimum, _strict_limits(form, limit)))
         if not form.exact:
             return x
-        kept, excess = _by_full_model(problem, form, x[:: max(1, len(x) // SOME)], upper)
+        kept, excess = _check_by_full_model(problem, form, x[:: max(1, len(x) // CHECKED_POINTS)], upper)
         if kept.all():
             return x
         limit = limit - excess.max(axis=0) * FURTHER
@@ -150,7 +148,7 @@ def _solved_limits(problem: ToleranceProblem, form: Form) -> Array:
     return limits
 
 
-def _improved(run: Run, form: Form, x: Array) -> Array:
+def _improve_by_full_model(run: Run, form: Form, x: Array) -> Array:
     """The one design of least cost by SLSQP on the full model, where the form is only a bound of that.
 
     Limits of a form that are moved by what it understates end near the optimum, at a place that
@@ -179,7 +177,7 @@ def _improved(run: Run, form: Form, x: Array) -> Array:
     return np.vstack([x, tried])[[int(np.argmin(np.where(better, f[:, 0], np.inf)))]]
 
 
-def _cheapest_of_points(problem: ToleranceProblem) -> Array:
+def _cheapest_point_choice(problem: ToleranceProblem) -> Array:
     """The cheapest choice where the form omits limits, but all its ways are points; else nothing."""
     form = problem.form()
     if form is None or form.also or form.settled or not points_alone(form):
@@ -188,20 +186,20 @@ def _cheapest_of_points(problem: ToleranceProblem) -> Array:
     return np.empty((0, problem.n_var)) if x is None else x
 
 
-def _corner(problem: ToleranceProblem, form: Form, upper: Array) -> Array:
+def _tightest_corner_design(problem: ToleranceProblem, form: Form, upper: Array) -> Array:
     """The search vector (one) within limits of which one is kept by the tightest tolerances alone.
 
     The least cost within the limits as they are, or that corner where rounding leaves nothing else.
     """
-    x = _solved(problem, form, upper)
-    if len(x) and np.all(_by_full_model(problem, form, x, upper)[0]):
+    x = _cheapest_at_limit(problem, form, upper)
+    if len(x) and np.all(_check_by_full_model(problem, form, x, upper)[0]):
         return x
     ways = tightest_ways(form)
     low = np.array([feature.ways[way].low for feature, way in zip(form.features, ways, strict=True)])
     return search_vector(problem, form, ways, low)
 
 
-def _cheapest(problem: ToleranceProblem, form: Form, upper: Array) -> Array:
+def _cheapest_design(problem: ToleranceProblem, form: Form, upper: Array) -> Array:
     """The search vector (at most one) of least cost that keeps the limits.
 
     Where the form understates the outputs, even by their rounding alone, it is solved again with
@@ -214,29 +212,29 @@ def _cheapest(problem: ToleranceProblem, form: Form, upper: Array) -> Array:
             return x
     limit, x = upper, np.empty((0, problem.n_var))
     for _ in range(CORRECTIONS):
-        x = _solved(problem, form, limit)
-        kept, excess = _by_full_model(problem, form, x, upper)
+        x = _cheapest_at_limit(problem, form, limit)
+        kept, excess = _check_by_full_model(problem, form, x, upper)
         if (form.exact and kept.all()) or not np.any(excess > 0.0):
             return x
         limit = limit - excess[0] * FURTHER
     return x
 
 
-def _solved(problem: ToleranceProblem, form: Form, limit: Array) -> Array:
+def _cheapest_at_limit(problem: ToleranceProblem, form: Form, limit: Array) -> Array:
     """The search vector (at most one) of least cost at upper limits (r,) of the form.
 
     Ways that meet a limit exactly keep it; tolerances keep it to the last digit where these allow it.
     """
     optimum = least_cost(form, loosened(limit, ROOMIER)[None, :])
-    return search_vectors(problem, form, within(form, optimum, _strict(form, limit)))
+    return search_vectors(problem, form, within(form, optimum, _strict_limits(form, limit)))
 
 
-def _strict(form: Form, limit: Array) -> Array:
+def _strict_limits(form: Form, limit: Array) -> Array:
     """Upper limits (r,) that leave nothing to the room of rounding, which a yield has in its quantile."""
     return np.where(np.isfinite(form.own_limits), loosened(limit, -1.0), limit)
 
 
-def _by_full_model(problem: ToleranceProblem, form: Form, x: Array, upper: Array) -> tuple[Flags, Array]:
+def _check_by_full_model(problem: ToleranceProblem, form: Form, x: Array, upper: Array) -> tuple[Flags, Array]:
     """Which search vectors (k, variables) keep all limits, and the excess (k, r) over the limits of
     the form, 0 where all are kept.
     """

@@ -15,7 +15,8 @@ import numpy as np
 from scipy import stats
 from scipy.stats import qmc
 
-from tolevo.commands.run.promise import MORE, shadow_gain, solved
+from tolevo.commands.run.promise import FURTHER_PARTS as MORE
+from tolevo.commands.run.promise import shadow_gain, solved
 from tolevo.configuration.reader import read_table
 from tolevo.problems.stack import Stack
 from tolevo.problems.stack.promises import with_knowledge

@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from tolevo.commands.run.promise import Least, cheapest, solved, with_statement
+from tolevo.commands.run.promise import Least, solved, with_statement
+from tolevo.commands.run.promise import cheapest_design as cheapest
 from tolevo.configuration.reader import read, read_table
 from tolevo.problems.settings import ASSURED, PLUG_IN
 from tolevo.problems.tolerance_problem import ToleranceProblem

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tolevo.commands.run.promise import cheapest
+from tolevo.commands.run.promise import cheapest_design as cheapest
 from tolevo.models.capability import PartSample, knowledge_of
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.settings import ASSURED, PLUG_IN, Bound, Promise, Settings, VariableSetting

@@ -74,12 +74,12 @@ def assemble(
     estimate, total, commands = x, x, []
     for step in range(process.steps):
         b = process.control[step]
-        installed = _installed(process, step, errors, departures)
+        installed = _installation_change(process, step, errors, departures)
         if insertion == "after":
             x = x + installed
         if estimator is not None:
-            estimate = _corrected(estimator, step, x, estimate, noise)
-        commanded = -_times(gains[..., step, :, :], x if estimator is None else estimate)
+            estimate = _correct_estimate(estimator, step, x, estimate, noise)
+        commanded = -_apply_matrix(gains[..., step, :, :], x if estimator is None else estimate)
         achieved = departures.achieved(commanded) @ b.T
         x = x @ process.transition[step].T + achieved
         estimate = estimate @ process.transition[step].T + commanded @ b.T
@@ -96,17 +96,17 @@ def _column(value: float | Array) -> Array:
     return np.asarray(value, dtype=float)[..., None]
 
 
-def _times(matrix: Array, vector: Array) -> Array:
+def _apply_matrix(matrix: Array, vector: Array) -> Array:
     return np.asarray((matrix @ vector[..., None])[..., 0])
 
 
-def _installed(process: Process, step: int, errors: Array, departures: Departures) -> Array:
+def _installation_change(process: Process, step: int, errors: Array, departures: Departures) -> Array:
     """Change (..., n) of the state by installing the parts of a step."""
     direct = np.where(process.arriving[step], errors, 0.0) @ process.error[step].T
     return np.asarray(direct + _column(departures.coupling) * (direct @ process.coupling.T))
 
 
-def _corrected(estimator: Estimator, step: int, x: Array, estimate: Array, noise: Array | None) -> Array:
+def _correct_estimate(estimator: Estimator, step: int, x: Array, estimate: Array, noise: Array | None) -> Array:
     """The estimate (..., n) after the measurement of a step."""
     innovation = (x - estimate) @ estimator.measured[step].T
     if noise is not None:

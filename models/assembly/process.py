@@ -371,7 +371,7 @@ def kalman(
     observation = np.eye(process.transition.shape[-1]) if measured is None else measured
     noise = np.broadcast_to(np.asarray(noise_std, dtype=float) ** 2, len(observation))
     raise_all(_faults(process, part_std, noise, observation))
-    observed = observation * _present(process, insertion)[:, None, :]
+    observed = observation * _installed_states(process, insertion)[:, None, :]
     covariance = np.zeros((observation.shape[1], observation.shape[1]))
     gains = []
     for step in range(process.steps):
@@ -389,7 +389,7 @@ def kalman(
     return Estimator(observed, np.stack(gains))
 
 
-def _present(process: Process, insertion: str) -> NDArray[np.bool_]:
+def _installed_states(process: Process, insertion: str) -> NDArray[np.bool_]:
     """Shape (N, n): the states whose part is installed at the measurement of step k."""
     present = process.present
     if insertion == "before":

@@ -261,7 +261,7 @@ PRECISION_WEIGHTS = (0.0, 5.0, 10.0, np.inf)
 """Printed rows; the last is the document's "ideal, error-free"."""
 MAPPINGS = (AngleMapping(), AngleMapping("own_cranks", absorption=1.2, floor=2.0 * ARCSEC))
 """Mappings chosen to reproduce the printed figures (docs/rv_transmission_error.md)."""
-_LARGE = 1e9
+_MAX_PRECISION_WEIGHT = 1e9
 """Stands for the infinite weight."""
 
 
@@ -293,7 +293,7 @@ def rows(
 ) -> tuple[Row, ...]:
     """The document's table by the full model, with the same physical parameters in every row."""
     process, full = process or plane_process(), transmission or Transmission()
-    weights = np.minimum(PRECISION_WEIGHTS, _LARGE)
+    weights = np.minimum(PRECISION_WEIGHTS, _MAX_PRECISION_WEIGHT)
     outcome = assemble(
         process,
         gains(process, terminal_weight(process, weights, reading)),

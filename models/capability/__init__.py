@@ -10,11 +10,11 @@ from .knowledge import (
     Surplus,
     Ways,
     calibrated,
-    cumulants_drawn,
     fraction_within_limits,
     knowledge_of,
     norm_of,
 )
+from .knowledge import draw_cumulants as cumulants_drawn
 from .samples import PartSample, read_sample
 
 __all__ = [

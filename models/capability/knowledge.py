@@ -13,7 +13,7 @@ from scipy.special import ndtr, ndtri
 from ...section import Array
 from ..propagation.moments import cornish_fisher
 
-LEAST = 5
+MIN_SAMPLE_PARTS = 5
 """Parts from which a sample is used; the posterior mean of a variance needs 4 of them."""
 CONFIDENCE = 0.95
 """Confidence of the upper limit on a variance in an assured allocation."""
@@ -129,12 +129,12 @@ def knowledge_of(values: Array, prior: Prior | None = None, gauge: Gauge | None 
     """The posterior of a process from measured `values` (n,) of a characteristic.
 
     The variance of a gauge is subtracted, and the upper limit is that of the difference. Raises
-    ValueError for fewer than `LEAST` values, values that are all equal, a gauge that scatters
+    ValueError for fewer than `MIN_SAMPLE_PARTS` values, values that are all equal, a gauge that scatters
     at least as much as the measurements, and a prior that they contradict.
     """
     n = len(values)
-    if n < LEAST:
-        raise ValueError(f"has {n} values; at least {LEAST} are needed")
+    if n < MIN_SAMPLE_PARTS:
+        raise ValueError(f"has {n} values; at least {MIN_SAMPLE_PARTS} are needed")
     observed, mean = float(np.var(values, ddof=1)), float(np.mean(values))
     if observed <= 0.0:
         raise ValueError(f"has {n} equal values: the resolution of the gauge is too coarse to show a scatter")
@@ -290,11 +290,16 @@ class Norm:
 
     def surplus(self, rest: Array | float = 0.0) -> Surplus:
         """What uncertainty adds, as a function of the squares E v."""
-        error = None if self.error is None else over(self.error, self.even)
-        return Surplus(over(self.own, self.even), over(self.shared, self.even), error=error, fixed_even=rest)
+        error = None if self.error is None else divide_or_default(self.error, self.even)
+        return Surplus(
+            divide_or_default(self.own, self.even),
+            divide_or_default(self.shared, self.even),
+            error=error,
+            fixed_even=rest,
+        )
 
 
-def over(value: Array, by: Array, otherwise: float = 0.0) -> Array:
+def divide_or_default(value: Array, by: Array, otherwise: float = 0.0) -> Array:
     """value/by, and `otherwise` where `by` is 0."""
     return np.divide(value, by, out=np.full_like(value, otherwise), where=by > 0.0)
 
@@ -372,7 +377,7 @@ REPEATS = 200
 STATES = 65_536
 """Allocations that are compared; of more, only the best at `PRICES` of their variance."""
 PRICES = np.geomspace(1e-3, 1e3, 25)
-AT_ONCE = 1024
+CHOICES_PER_BATCH = 1024
 """Allocations that are tested together, the cheapest first."""
 RARE = 0.05
 """Fraction of samples with an assured choice below which a level counts as without choice."""
@@ -508,7 +513,7 @@ class _Table:
             choices = np.column_stack([np.repeat(choices, count, axis=0), np.tile(place + np.arange(count), before)])
             place += count
             if len(cost) > STATES:
-                best = _best(cost, square)
+                best = _best_allocations(cost, square)
                 cost, choices = cost[best], choices[best]
                 square, mean = square[:, best], mean[:, best]
         order = np.argsort(cost, kind="stable")
@@ -551,8 +556,8 @@ class _Sampled:
     def cheapest(self, factor: Array, first: int) -> int | None:
         """The first allocation from a place on that conforms by the norm of factors (u,)."""
         rows, (low, high) = len(self.aim.ends), self.aim.ends.T
-        for start in range(first - first % AT_ONCE, len(self.table.choices), AT_ONCE):
-            sums, mean = self._sums(start), self.table.mean[:, start : start + AT_ONCE].T
+        for start in range(first - first % CHOICES_PER_BATCH, len(self.table.choices), CHOICES_PER_BATCH):
+            sums, mean = self._sums(start), self.table.mean[:, start : start + CHOICES_PER_BATCH].T
             doubt = sums[:, rows:].reshape(len(sums), len(factor), rows)
             surplus = np.sqrt(np.sum(factor[:, None] ** 2 * doubt, axis=1))
             reach = self.aim.quantile * np.sqrt(sums[:, :rows] + surplus)
@@ -564,11 +569,11 @@ class _Sampled:
     def _sums(self, start: int) -> Array:
         """Sums of variances and, by degrees of freedom, of their squares (k, r + u r)."""
         if start not in self.cached:
-            self.cached[start] = self.table.uses[start : start + AT_ONCE] @ self.terms
+            self.cached[start] = self.table.uses[start : start + CHOICES_PER_BATCH] @ self.terms
         return self.cached[start]
 
 
-def _best(cost: Array, square: Array) -> NDArray[np.int64]:
+def _best_allocations(cost: Array, square: Array) -> NDArray[np.int64]:
     """Indices of allocations that are best at some price of their variances (r, m)."""
     size = (square / np.maximum(square.max(axis=1, keepdims=True), 1e-300)).sum(axis=0)
     span = max(float(np.ptp(cost)), 1e-300)
@@ -587,7 +592,7 @@ def _best(cost: Array, square: Array) -> NDArray[np.int64]:
 # Fisher (1938), Revue de l'Institut International de Statistique 5(4), 307-320.
 
 
-def cumulants_drawn(values: Array, draws: int, rng: np.random.Generator) -> Array:
+def draw_cumulants(values: Array, draws: int, rng: np.random.Generator) -> Array:
     """Mean and second to fourth cumulants (draws, 4) of values (n,) about their mean, weighted.
 
     The variance is (n + 1)/(n - 1) times that of the weighted sample, so that its mean is the

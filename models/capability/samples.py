@@ -59,7 +59,7 @@ def capability(values: Array, lower: float | None, upper: float | None) -> dict[
 
 LEVEL = 0.01
 """Probability of a false finding in a sample of a stable normal process, all tests together."""
-FEW = 8
+MIN_TESTED_PARTS = 8
 """Number of values from which the shape of a distribution can be tested."""
 
 
@@ -86,7 +86,7 @@ def findings(values: Array, lots: Sequence[str] = ()) -> list[Finding]:
     Statistics 12(4), 367-395.
     """
     tests = [_drift(values), _outlier(values), *_lots(values, lots)]
-    if len(values) >= FEW:
+    if len(values) >= MIN_TESTED_PARTS:
         tests.append(_shape(values))
     significant: list[Finding] = []
     for at, finding in enumerate(sorted(tests, key=lambda finding: finding.probability)):
@@ -95,7 +95,7 @@ def findings(values: Array, lots: Sequence[str] = ()) -> list[Finding]:
         significant.append(finding)
     if any(test.kind == "outlier" for test in significant):  # the shape is tested without it
         remaining = np.delete(values, np.argmax(np.abs(values - values.mean())))
-        if len(remaining) >= FEW and _shape(remaining).probability > LEVEL:
+        if len(remaining) >= MIN_TESTED_PARTS and _shape(remaining).probability > LEVEL:
             significant = [test for test in significant if test.kind != "shape"]
     return significant
 
@@ -126,7 +126,7 @@ def _lots(values: Array, lots: Sequence[str]) -> list[Finding]:
     groups = [values[[at for at, lot in enumerate(lots) if lot == name]] for name in dict.fromkeys(lots)]
     groups = [group for group in groups if len(group) > 1]
     if len(groups) < 2:
-        return [_succession(values)] if len(values) >= FEW else []
+        return [_succession(values)] if len(values) >= MIN_TESTED_PARTS else []
     spread = float(np.ptp([group.mean() for group in groups]))
     of_means = float(scipy.stats.f_oneway(*groups).pvalue)
     of_scatter = float(scipy.stats.levene(*groups, center="median").pvalue)
@@ -179,7 +179,7 @@ FIXED = "fixed"
 NOT_FIXED = "cannot be fixed where the tolerance is searched, as tighter limits would change nothing: state a machine"
 NOT_STATED = "is missing: the half-width that the measured parts were made to, as their scatter is proportional to it"
 NEAR_NOMINAL = 1e-9
-BEYOND = 20.0
+MAX_DEVIATION_WIDTHS = 20.0
 """Deviation, in half-widths that parts were made to, above which the unit is taken to be wrong."""
 CAPABLE = 100.0
 """A Cp that no process has: above it parts and half-width are taken to be in different units."""
@@ -258,7 +258,7 @@ def read_sample(
     numbers, lots = section.numbers("values"), section.take("lots") or []
     mean = section.text("mean", MEANS)
     gauge = _gauge(section, stated_unit or unit, unit)
-    made_to = _made_to(section, stated_unit or unit, unit, t, follows)
+    made_to = _read_production_tolerance(section, stated_unit or unit, unit, t, follows)
     of_file = section.number("nominal", stated_unit or unit)
     single = _single_limit(section, stated_unit or unit, unit)
     section.accept(("characteristic",))
@@ -272,7 +272,7 @@ def read_sample(
     if of_file is not None:
         file_nominal = float(converted(of_file, stated_unit, unit))
         nominal = file_nominal if nominal is None else nominal
-        if not _is_nominal(section, unit, file_nominal, nominal):
+        if not _file_matches_nominal(section, unit, file_nominal, nominal):
             return None
     origin = _origin(values, nominal) + mid
     deviations = values - origin
@@ -286,7 +286,7 @@ def read_sample(
     except ValueError as error:
         section.fault("values", str(error))
         return None
-    if not _near(section, unit, deviations, made_to):
+    if not _are_plausible_deviations(section, unit, deviations, made_to):
         return None
     return PartSample(
         deviations=deviations,
@@ -302,14 +302,14 @@ def read_sample(
     )
 
 
-def _near(section: Section, unit: str, deviations: Array, made_to: float) -> bool:
+def _are_plausible_deviations(section: Section, unit: str, deviations: Array, made_to: float) -> bool:
     """Whether deviations have the size of a tolerance; a fault is reported where they do not."""
     far, std = float(np.max(np.abs(deviations))), float(np.std(deviations, ddof=1))
     width = made_to or 3.0 * std
     if made_to > CAPABLE * 3.0 * std:
         hint = unit_hint(std, unit, made_to / 30.0, made_to)
         problem = f"scatter by {std:.4g} {unit} (Cp = {made_to / (3.0 * std):.4g})"
-    elif far > BEYOND * width:
+    elif far > MAX_DEVIATION_WIDTHS * width:
         hint = unit_hint(far, unit, 0.0, width)
         problem = f"lie up to {far:.4g} {unit} off the mid-limit"
     else:
@@ -329,7 +329,7 @@ def _origin(values: Array, nominal: float | None) -> float:
     return 0.0 if nominal is None or abs(middle) < abs(middle - nominal) else nominal
 
 
-def _is_nominal(section: Section, unit: str, of_file: float, nominal: float) -> bool:
+def _file_matches_nominal(section: Section, unit: str, of_file: float, nominal: float) -> bool:
     """Whether a file is of the nominal of the part; a fault is reported where it is not."""
     same = abs(of_file - nominal) <= NEAR_NOMINAL * max(abs(nominal), 1.0)
     if not same:
@@ -373,7 +373,9 @@ def _unit(section: Section, unit: str) -> str | None:
     return None
 
 
-def _made_to(section: Section, stated_unit: str, unit: str, t: float | None, follows: bool) -> float | None:
+def _read_production_tolerance(
+    section: Section, stated_unit: str, unit: str, t: float | None, follows: bool
+) -> float | None:
     """Half-width that the measured parts were made to, in the unit of the part; 0: not known."""
     fixed = section.take("made_to") == FIXED
     if "made_to" in section and not fixed:

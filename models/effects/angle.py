@@ -32,7 +32,7 @@ class EccentricError(Orders):
 
 HIGHEST = 130
 """Highest order that is tried where no gear is declared."""
-OTHERS = (1, 2, 4)
+ENCODER_MOUNTING_ORDERS = (1, 2, 4)
 """Orders of encoder and mounting, which other effects cover."""
 
 
@@ -88,7 +88,7 @@ def choices(target: Target) -> tuple[float, ...]:
     """The orders that are tried, rising."""
     if target.gear is not None:
         return target.gear.unnamed
-    return tuple(float(k) for k in range(3, HIGHEST + 1) if k not in OTHERS)
+    return tuple(float(k) for k in range(3, HIGHEST + 1) if k not in ENCODER_MOUNTING_ORDERS)
 
 
 # One wave per turn of the output.

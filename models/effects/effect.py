@@ -89,7 +89,7 @@ def quantity(
     return EffectParameter(name, unit, meaning, low, high, linear, choices)
 
 
-def _nothing() -> Mapping[Any, Any]:
+def _empty_mapping() -> Mapping[Any, Any]:
     return MappingProxyType({})
 
 
@@ -112,9 +112,9 @@ class Target:
     changeable: tuple[Changeable, ...] = ()
     population: bool = False
     several: bool = False
-    largest: Mapping[Role, float] = field(default_factory=_nothing)
-    labels: Mapping[Role, tuple[str, ...]] = field(default_factory=_nothing)
-    units: Mapping[Role, str] = field(default_factory=_nothing)
+    largest: Mapping[Role, float] = field(default_factory=_empty_mapping)
+    labels: Mapping[Role, tuple[str, ...]] = field(default_factory=_empty_mapping)
+    units: Mapping[Role, str] = field(default_factory=_empty_mapping)
     locked: bool | None = None
     gear: Gear | None = None
     pace: float = 0.0
@@ -175,9 +175,9 @@ class Action:
       mean and a generator.
     """
 
-    changes: Mapping[str, Array] = field(default_factory=_nothing)
-    output: Mapping[str, Array] = field(default_factory=_nothing)
-    reading: Mapping[str, Callable[[Array], Array]] = field(default_factory=_nothing)
+    changes: Mapping[str, Array] = field(default_factory=_empty_mapping)
+    output: Mapping[str, Array] = field(default_factory=_empty_mapping)
+    reading: Mapping[str, Callable[[Array], Array]] = field(default_factory=_empty_mapping)
     population: Callable[[Array, float, np.random.Generator], Array] | None = None
 
 

@@ -40,7 +40,7 @@ class ClockDrift(OneColumn):
 # A recorded channel that is delayed.
 
 
-LONGEST = 20.0
+MAX_DELAY_STEPS = 20.0
 """Longest delay or lead of a channel, in usual steps of the clock."""
 BREAK = 10.0
 """Usual steps after which a record has been interrupted."""
@@ -78,7 +78,7 @@ class Delay(Effect):
         return not target.population and super().own_applies(target)
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
-        end = LONGEST * target.pace if target.pace > 0.0 else inf
+        end = MAX_DELAY_STEPS * target.pace if target.pace > 0.0 else inf
         meaning = "T, delay of the channel (negative: lead)"
         return tuple(
             quantity(f"{target.prefix(output)}delay", "s", meaning, -end, end, linear=False)
@@ -87,7 +87,7 @@ class Delay(Effect):
 
     def shown(self, measured: Mapping[str, Array], target: Target) -> dict[str, float] | None:
         numbers = dict(zip((o.name for o in target.outputs), self.own_parameters(target), strict=True))
-        rough = [name for name in numbers if not _continuous(measured[name])]
+        rough = [name for name in numbers if not _is_continuous(measured[name])]
         if target.pace <= 0.0 or len(rough) == len(numbers):
             return None
         return {numbers[name].name: 0.0 for name in rough}
@@ -98,11 +98,11 @@ class Delay(Effect):
         time = np.asarray(measurements[Role.TIME], dtype=float)
         signed = Role.SPEED in measurements and Role.DIRECTION in measurements
         speed = np.asarray(measurements[Role.SPEED] * measurements[Role.DIRECTION]) if signed else None
-        late_by = partial(delayed, time=time, order=measurements.order, speed=speed)
+        late_by = partial(delay_channel, time=time, order=measurements.order, speed=speed)
         return Action(reading={name: partial(late_by, by=by) for name, by in delays.items() if by != 0.0})
 
 
-def delayed(
+def delay_channel(
     values: Array, time: Array, by: float, order: np.ndarray | None = None, speed: Array | None = None
 ) -> Array:
     """The channel (n,) at `time` (n,) less `by` [s], in the order of measurement; a signed `speed`
@@ -113,13 +113,13 @@ def delayed(
     v = np.ones(len(t)) if speed is None else speed[at]
     delayed_values = np.empty(len(t))
     for rows in _stretches(t):
-        delayed_values[rows] = np.interp(t[rows] - by, *_with_jumps(t[rows], y[rows], v[rows]))
+        delayed_values[rows] = np.interp(t[rows] - by, *_insert_jumps(t[rows], y[rows], v[rows]))
     in_table_order = np.empty(len(t))
     in_table_order[at] = delayed_values
     return in_table_order
 
 
-def _with_jumps(t: Array, y: Array, v: Array) -> tuple[Array, Array]:
+def _insert_jumps(t: Array, y: Array, v: Array) -> tuple[Array, Array]:
     """A channel (n,) with two more points at each jump where the speed v changes its sign between
     two rows: the values extrapolated from both sides.
     """
@@ -145,7 +145,7 @@ def _stretches(time: Array) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(edges)]
 
 
-def _continuous(values: Array) -> bool:
+def _is_continuous(values: Array) -> bool:
     """Whether a channel (n,) is continuous from row to row beneath its noise.
 
     White noise does not contribute to correlations of different rows: the correlation of neighbours
@@ -209,7 +209,7 @@ FINEST = 1e-6
 """Least step, as a fraction of the range of the measurements, that is searched for."""
 OFF = 0.06
 """Rms deviation from the multiples, in steps, that is allowed: for random values it is 0.29."""
-LEAST = 5
+MIN_DISTINCT_LEVELS = 5
 """Distinct values below which any numbers may be multiples of a step, unless they recur."""
 
 
@@ -220,7 +220,7 @@ def step_of(values: Array) -> float | None:
     in steps, gives it exactly.
     """
     levels = np.unique(values)
-    if len(levels) < 3 or (len(levels) < LEAST and len(values) < 4 * len(levels)):
+    if len(levels) < 3 or (len(levels) < MIN_DISTINCT_LEVELS and len(values) < 4 * len(levels)):
         return None
     gaps = np.diff(levels)
     gaps = gaps[gaps > FINEST * np.ptp(levels)]
@@ -261,10 +261,10 @@ class Quantisation(Effect):
     def own_action(self, measurements: Measurements, values: Values, target: Target) -> Action:
         numbers = zip(target.outputs, self.own_parameters(target), strict=True)
         steps = {output.name: value_or_zero(values, number.name) for output, number in numbers}
-        return Action(reading={name: partial(rounded, step=q) for name, q in steps.items() if q > 0.0})
+        return Action(reading={name: partial(round_to_step, step=q) for name, q in steps.items() if q > 0.0})
 
 
-def rounded(values: Array, step: float) -> Array:
+def round_to_step(values: Array, step: float) -> Array:
     """Values (n,) in whole steps."""
     return np.asarray(step * np.round(values / step))
 

@@ -8,7 +8,7 @@ from ...section import Array
 from ..gear import PINS
 from ..measurable import Role
 from .effect import EffectParameter, Measurements, Target, Values, kind_of, quantity
-from .measurements import along_path
+from .measurements import play_along_path as along_path
 from .shapes import POSITIONS, Columns, Load, LoadShape, Orders, Shape, Weight
 
 # A dead band that is crossed over a small load.
@@ -120,10 +120,10 @@ class FrictionHysteresis(Shape):
         parameters = super().own_parameters(target)
         if target.model != TABLE or target.locked is None:
             return parameters
-        return tuple(parameter for parameter in parameters if _of_loop(parameter) == target.locked)
+        return tuple(parameter for parameter in parameters if _belongs_to_loop(parameter) == target.locked)
 
     def missing(self, values: Values, target: Target) -> tuple[str, ...]:
-        loop = [parameter for parameter in self.parameters(target) if _of_loop(parameter)]
+        loop = [parameter for parameter in self.parameters(target) if _belongs_to_loop(parameter)]
         if target.model != LOCKED and not {parameter.name for parameter in loop} & set(values):
             return ()
         twists = [parameter.name for parameter in loop if parameter.linear]
@@ -139,7 +139,7 @@ class FrictionHysteresis(Shape):
         return {MOVING.stem: lambda: np.asarray(measurements[Role.DIRECTION], dtype=float), LOOP: loop}
 
 
-def _of_loop(parameter: EffectParameter) -> bool:
+def _belongs_to_loop(parameter: EffectParameter) -> bool:
     return not parameter.stem.endswith(MOVING.stem)
 
 

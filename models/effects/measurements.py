@@ -18,7 +18,7 @@ from .effect import Action, Effect, Measurements, Target, Values
 # The play operator along a path, without a loop over its points.
 
 
-FEW = 0.1
+MAX_REVERSAL_FRACTION = 0.1
 """Reversals per row above which rows are not a path."""
 MOSTLY = 0.9
 """Fraction of the load's path that must go in the stated direction."""
@@ -50,7 +50,7 @@ def play(x: Array, width: float, starts: NDArray[np.bool_] | None = None) -> Arr
     return low
 
 
-def along_path(measurements: Measurements, x: Array, width: float) -> Array:
+def play_along_path(measurements: Measurements, x: Array, width: float) -> Array:
     """`play` over rows in the order of measurement; each unit and repeat has a separate path."""
     order, starts = measurements.in_order, _starts(measurements)
     values = np.empty(len(x))
@@ -63,17 +63,17 @@ def follows_load(measurements: Measurements) -> bool:
     steps, it seldom reverses, and nothing moves.
     """
     load = next((role for role in (Role.TORQUE, Role.FORCE) if role in measurements), None)
-    if load is None or Role.DIRECTION not in measurements or _moves(measurements):
+    if load is None or Role.DIRECTION not in measurements or _has_motion(measurements):
         return False
     order, within = measurements.in_order, ~_starts(measurements)[1:]
     steps = np.diff(np.asarray(measurements[load], dtype=float)[order])[within]
     sign = np.asarray(measurements[Role.DIRECTION], dtype=float)[order]
     reversals = int(np.count_nonzero(np.diff(sign)))
     along = float(0.5 * (sign[1:] + sign[:-1])[within] @ steps)
-    return 0 < reversals <= FEW * len(sign) and along > MOSTLY * float(np.abs(steps).sum())
+    return 0 < reversals <= MAX_REVERSAL_FRACTION * len(sign) and along > MOSTLY * float(np.abs(steps).sum())
 
 
-def _moves(measurements: Measurements) -> bool:
+def _has_motion(measurements: Measurements) -> bool:
     """Whether a speed is not 0, or the angle changes from row to row by more than a twist."""
     if Role.SPEED in measurements and np.any(measurements[Role.SPEED]):
         return True
@@ -132,7 +132,7 @@ def measurements_of(columns: Iterable[Column], table: Table) -> Measurements:
     Raises ValueError where a column's unit does not fit its role.
     """
     by_role: dict[Role, NDArray[Any]] = {}
-    for column in _present(columns, table):
+    for column in _available_columns(columns, table):
         if column.role not in by_role:
             values, unit = table[column.name], fixed_unit(column)
             if not column.text and column.unit != unit:
@@ -147,16 +147,16 @@ def _order_of(time: NDArray[Any], session: NDArray[Any] | None) -> NDArray[np.in
     """Rows in the order of measurement: by the clock, one session after the other where each
     session has a clock of its own.
     """
-    if session is None or not own_clocks(session, time):
+    if session is None or not has_session_clocks(session, time):
         return np.argsort(time, kind="stable")
-    return np.lexsort((time, _by_appearance(session)))
+    return np.lexsort((time, _number_by_appearance(session)))
 
 
-def own_clocks(session: NDArray[Any], time: NDArray[Any]) -> bool:
+def has_session_clocks(session: NDArray[Any], time: NDArray[Any]) -> bool:
     """Whether each session has a clock of its own: they follow each other in the file, and their
     times overlap.
     """
-    number = _by_appearance(session)
+    number = _number_by_appearance(session)
     steps = np.diff(number)
     if len(number) == 0 or number[-1] == 0 or (steps < 0).any():
         return False
@@ -165,7 +165,7 @@ def own_clocks(session: NDArray[Any], time: NDArray[Any]) -> bool:
     return bool((first[1:] <= last[:-1]).any())
 
 
-def _by_appearance(labels: NDArray[Any]) -> NDArray[np.int64]:
+def _number_by_appearance(labels: NDArray[Any]) -> NDArray[np.int64]:
     """Number (n,) of each of the labels (n,) or columns of labels (k, n), by first appearance."""
     _, first, inverse = np.unique(np.asarray(labels).astype(str), axis=-1, return_index=True, return_inverse=True)
     rank = np.empty(len(first), dtype=np.int64)
@@ -183,7 +183,7 @@ def _split_signed_speed(by_role: dict[Role, NDArray[Any]]) -> None:
     by_role[Role.SPEED] = np.abs(speed)
 
 
-def _derived(roles: set[Role], measurements: Measurements | None) -> frozenset[Role]:
+def _derive_roles(roles: set[Role], measurements: Measurements | None) -> frozenset[Role]:
     """Roles that follow from another column: the direction from a speed of both signs."""
     if Role.SPEED not in roles or Role.DIRECTION in roles:
         return frozenset()
@@ -212,10 +212,10 @@ def target_from(
     Raises ValueError where a column's unit does not fit its role.
     """
     if table is not None:
-        columns = tuple(_present(columns, table))
+        columns = tuple(_available_columns(columns, table))
     units = {column.role: fixed_unit(column) for column in reversed(columns)}
     roles = {column.role for column in columns}
-    derived, several = _derived(roles, None), len(outputs) > 1
+    derived, several = _derive_roles(roles, None), len(outputs) > 1
     target = Target(name, outputs, columns, changeable, population, several, units=units, derived=derived)
     if table is None:
         return target
@@ -229,7 +229,7 @@ def target_from(
         labels=labels,
         locked=follows_load(measurements),
         pace=pace_of(measurements),
-        derived=_derived(roles, measurements),
+        derived=_derive_roles(roles, measurements),
     )
 
 
@@ -245,7 +245,7 @@ def usual_step(time: Array, otherwise: float) -> float:
     return float(np.median(ahead)) if len(ahead) else otherwise
 
 
-def _present(columns: Iterable[Column], table: Table) -> list[Column]:
+def _available_columns(columns: Iterable[Column], table: Table) -> list[Column]:
     return [column for column in columns if column.name in table]
 
 
@@ -278,7 +278,7 @@ def unit_numbers(measurements: Measurements) -> NDArray[np.int64]:
         order = np.argsort(ranks_of_units(labels))
     if Role.REPEAT in measurements and Role.UNIT in measurements:
         codes = [labels_of(measurements[role][order])[1] for role in LABELS if role in measurements]
-        numbers[order] = _by_appearance(np.stack(codes))
+        numbers[order] = _number_by_appearance(np.stack(codes))
     else:
         numbers[order] = np.arange(len(measurements))
     return numbers
@@ -313,21 +313,21 @@ def predicted(
     """
     active = tuple(effects)
     if not active:
-        return with_zero(model.predict(table, rng), zero)
+        return add_zero(model.predict(table, rng), zero)
     target = target_of(model, name, table)
-    actions = acting(active, measurements_of(target.columns, table), target)
+    actions = effect_actions(active, measurements_of(target.columns, table), target)
     changes = changes_of(actions) or NO_CHANGES
-    outputs = with_zero(model.predict(table, rng, changes), zero)
+    outputs = add_zero(model.predict(table, rng, changes), zero)
     means = model.means(changes) if any(action.population for action in actions) else {}
-    return added(outputs, actions, means, rng)
+    return apply_output_actions(outputs, actions, means, rng)
 
 
-def with_zero(outputs: Mapping[str, Array], zero: Mapping[str, float]) -> dict[str, Array]:
+def add_zero(outputs: Mapping[str, Array], zero: Mapping[str, float]) -> dict[str, Array]:
     """Outputs (n,) with the zero of the instrument added to each of them."""
     return {name: values + zero[name] if name in zero else values for name, values in outputs.items()}
 
 
-def acting(effects: Sequence[Active], measurements: Measurements, target: Target) -> list[Action]:
+def effect_actions(effects: Sequence[Active], measurements: Measurements, target: Target) -> list[Action]:
     """The action of each effect on the rows."""
     return [effect.effect.act(measurements, effect.values, target) for effect in effects]
 
@@ -341,7 +341,7 @@ def changes_of(actions: Iterable[Action]) -> dict[str, Array]:
     return changes
 
 
-def added(
+def apply_output_actions(
     outputs: Mapping[str, Array], actions: Sequence[Action], means: Mapping[str, float], rng: np.random.Generator
 ) -> dict[str, Array]:
     """Predicted outputs (n,) with the effects that act on them; `means` are of a population."""

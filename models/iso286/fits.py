@@ -12,7 +12,7 @@ from importlib.resources import files
 from ...errors import nearest
 from ..inputs import Zone
 
-LARGEST = 500.0
+MAX_SIZE_MM = 500.0
 """Largest nominal size of the tables [mm]."""
 
 
@@ -23,7 +23,7 @@ def rows_of(name: str) -> list[list[str]]:
 
 
 @lru_cache(maxsize=4)
-def by_grade(name: str) -> tuple[tuple[float, ...], dict[str, tuple[float, ...]]]:
+def grade_table(name: str) -> tuple[tuple[float, ...], dict[str, tuple[float, ...]]]:
     """Upper ends of the size classes [mm], and the values [um] of each grade."""
     header, *rows = rows_of(name)
     ends = tuple(float(cell.removeprefix("<= ").removesuffix(" mm")) for cell in header[1:])
@@ -31,15 +31,15 @@ def by_grade(name: str) -> tuple[tuple[float, ...], dict[str, tuple[float, ...]]
 
 
 def value_um(name: str, grade: str, size: float) -> float:
-    """The value [um] of a grade at a nominal size [mm] up to `LARGEST`."""
-    ends, values = by_grade(name)
+    """The value [um] of a grade at a nominal size [mm] up to `MAX_SIZE_MM`."""
+    ends, values = grade_table(name)
     return next(value for end, value in zip(ends, values[grade], strict=True) if size <= end)
 
 
 def check_size(size: float) -> None:
     """Raises ValueError for a nominal size [mm] outside of the tables."""
-    if not 0.0 < size <= LARGEST:
-        raise ValueError(f"grades are tabulated for nominal sizes above 0 up to {LARGEST:g} mm, got {size:g} mm")
+    if not 0.0 < size <= MAX_SIZE_MM:
+        raise ValueError(f"grades are tabulated for nominal sizes above 0 up to {MAX_SIZE_MM:g} mm, got {size:g} mm")
 
 
 # Standard tolerance grades IT01 to IT18 for nominal sizes up to 500 mm.
@@ -71,11 +71,11 @@ HOLES = tuple(letter.upper() for letter in SHAFTS)
 LETTERS = (*HOLES, *SHAFTS)
 """Letters of a fundamental deviation: capitals for holes."""
 SYMMETRIC = "js"
-ABOVE = SHAFTS[: SHAFTS.index("h") + 1]
+SHAFTS_BELOW_NOMINAL = SHAFTS[: SHAFTS.index("h") + 1]
 """Letters of shafts below the nominal size, whose deviation is the upper one."""
 REDUCED = ("k", "m", "n")
 """Letters K, M, N: their holes up to IT8 are moved by Delta, those of later letters up to IT7."""
-SMALLEST = 3.0
+MAX_SIZE_WITHOUT_DELTA = 3.0
 """Up to this nominal size [mm] Delta is 0."""
 
 
@@ -96,7 +96,7 @@ def deviations_um(letter: str, grade: str, size: float) -> tuple[float, float]:
     if shaft_letter == SYMMETRIC:
         return -0.5 * width, 0.5 * width
     hole = letter in HOLES
-    if shaft_letter in ABOVE:
+    if shaft_letter in SHAFTS_BELOW_NOMINAL:
         upper = shaft_um(shaft_letter, grade, size)
         return (-upper, -upper + width) if hole else (upper - width, upper)
     if hole:
@@ -135,15 +135,15 @@ def _hole_um(letter: str, grade: str, size: float) -> float:
         check_size(size)
         return value_um("hole_j_um.csv", grade, size)
     moved = number <= (8 if letter in REDUCED else 7)
-    if letter == "k" and not moved and size > SMALLEST:
+    if letter == "k" and not moved and size > MAX_SIZE_WITHOUT_DELTA:
         raise ValueError(f"ISO 286 has the letter K up to IT8 only above 3 mm, got {grade}")
-    if letter == "n" and not moved and size > SMALLEST:
+    if letter == "n" and not moved and size > MAX_SIZE_WITHOUT_DELTA:
         return 0.0
     if letter == "m" and grade == "IT6" and 250.0 < size <= 315.0:
         return -9.0
     # the deviation k of the grades 4 to 7 is that of all holes K
     below = shaft_um(letter, "IT7" if letter == "k" else grade, size)
-    if not moved or size <= SMALLEST:
+    if not moved or size <= MAX_SIZE_WITHOUT_DELTA:
         return -below
     finer = grade_um(GRADES[max(number, 1)], size)  # IT(n - 1): GRADES begins with IT01
     return -below + grade_um(grade, size) - finer

@@ -9,19 +9,19 @@ CLASSES = ("f", "m", "c", "v")
 """ISO 2768-1: fine, medium, coarse, very coarse."""
 GEOMETRICAL = ("H", "K", "L")
 """ISO 2768-2."""
-SMALLEST = 0.5
+MIN_GENERAL_SIZE_MM = 0.5
 """Below this nominal size [mm] a drawing states each tolerance."""
-_NONE = -1.0
+_NOT_TABULATED = -1.0
 
 _Ends = tuple[float, ...]
 _Table = Mapping[str, _Ends]
 
 _LINEAR_ENDS = (3.0, 6.0, 30.0, 120.0, 400.0, 1000.0, 2000.0, 4000.0)
 _LINEAR = {
-    "f": (0.05, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, _NONE),
+    "f": (0.05, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, _NOT_TABULATED),
     "m": (0.1, 0.1, 0.2, 0.3, 0.5, 0.8, 1.2, 2.0),
     "c": (0.2, 0.3, 0.5, 0.8, 1.2, 2.0, 3.0, 4.0),
-    "v": (_NONE, 0.5, 1.0, 1.5, 2.5, 4.0, 6.0, 8.0),
+    "v": (_NOT_TABULATED, 0.5, 1.0, 1.5, 2.5, 4.0, 6.0, 8.0),
 }
 _RADIUS_ENDS = (3.0, 6.0, inf)
 _RADIUS = {"f": (0.2, 0.5, 1.0), "m": (0.2, 0.5, 1.0), "c": (0.4, 1.0, 2.0), "v": (0.4, 1.0, 2.0)}
@@ -88,10 +88,10 @@ def _check_class(kind: str, classes: tuple[str, ...]) -> None:
         raise ValueError(f'must be one of {", ".join(classes)}, got "{kind}"')
 
 
-def _value(ends: _Ends, table: _Table, kind: str, size: float, smallest: float = SMALLEST) -> float:
+def _value(ends: _Ends, table: _Table, kind: str, size: float, smallest: float = MIN_GENERAL_SIZE_MM) -> float:
     within = smallest <= size <= ends[-1] and size > 0.0
     at = next((at for at, end in enumerate(ends) if size <= end), 0)
-    if not within or table[kind][at] == _NONE:
+    if not within or table[kind][at] == _NOT_TABULATED:
         raise ValueError(f"ISO 2768 has no tolerance of class {kind} for {size:g} mm: state a tolerance")
     return table[kind][at]
 

@@ -13,17 +13,8 @@ from ...units import MRAD, UM
 from ..measurable import Changeable
 from . import maps as sources
 from .geometry import CHAINS, Manipulator, angles, cross, dot, posture
-from .maps import (
-    NAMES,
-    PER_CHAIN,
-    SCALES,
-    SOURCES,
-    Combination,
-    first_order,
-    matrix,
-    orientation_combinations,
-    separated,
-)
+from .maps import NAMES, PER_CHAIN, SCALES, SOURCES, Combination, first_order, matrix, orientation_combinations
+from .maps import solve_separated_maps as separated
 
 KINDS = tuple(
     f"{kind}_{chain}" for kind in ("rod_length", "joint_distance", "joint_line") for chain in range(1, CHAINS + 1)
@@ -58,11 +49,12 @@ def components() -> dict[str, Array]:
     """Directions (63, components) in the space of the sources that make up each kind."""
     combinations = orientation_combinations()
     return {
-        kind: matrix({name: weights for name, weights in combinations.items() if _of(name, kind)}) for kind in KINDS
+        kind: matrix({name: weights for name, weights in combinations.items() if _is_of_kind(name, kind)})
+        for kind in KINDS
     }
 
 
-def _of(name: str, kind: str) -> bool:
+def _is_of_kind(name: str, kind: str) -> bool:
     stem, _, chain = kind.rpartition("_")
     return name == kind or name.startswith((f"{stem}_arm_{chain}_", f"{stem}_platform_{chain}_"))
 
@@ -177,7 +169,7 @@ def changed_errors(
         for first in range(0, len(r), BLOCK):
             at = slice(first, first + BLOCK)
             part = {name: change[at] for name, change in by_name.items()}
-            changed[at] += _under_weight(manipulator, r[at], z[at], phi[at], part)
+            changed[at] += _errors_under_weight(manipulator, r[at], z[at], phi[at], part)
     return changed
 
 
@@ -222,7 +214,9 @@ def _waves(manipulator: Manipulator, r: Array, z: Array, phi: Array, changes: Ma
     return waves
 
 
-def _under_weight(manipulator: Manipulator, r: Array, z: Array, phi: Array, changes: Mapping[str, Array]) -> Array:
+def _errors_under_weight(
+    manipulator: Manipulator, r: Array, z: Array, phi: Array, changes: Mapping[str, Array]
+) -> Array:
     """Errors (n, 63) of drives and rods that yield to the weight.
 
     By virtual work the torque of a weight m g on a drive is -m g dz/dtheta, and the pull of a rod

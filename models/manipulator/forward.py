@@ -27,7 +27,8 @@ from .geometry import (
     turned,
     vector,
 )
-from .maps import NAMES, first_order, separated
+from .maps import NAMES, first_order
+from .maps import solve_separated_maps as separated
 from .ring import Index
 
 SIDES = np.array([0.5, -0.5])
@@ -54,14 +55,14 @@ class Machine:
     length: Array
 
 
-def built(manipulator: Manipulator, drives: Array, phi: Array, errors: Array) -> Machine:
+def machines_with_errors(manipulator: Manipulator, drives: Array, phi: Array, errors: Array) -> Machine:
     """Machines with `errors` (..., 63) [m, rad], their arms commanded to `drives` (..., 3)
     [rad] from e_r at the azimuth `phi` (...) [rad].
 
     A_ij = O + dO + F exp(dT) ((l1 + dl1) x + s_j (d + ddA)/2 exp(dA) n) and
     B_ij = P + R (p + dp + s_j (d + ddB)/2 exp(dB) n), |B_ij - A_ij| = l2 + dl2_ij.
     """
-    m, e = manipulator, _by_chain(errors)
+    m, e = manipulator, _errors_by_chain(errors)
     middle = vector(m.arms + e[..., sources.ARM_LENGTH], 0.0, 0.0)
     line = turned(SIDE[:, None] * UP, e[..., sources.JOINT_LINE_ARM])
     joints = _pair(middle, line, m.distances + e[..., sources.JOINT_DISTANCE_ARM])
@@ -71,7 +72,7 @@ def built(manipulator: Manipulator, drives: Array, phi: Array, errors: Array) ->
     across = turned(JOINT_LINES, e[..., sources.JOINT_LINE_PLATFORM])
     at = m.attachments + e[..., sources.PLATFORM_ATTACHMENT]
     return Machine(
-        base=m.origins + about_up(e[..., sources.ORIGIN], -phi[..., None]),
+        base=m.origins + turn_about_vertical(e[..., sources.ORIGIN], -phi[..., None]),
         arm=arm,
         arm_middle=arm[..., 2, :, :].mean(axis=-2),
         platform=_pair(at, across, m.distances + e[..., sources.JOINT_DISTANCE_PLATFORM]),
@@ -80,13 +81,13 @@ def built(manipulator: Manipulator, drives: Array, phi: Array, errors: Array) ->
     )
 
 
-def about_up(v: Array, angle: Array) -> Array:
+def turn_about_vertical(v: Array, angle: Array) -> Array:
     """Vectors (..., 3) turned about z by angles (...) [rad]."""
     c, s = np.cos(angle), np.sin(angle)
     return vector(c * v[..., 0] - s * v[..., 1], s * v[..., 0] + c * v[..., 1], v[..., 2])
 
 
-def _by_chain(errors: Array) -> Array:
+def _errors_by_chain(errors: Array) -> Array:
     """Errors (..., 63) as (..., 3 chains, 21), the sources apart in memory."""
     apart = np.ascontiguousarray(np.moveaxis(errors, -1, 0))
     apart = apart.reshape(CHAINS, sources.PER_CHAIN, *apart.shape[1:])
@@ -102,9 +103,9 @@ def _pair(middle: Array, line: Array, distance: Array) -> Array:
 # Exact pose of a manipulator with any elementary errors, by Newton's method.
 
 
-ENOUGH = 1e-9
+NEWTON_TOLERANCE = 1e-9
 """Newton's last step [m, rad]: the next would be its square, below rounding."""
-MOST_STEPS = 20
+MAX_NEWTON_STEPS = 20
 BLOCK = 2048
 """Machines that are solved at once: so many fit into a processor's cache."""
 
@@ -178,7 +179,7 @@ def solve(
     steps = 0
     for first in range(0, count, BLOCK):
         at = slice(first, first + BLOCK)
-        machine = built(manipulator, flat[0][at], azimuth[at], flat[2][at])
+        machine = machines_with_errors(manipulator, flat[0][at], azimuth[at], flat[2][at])
         state, steps_taken = _newton(machine, flat[1][at], manipulator.follow_up == "rod", first)
         position[at], psi[at] = state.position - flat[1][at], state.psi
         turn[at] = rotation_vector(state.frame)
@@ -192,7 +193,7 @@ def _newton(machine: Machine, start: Array, free: bool, first: int) -> tuple[_St
     frame = np.broadcast_to(np.eye(3), (count, 3, 3))
     state = _State(start, frame, machine.platform, machine.middle, np.zeros(count))
     size = np.full(count, np.inf)
-    for step in range(1, MOST_STEPS + 1):
+    for step in range(1, MAX_NEWTON_STEPS + 1):
         with np.errstate(all="ignore"):
             move, turn, twist = _step(machine, state, free)
             state = _State(
@@ -204,7 +205,7 @@ def _newton(machine: Machine, start: Array, free: bool, first: int) -> tuple[_St
             )
             size = np.maximum(np.abs(move).max(axis=-1), np.abs(turn).max(axis=-1))
             size = np.maximum(size, np.abs(twist))
-        if np.all(size <= ENOUGH):
+        if np.all(size <= NEWTON_TOLERANCE):
             return state, step
         if not np.isfinite(size).all():
             break
@@ -216,24 +217,24 @@ def _step(machine: Machine, state: _State, free: bool) -> tuple[Array, Array, Ar
     arm = machine.arm
     if free:
         arm = arm.copy(order="K")
-        arm[:, 2] = about_up(arm[:, 2], state.psi[:, None])
+        arm[:, 2] = turn_about_vertical(arm[:, 2], state.psi[:, None])
     rods = state.position[:, None, None, :] + state.seat - machine.base[:, :, None, :] - arm
     size = np.sqrt(dot(rods, rods))
     w = rods / size[..., None]
     lever = cross(state.seat, w)
-    move, turn = _separated(w, lever, machine.length - size)
+    move, turn = _solve_separated_equations(w, lever, machine.length - size)
     if not free:
         return move, turn, np.zeros(len(move))
     by_psi = np.zeros_like(size)
     by_psi[:, 2] = dot(w[:, 2], cross(UP, arm[:, 2]))
-    along, about = _separated(w, lever, by_psi)  # derivatives of the pose by psi
+    along, about = _solve_separated_equations(w, lever, by_psi)  # derivatives of the pose by psi
     distance, on_move, on_turn, on_psi = _follow_up(machine, state)
     residual = -distance - dot(on_move, move) - dot(on_turn, turn)
     twist = residual / (on_psi + dot(on_move, along) + dot(on_turn, about))
     return move + twist[:, None] * along, turn + twist[:, None] * about, twist
 
 
-def _separated(w: Array, lever: Array, right: Array) -> tuple[Array, Array]:
+def _solve_separated_equations(w: Array, lever: Array, right: Array) -> tuple[Array, Array]:
     """Solutions (n, 3) and (n, 3) of w.x + lever.y = right, one equation per rod (n, 3, 2).
 
     Half sums and differences of the rods of a parallelogram: the former hold the position, the
@@ -259,13 +260,13 @@ def _follow_up(machine: Machine, state: _State) -> tuple[Array, Array, Array, Ar
     """
     c, s = np.cos(state.psi), np.sin(state.psi)
     e_r, e_t = vector(c, s, 0.0), vector(-s, c, 0.0)
-    arm = about_up(machine.arm_middle, state.psi)
+    arm = turn_about_vertical(machine.arm_middle, state.psi)
     reach = state.position + state.middle - machine.base[:, 2]
     return dot(reach - arm, e_t), e_t, cross(state.middle, e_t), -dot(reach, e_r)
 
 
 def _no_pose(size: Array, first: int) -> NoPose:
-    bad = np.flatnonzero(~(size <= ENOUGH))
+    bad = np.flatnonzero(~(size <= NEWTON_TOLERANCE))
     message = (
         f"Newton's method does not converge ({len(bad)} of {len(size)} poses in its block fail; its last step "
         f"is {size[bad[0]]:.3g}); give smaller errors, or another pose"
@@ -337,7 +338,7 @@ def _rms(v: Array) -> float:
 
 EXACT = 1e-13
 """Position [m] that counts as exact."""
-MOST_PASSES = 30
+MAX_COMPENSATION_PASSES = 30
 
 
 @dataclass(frozen=True, slots=True)
@@ -377,7 +378,7 @@ def compensated(
     error_vector = np.zeros(len(NAMES)) if errors is None else np.asarray(errors, dtype=float)
     r, z, phi, _ = np.broadcast_arrays(r, z, phi, error_vector[..., 0])
     command_r, command_z, ahead = r.astype(float), z.astype(float), np.zeros(r.shape)
-    for _ in range(MOST_PASSES):
+    for _ in range(MAX_COMPENSATION_PASSES):
         pose = exact_pose(manipulator, command_r, command_z, phi + ahead, error_vector)
         x, y = command_r + pose.position[..., 0], pose.position[..., 1]
         off_r = np.hypot(x, y) - r
@@ -385,6 +386,6 @@ def compensated(
         off_z = command_z + pose.position[..., 2] - z
         if max(np.abs(component).max(initial=0.0) for component in (off_r, r * off_t, off_z)) <= EXACT:
             axes = turned(np.eye(3), pose.orientation[..., None, :])
-            return rotation_vector(about_up(axes, ahead[..., None]))
+            return rotation_vector(turn_about_vertical(axes, ahead[..., None]))
         command_r, command_z, ahead = command_r - off_r, command_z - off_z, ahead - off_t
     raise NoPose([Fault("compensation", "no command makes the position exact; give smaller errors")])

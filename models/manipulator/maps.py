@@ -179,7 +179,7 @@ def first_order(manipulator: Manipulator, r: Array, z: Array, phi: Array | float
     r, z, phi = (np.asarray(coordinate, dtype=float).ravel() for coordinate in (r, z, phi))
     r, z = np.broadcast_arrays(r, z)
     chains = posture(manipulator, r, z)
-    turn, place, shift = separated(chains)
+    turn, place, shift = solve_separated_maps(chains)
     by_turn = turn[..., None] * differences(manipulator, chains)[:, None]  # (n, 3, chain, 21)
     by_place = place[..., None] * half_sums(manipulator, chains, phi)[:, None]
     orientation = by_turn.reshape(len(r), 3, -1)
@@ -195,7 +195,7 @@ def first_order(manipulator: Manipulator, r: Array, z: Array, phi: Array | float
     return Maps(orientation, position, plane)
 
 
-def separated(chains: Posture) -> tuple[Array, Array, Array]:
+def solve_separated_maps(chains: Posture) -> tuple[Array, Array, Array]:
     """Matrices (n, 3, 3) of the separated equations, solved.
 
     They map the differences of the closures to the orientation, their half sums to the position,

@@ -18,7 +18,8 @@ from ...units import MM, MRAD
 from ..inputs import Distribution
 from ..measurable import NO_CHANGES, Column, MeasurableModel, Outside, Role
 from .effects import CHANGEABLE, base_tilt, changed_errors
-from .forward import about_up, compensated, exact_pose
+from .forward import compensated, exact_pose
+from .forward import turn_about_vertical as about_up
 from .geometry import CHAINS, Manipulator, TaskRing, cross, posture, reach, rotation_vector, turned, vector
 from .maps import NAMES, SOURCES, error_vector
 from .ring import GRID, INDICES
@@ -83,7 +84,7 @@ COMPENSATION = Parameter(
 
 def manipulator(parameters: Mapping[str, Value]) -> Manipulator:
     """The machine (SI) of `parameters` by declared name; omitted ones keep their defaults."""
-    p = _completed(parameters)
+    p = _complete_parameters(parameters)
     return Manipulator(
         half_length=p["half_length_mm"] * MM,
         half_width=p["half_width_mm"] * MM,
@@ -97,7 +98,7 @@ def manipulator(parameters: Mapping[str, Value]) -> Manipulator:
 
 def task_ring(parameters: Mapping[str, Value]) -> TaskRing:
     """The task ring (SI) of `parameters` by declared name."""
-    p = _completed(parameters)
+    p = _complete_parameters(parameters)
     return TaskRing(_metres(p["ring_r_mm"]), _metres(p["ring_z_mm"]))
 
 
@@ -112,7 +113,7 @@ def elementary_errors(parameters: Mapping[str, Value]) -> Array:
     return error_vector(table, "parameters.elementary_errors")
 
 
-def _completed(parameters: Mapping[str, Value]) -> dict[str, Any]:
+def _complete_parameters(parameters: Mapping[str, Value]) -> dict[str, Any]:
     return {p.name: p.default for p in PARAMETERS} | dict(parameters)
 
 
@@ -124,7 +125,7 @@ def _metres(lengths: Any) -> Any:
 # Faults of a manipulator's dimensions, or of its task ring.
 
 
-WORST_CONDITION = 1e3
+MAX_CONDITION_NUMBER = 1e3
 """Condition number from which a pose counts as singular: errors grow that much there."""
 CHOICES = ("fixed", "rod")
 
@@ -135,14 +136,14 @@ def faults(manipulator: Manipulator, ring: TaskRing, place: str = "parameters") 
     Wrong lists and lengths first; without these, chains that do not close, poses out of reach and
     singular poses of the ring, each with the pose, the chain and the number that shows it.
     """
-    listed = [*_of_lengths(manipulator, place), *_of_ring(ring, place)]
+    listed = [*_length_faults(manipulator, place), *_ring_faults(ring, place)]
     if listed:
         return listed
     r, z = _poses(manipulator, ring)
-    return [*_of_reach(manipulator, r, z, place)] or [*_of_singularities(manipulator, r, z, place)]
+    return [*_reach_faults(manipulator, r, z, place)] or [*_singularity_faults(manipulator, r, z, place)]
 
 
-def _of_lengths(manipulator: Manipulator, place: str) -> Iterator[Fault]:
+def _length_faults(manipulator: Manipulator, place: str) -> Iterator[Fault]:
     for field in fields(manipulator):
         value, key = getattr(manipulator, field.name), f"{place}.{field.name}_mm"
         if field.name == "follow_up":
@@ -157,7 +158,7 @@ def _of_lengths(manipulator: Manipulator, place: str) -> Iterator[Fault]:
             yield Fault(key, f"must be above 0, got {_millimetres(value)}")
 
 
-def _of_ring(ring: TaskRing, place: str) -> Iterator[Fault]:
+def _ring_faults(ring: TaskRing, place: str) -> Iterator[Fault]:
     for name, lowest in (("r", 0.0), ("z", -np.inf)):
         ends, key = getattr(ring, name), f"{place}.ring_{name}_mm"
         if len(ends) != 2:
@@ -177,7 +178,7 @@ def _poses(manipulator: Manipulator, ring: TaskRing) -> tuple[Array, Array]:
     return r.ravel(), z.ravel()
 
 
-def _of_reach(manipulator: Manipulator, r: Array, z: Array, place: str) -> Iterator[Fault]:
+def _reach_faults(manipulator: Manipulator, r: Array, z: Array, place: str) -> Iterator[Fault]:
     cosine = reach(manipulator, r, z)
     cosine = np.where(np.isnan(cosine), np.inf, cosine)
     over = np.abs(cosine) - 1.0
@@ -199,23 +200,23 @@ def _of_reach(manipulator: Manipulator, r: Array, z: Array, place: str) -> Itera
             )
 
 
-def _of_singularities(manipulator: Manipulator, r: Array, z: Array, place: str) -> Iterator[Fault]:
+def _singularity_faults(manipulator: Manipulator, r: Array, z: Array, place: str) -> Iterator[Fault]:
     """Poses where the equations of the position or of the orientation are linearly dependent.
 
     The chain is that with the largest component in the dependence.
     """
     for name in _rows(manipulator, r[:1], z[:1]):
-        r_here, z_here, crossed = _worst(manipulator, r, z, name)
+        r_here, z_here, crossed = _most_singular_pose(manipulator, r, z, name)
         vectors, size, _ = np.linalg.svd(_rows(manipulator, r_here, z_here)[name])
         condition = size[0, 0] / max(size[0, -1], np.finfo(float).tiny)
-        if condition < WORST_CONDITION and not crossed:
+        if condition < MAX_CONDITION_NUMBER and not crossed:
             continue
         chain = min(int(np.argmax(np.abs(vectors[0, :, -1]))) + 1, CHAINS)  # its rod is of chain 3
         yield Fault(
             f"{place}.ring_r_mm",
             f"the ring {'crosses' if crossed else 'comes close to'} a singularity of the {name} at"
             f" the pose {_pose(r_here, z_here, 0)}, chain {chain}: condition number"
-            f" {condition:.4g} (must be below {WORST_CONDITION:g})",
+            f" {condition:.4g} (must be below {MAX_CONDITION_NUMBER:g})",
         )
 
 
@@ -236,7 +237,7 @@ def _rows(manipulator: Manipulator, r: Array, z: Array) -> dict[str, Array]:
     return equations
 
 
-def _worst(manipulator: Manipulator, r: Array, z: Array, name: str) -> tuple[Array, Array, bool]:
+def _most_singular_pose(manipulator: Manipulator, r: Array, z: Array, name: str) -> tuple[Array, Array, bool]:
     """The pose nearest to a singularity, r, z (1,), and whether the ring crosses it there.
 
     Where the determinant changes its sign, by bisection between its two extremes.

@@ -102,15 +102,15 @@ WIDER = 1.1
 BLOCK = 128
 """Machines that are computed at once: matrices this small are multiplied by a single thread, which
 on a busy computer is many times faster than waiting for another."""
-SHORT = 0.999
+BRACKET_SHRINKAGE = 0.999
 """Lower end of the bracket in units of the quantile at the worst pose, where too many exceed it."""
 STEP = 1e-3
 """Relative step of the density at a quantile."""
-CLOSE = 1e-9
+RELATIVE_TOLERANCE = 1e-9
 """Relative tolerance of a quantile."""
-NONE = 1e-4
+NEGLIGIBLE_FRACTION = 1e-4
 """Fraction of the exceeding machines that is neglected: 1e-5 of a quantile at most."""
-TINY = 1e-200
+MIN_SQUARE = 1e-200
 """Square of an effect in the plane that counts as zero."""
 
 
@@ -172,7 +172,7 @@ class Machines:
         b, a = sample.u @ plane.T, sample.g - (sample.g @ plane) @ plane.T
         parts = [_quadratic(effect, a.T.copy(), b.T.copy()) for effect in effects]
         square, product, offset = (np.concatenate(blocks) for blocks in zip(*parts, strict=True))
-        inverse = 1.0 / np.maximum(square, TINY)
+        inverse = 1.0 / np.maximum(square, MIN_SQUARE)
         middle = product * inverse
         return cls(inverse, middle, offset * inverse - middle**2, variances, sample.replicates)
 
@@ -208,7 +208,12 @@ class Machines:
         while fraction(high) > 1.0 - coverage:
             high *= WIDER
         root = float(
-            scipy.optimize.brentq(lambda at: np.log(fraction(at) / (1.0 - coverage)), SHORT * least, high, rtol=CLOSE)
+            scipy.optimize.brentq(
+                lambda at: np.log(fraction(at) / (1.0 - coverage)),
+                BRACKET_SHRINKAGE * least,
+                high,
+                rtol=RELATIVE_TOLERANCE,
+            )
         )
         fall = fraction(root * (1.0 - STEP)) - fraction(root * (1.0 + STEP))
         return max(root, least), relevant.beyond(root, row)[1] * 2.0 * STEP * root / fall
@@ -220,7 +225,7 @@ class Machines:
         """
         over = exceedance(self.variances, bound)
         order = np.argsort(over)
-        kept = np.union1d(order[np.cumsum(over[order]) > NONE * fraction], [worst])
+        kept = np.union1d(order[np.cumsum(over[order]) > NEGLIGIBLE_FRACTION * fraction], [worst])
         return self.at(kept), int(np.searchsorted(kept, worst))
 
     def _fractions(self, bound: float, worst: int) -> Array:
@@ -262,7 +267,7 @@ def _quadratic(effects: Array, a: Array, b: Array) -> tuple[Array, Array, Array]
 
 
 FieldRows = NDArray[np.int64]
-EQUAL = 1e-9
+EXCEEDANCE_TOLERANCE = 1e-9
 """Relative difference of two probabilities that counts as equal."""
 
 
@@ -305,7 +310,7 @@ def worst_quantile(variances: Array, coverage: float) -> tuple[Array, FieldRows]
     a probability above 1 - coverage. The widest axis of all poses alone, half-normal, gives a lower
     bound of the worst quantile: only poses that exceed it too often are examined again.
     """
-    rows, missed = np.arange(len(variances)), (1.0 - coverage) * (1.0 + EQUAL)
+    rows, missed = np.arange(len(variances)), (1.0 - coverage) * (1.0 + EXCEEDANCE_TOLERANCE)
     axis = np.zeros((len(variances), 3))
     axis[:, 0] = variances[..., 0].max(axis=1)
     over = exceedance(variances, quantile(axis, coverage)[:, None])
@@ -334,7 +339,7 @@ ORDER = 24
 FINEST = 192
 """Nodes per axis at most: an effect that changes its sign within the ring has a kink in its size,
 on which the quadrature converges slowly."""
-INDEX_CLOSE = 1e-3
+INDEX_TOLERANCE = 1e-3
 """Relative change by doubling the nodes at which an index counts as converged."""
 GRID = 41
 """Nodes per axis of a grid of all poses."""
@@ -397,7 +402,7 @@ def sensitivity(
     while True:
         fine = _means(manipulator, ring, index, columns, order)
         error = _change(fine, coarse)
-        if error <= INDEX_CLOSE or 2 * order > FINEST:
+        if error <= INDEX_TOLERANCE or 2 * order > FINEST:
             return Sensitivity(names, fine[0], fine[1], fine[2], error, order)
         coarse, order = fine, 2 * order
 

@@ -30,7 +30,7 @@ def stop_loss(term: Term, x: Array) -> Array:
     away = x - term.constant[:, None]
     if term.quadratic is None:
         return _stop_loss_linear(term, away)
-    return np.where((term.quadratic == 0.0)[:, None], _stop_loss_linear(term, away), _stop_loss_bent(term, away))
+    return np.where((term.quadratic == 0.0)[:, None], _stop_loss_linear(term, away), _stop_loss_quadratic(term, away))
 
 
 def _stop_loss_linear(term: Term, away: Array) -> Array:
@@ -44,7 +44,7 @@ def _stop_loss_linear(term: Term, away: Array) -> Array:
     return np.where(flat, np.maximum(away, 0.0), np.where(slope > 0.0, rising, falling))
 
 
-def _stop_loss_bent(term: Term, away: Array) -> Array:
+def _stop_loss_quadratic(term: Term, away: Array) -> Array:
     """The same for linear z + quadratic z^2: the mass between the roots, or outside of them."""
     assert term.quadratic is not None
     b, a = term.linear[:, None], np.where(term.quadratic == 0.0, 1.0, term.quadratic)[:, None]
@@ -79,14 +79,14 @@ def spectrum(terms: tuple[Term, ...], step: Array, points: int) -> tuple[Spectru
     start = np.zeros(len(step), dtype=np.int64)
     for term in terms:
         mass, first = masses(term, step)
-        transform = scipy.fft.rfft(_wrapped(mass, points), n=points, axis=1)
+        transform = scipy.fft.rfft(_wrapped_mass(mass, points), n=points, axis=1)
         product = transform if product is None else product * transform
         start += first
     assert product is not None
     return product, start
 
 
-def _wrapped(mass: Array, points: int) -> Array:
+def _wrapped_mass(mass: Array, points: int) -> Array:
     """Mass beyond the last lattice point, folded round: the lattice is periodic."""
     if mass.shape[1] <= points:
         return mass
@@ -163,7 +163,7 @@ def _statistics(total: ClippedSum, coverage: float, limit: float, points: int) -
     transform, start = spectrum(total.clipped, step, points)
     first = np.floor(low / step).astype(np.int64) - 2 * len(total.clipped)
     mass = window(transform, start, first, points)
-    negative = _below(mass, -first)
+    negative = _negative_probability(mass, -first)
     effective, base = _clip(mass, first)
     free, free_start = spectrum(total.free, step, points)
     begin = base + np.floor(free_low / step).astype(np.int64) - 2 * len(total.free)
@@ -175,7 +175,7 @@ def _statistics(total: ClippedSum, coverage: float, limit: float, points: int) -
 def _range(terms: tuple[Term, ...]) -> tuple[Array, Array, Array]:
     """Lower end, upper end and width of the range of a sum of terms, each (n,)."""
     ends = np.array([term.bounds() for term in terms]).sum(axis=0)
-    light = [_light(term) for term in terms]
+    light = [_is_light_tailed(term) for term in terms]
     wide = [term.bounds() for term, covered in zip(terms, light, strict=True) if not covered]
     straight = tuple(term for term, covered in zip(terms, light, strict=True) if covered)
     low, high = np.array(wide).sum(axis=0) if wide else np.zeros_like(ends)
@@ -187,7 +187,7 @@ def _range(terms: tuple[Term, ...]) -> tuple[Array, Array, Array]:
     return low, high, high - low
 
 
-def _light(term: Term) -> bool:
+def _is_light_tailed(term: Term) -> bool:
     """Whether REACH standard deviations cover the contribution.
 
     They do not for z^2 of a normal z, nor for a rare outlier.
@@ -200,7 +200,7 @@ def _light(term: Term) -> bool:
     return bool(below + 1.0 - upto <= HEAVY)
 
 
-def _below(mass: Array, zero: Integers) -> Array:
+def _negative_probability(mass: Array, zero: Integers) -> Array:
     """Probability of a negative value: all mass below index `zero` and half of that on it."""
     at = np.arange(mass.shape[1])
     weight = np.where(at < zero[:, None], 1.0, np.where(at == zero[:, None], 0.5, 0.0))
@@ -243,7 +243,7 @@ def _levels(mass: Array, x: Array, step: Array, coverage: float, limit: float) -
 # A quantile of a weighted sum of such deviations is convex in the weights (`symmetric_sum`).
 
 
-NEAR = 1e-3
+MAX_SERIES_ARGUMENT = 1e-3
 """Arguments below which a power series replaces a quotient."""
 LANDAU = 0.7858
 """|J_nu(x)| <= 0.7858 x^(-1/3), nu >= 0, x > 0 (Landau 2000, J. London Math. Soc. 61)."""
@@ -305,8 +305,8 @@ class EvenPlateau(Even):
         return wide[0] * narrow[0], a * wide[1] * narrow[0] + b * wide[0] * narrow[1]
 
     def value(self, w: Array) -> Array:
-        flat = _sinc_alone(0.5 * (1.0 + self.top) * w)
-        return flat if self.top == 1.0 else flat * _sinc_alone(0.5 * (1.0 - self.top) * w)
+        flat = _sinc_value(0.5 * (1.0 + self.top) * w)
+        return flat if self.top == 1.0 else flat * _sinc_value(0.5 * (1.0 - self.top) * w)
 
     def envelope(self, w: Array) -> tuple[Array, Array]:
         if self.top == 1.0:
@@ -408,7 +408,7 @@ class EvenBeta(Even):
 
     def characteristic(self, w: Array) -> tuple[Array, Array]:
         order = self.k - 0.5
-        near = np.abs(w) < NEAR
+        near = np.abs(w) < MAX_SERIES_ARGUMENT
         safe = np.where(near, 1.0, np.abs(w))
         scale = gamma(self.k + 0.5) * (2.0 / safe) ** order
         square = 1.0 / (2.0 * self.k + 1.0)
@@ -448,9 +448,9 @@ def even_law(law: Distribution) -> tuple[float, Even] | None:
     return None
 
 
-def _sinc_alone(w: Array) -> Array:
+def _sinc_value(w: Array) -> Array:
     """sin(w)/w."""
-    near = np.abs(w) < NEAR
+    near = np.abs(w) < MAX_SERIES_ARGUMENT
     safe = np.where(near, 1.0, w)
     value = np.asarray(np.sin(safe) / safe)
     if np.any(near):
@@ -461,9 +461,9 @@ def _sinc_alone(w: Array) -> Array:
 
 def _sinc(w: Array) -> tuple[Array, Array]:
     """sin(w)/w and its derivative."""
-    near = np.abs(w) < NEAR
+    near = np.abs(w) < MAX_SERIES_ARGUMENT
     safe = np.where(near, 1.0, w)
-    value = _sinc_alone(w)
+    value = _sinc_value(w)
     slope = np.where(near, -w / 3.0 + w**3 / 30.0, (np.cos(safe) - value) / safe)
     return value, slope
 

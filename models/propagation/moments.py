@@ -12,7 +12,7 @@ from ...section import Array
 from ..inputs import density
 from .sums import ClippedSum, Estimate, Propagated, Propagation, cumulants_of, total_cumulants
 
-TINY = 1e-75
+MIN_STD = 1e-75
 """Replaces a spread of 0: its fourth power, which divides a fourth cumulant, is still above 0."""
 
 
@@ -33,9 +33,9 @@ class Moments(Propagation):
     def _propagate(self, total: ClippedSum, coverage: float, limit: float) -> Propagated:
         clipped, free = total_cumulants(total.clipped), total_cumulants(total.free)
         ends = _ends(total)
-        full = _within(_effective(clipped, free, coverage, limit), ends)
-        gauss = _within(_effective(_gaussian(clipped), free, coverage, limit, True), ends)
-        doubt = _doubt(clipped, free, coverage)
+        full = _clip_to_support(_effective(clipped, free, coverage, limit), ends)
+        gauss = _clip_to_support(_effective(_gaussian(clipped), free, coverage, limit, True), ends)
+        doubt = _series_error(clipped, free, coverage)
         estimates = [Estimate(a, np.abs(a - b) + c) for a, b, c in zip(full, gauss, doubt, strict=True)]
         mean, variance = clipped[:2] + free[:2]
         return Propagated(mean, np.sqrt(variance), *estimates)
@@ -51,7 +51,7 @@ def _ends(total: ClippedSum) -> tuple[Array, Array]:
     return low, high
 
 
-def _within(moments: tuple[Array, ...], ends: tuple[Array, Array]) -> tuple[Array, ...]:
+def _clip_to_support(moments: tuple[Array, ...], ends: tuple[Array, Array]) -> tuple[Array, ...]:
     """Mean and quantile moved into the support: a series may leave it where most mass is cut."""
     mean, std, quantile, *rest = moments
     return (np.clip(mean, *ends), std, np.clip(quantile, *ends), *rest)
@@ -62,7 +62,7 @@ def _gaussian(cumulants: Array) -> Array:
     return np.asarray(cumulants * np.array([1.0, 1.0, 0.0, 0.0])[:, None])
 
 
-def _doubt(clipped: Array, free: Array, coverage: float) -> tuple[Array, ...]:
+def _series_error(clipped: Array, free: Array, coverage: float) -> tuple[Array, ...]:
     """Estimated error of the series, whatever its terms cancel to, per statistic.
 
     The size of the terms with the largest Hermite polynomials times density instead of those at the
@@ -77,7 +77,7 @@ def _doubt(clipped: Array, free: Array, coverage: float) -> tuple[Array, ...]:
 
 
 def _series_size(cumulants: Array) -> Array:
-    sigma = np.sqrt(np.maximum(cumulants[1], TINY**2))
+    sigma = np.sqrt(np.maximum(cumulants[1], MIN_STD**2))
     with np.errstate(over="ignore"):  # where the series gives no variance its error is unbounded
         skew, excess = np.abs(cumulants[2]) / sigma**3, np.abs(cumulants[3]) / sigma**4
         return np.asarray(0.40 * skew / 6.0 + 0.55 * excess / 24.0 + 1.4 * skew**2 / 72.0)
@@ -90,7 +90,7 @@ def _effective(
     upper = _upper_moments(clipped)
     cumulants = cumulants_of(upper[1:]) + free
     mean, std = cumulants[0], np.sqrt(np.maximum(cumulants[1], 0.0))
-    safe = np.maximum(std, TINY)
+    safe = np.maximum(std, MIN_STD)
     spread = np.where(std > 0.0, cumulants, 0.0)
     skew, excess = spread[2] / safe**3, spread[3] / safe**4
     if gaussian:
@@ -103,7 +103,7 @@ def _effective(
 def _upper_moments(cumulants: Array) -> Array:
     """E[x^k; x > 0], k = 0..4, of the Gram-Charlier density, shape (5, n)."""
     mean = cumulants[0]
-    sigma = np.maximum(np.sqrt(cumulants[1]), 1e-12 * np.abs(mean) + TINY)
+    sigma = np.maximum(np.sqrt(cumulants[1]), 1e-12 * np.abs(mean) + MIN_STD)
     skew, excess = cumulants[2] / sigma**3 / 6.0, cumulants[3] / sigma**4 / 24.0
     tail = _normal_tail_moments(-mean / sigma, 8)
     shaped = [
@@ -206,7 +206,7 @@ class PowerSums:
     def std(self) -> Stated:
         """The standard deviation s; its error is sqrt((mu_4 - s^4)/(4 n s^2))."""
         _, variance, _, fourth = self.moments()
-        return Stated(sqrt(variance), sqrt(_of_std(variance, fourth) / self.count))
+        return Stated(sqrt(variance), sqrt(_variance_of_std(variance, fourth) / self.count))
 
     def cp(self, lower: float, upper: float) -> Stated:
         """Capability (upper - lower)/(6 s)."""
@@ -220,7 +220,7 @@ class PowerSums:
         s = sqrt(variance)
         value = side * (limit - mean) / (3.0 * s)
         by_mean, by_std = -side / (3.0 * s), -value / s
-        square = by_mean**2 * variance + by_std**2 * _of_std(variance, fourth)
+        square = by_mean**2 * variance + by_std**2 * _variance_of_std(variance, fourth)
         square += 2.0 * by_mean * by_std * 0.5 * third / s
         return Stated(value, sqrt(max(square, 0.0) / self.count))
 
@@ -236,6 +236,6 @@ def share(hits: int, count: int) -> Stated:
     return Stated(p, max(sqrt(p * (1.0 - p) / count), 1.0 / count))
 
 
-def _of_std(variance: float, fourth: float) -> float:
+def _variance_of_std(variance: float, fourth: float) -> float:
     """n times the variance of the standard deviation; 0 where nothing varies."""
     return max(fourth - variance**2, 0.0) / (4.0 * variance) if variance > 0.0 else 0.0

@@ -39,12 +39,12 @@ class Propagated:
     negative: Estimate
 
 
-def joined(parts: list[Propagated]) -> Propagated:
+def join_propagated(parts: list[Propagated]) -> Propagated:
     """The results of consecutive blocks of designs, joined."""
-    return Propagated(*(_joined([getattr(part, field.name) for part in parts]) for field in fields(Propagated)))
+    return Propagated(*(_join_estimates([getattr(part, field.name) for part in parts]) for field in fields(Propagated)))
 
 
-def _joined(pieces: list[Any]) -> Any:
+def _join_estimates(pieces: list[Any]) -> Any:
     if not isinstance(pieces[0], Estimate):
         return np.concatenate(pieces)
     value, error = (np.concatenate(arrays) for arrays in zip(*((p.value, p.error) for p in pieces), strict=True))
@@ -175,4 +175,6 @@ class Propagation(ABC):
         that conforming units do not exceed, in the unit of the sum.
         """
         starts = range(0, total.size, self.block)
-        return joined([self._propagate(total.rows(slice(at, at + self.block)), coverage, limit) for at in starts])
+        return join_propagated(
+            [self._propagate(total.rows(slice(at, at + self.block)), coverage, limit) for at in starts]
+        )

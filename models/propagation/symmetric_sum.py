@@ -35,7 +35,7 @@ CLOSE, SQUARED = 1e-14, 1e-8
 """Relative step at which bisection ends, and Newton's method, whose next step is its square."""
 STEPS = 60
 """Steps of Newton's method, with bisection where it leaves its bracket."""
-FEW = 4
+MIN_COLUMNS_PER_SCALE = 4
 """Times that each scale of a variable must occur, on average, for sums to count as alike."""
 
 
@@ -76,7 +76,7 @@ class Series:
             last_k = k[-1] / period
             dense = np.where(decay > 1.0, product * last_k / (decay - 1.0), np.inf)
             steep = np.where(others_decay > 1.0, partial * last_k[:, None] / (others_decay - 1.0), np.inf)
-        return cls(k, omega, phi, slopes, period, _missing(product, decay), dense, steep)
+        return cls(k, omega, phi, slopes, period, _truncation_bounds(product, decay), dense, steep)
 
     @classmethod
     def of_values(cls, kinds: Kinds, s: Array, period: Array, terms: int) -> Series:
@@ -88,13 +88,15 @@ class Series:
         product, decay = np.ones(len(s)), np.zeros(len(s))
         for law, columns in kinds.items():
             if shared:
-                _times(phi, law, s[:, columns], omega[0])
+                _multiply_by_factors(phi, law, s[:, columns], omega[0])
             else:
                 phi *= np.prod(law.value(s[:, columns, None] * omega[:, None, :]), axis=1)
             bound, fall = law.envelope(last[:, columns])
             product, decay = product * np.prod(bound, axis=1), decay + np.sum(fall, axis=1)
         unknown = np.full(len(s), np.inf)
-        return cls(k, omega, phi, np.empty((len(s), 0, terms)), period, _missing(product, decay), unknown, unknown)
+        return cls(
+            k, omega, phi, np.empty((len(s), 0, terms)), period, _truncation_bounds(product, decay), unknown, unknown
+        )
 
     def of_rows(self, rows: NDArray[np.bool_] | slice) -> Series:
         """The series of some sums."""
@@ -142,7 +144,7 @@ def _frequencies(period: Array, terms: int) -> tuple[Array, Array]:
     return k, np.pi * k / period[:, None]
 
 
-def _missing(product: Array, decay: Array) -> Array:
+def _truncation_bounds(product: Array, decay: Array) -> Array:
     """Bounds (n,) of neglected terms: the sum over odd k > K of (K/k)^D/k is at most 1/(2 D)."""
     with np.errstate(divide="ignore"):
         return np.where(decay > 0.0, product / (np.pi * decay), 1.0)
@@ -161,10 +163,10 @@ def alike(s: Array, period: Array) -> bool:
     if period.max() > 1.25 * period.min():
         return False
     distinct = len(s[0]) + np.count_nonzero(np.diff(np.sort(s, axis=0), axis=0))
-    return bool(FEW * distinct <= s.size)
+    return bool(MIN_COLUMNS_PER_SCALE * distinct <= s.size)
 
 
-def _times(phi: Array, law: Even, s: Array, omega: Array) -> None:
+def _multiply_by_factors(phi: Array, law: Even, s: Array, omega: Array) -> None:
     """Multiply `phi` (n, terms) by the factors of the columns of s (n, m), equal scales once."""
     order = np.argsort(s, axis=0)
     ranked = np.take_along_axis(s, order, axis=0).T
@@ -182,7 +184,7 @@ REACH = 9.0
 """Standard deviations beyond which X is neglected."""
 TERMS = (48, 96, 192, 384, 768, 1536, 3072)
 """Odd terms of the series: the next number is tried where the neglected terms are too large."""
-ENOUGH = 1e-14
+TRUNCATION_TOLERANCE = 1e-14
 """Neglected part of a probability that is allowed."""
 ROUNDING = 4e-15
 """Rounding of a probability."""
@@ -315,7 +317,7 @@ class SymmetricSum:
         build, safe = make or Series.of, np.where(end > 0.0, end + most, 1.0)
         series = build(self._kinds, s, safe, TERMS[self._begin])
         for terms in TERMS[self._begin + 1 :]:
-            if np.all((series.missing <= ENOUGH) | (end <= 0.0)):
+            if np.all((series.missing <= TRUNCATION_TOLERANCE) | (end <= 0.0)):
                 break
             series = build(self._kinds, s, safe, terms)
         return series
@@ -336,7 +338,7 @@ class SymmetricSum:
             std, end = self._size(s[block])
             high = self._high(std, end, p[block])
             series = Series.of(self._kinds, s[block], np.where(end > 0.0, end + high, 1.0), TERMS[at])
-            done = (series.missing <= ENOUGH) | (end <= 0.0) | (at + 1 == len(TERMS))
+            done = (series.missing <= TRUNCATION_TOLERANCE) | (end <= 0.0) | (at + 1 == len(TERMS))
             if np.any(done):
                 some = slice(None) if np.all(done) else done
                 at_rows = block[some]

@@ -16,7 +16,8 @@ from ..propagation.sums import total_cumulants
 from . import geometry as involute
 from .cycloid import LINEAR_ERRORS, ROTATIONS, EccentricityLaw, coefficients, pin_circle_growth
 from .geometry import RvGeometry, backlash_zone, lever, modification_backlash
-from .tighter_planet import TighterPlanet, tighter_of
+from .tighter_planet import TighterPlanet
+from .tighter_planet import tighter_planet_law as tighter_of
 
 # Geometric backlash of an RV reducer in its three stages (document B), as a sum to propagate.
 

@@ -23,7 +23,8 @@ from .contact import declared as contact
 from .cycloid import LINEAR_ERRORS
 from .geometry import lever
 from .population.contact import touch
-from .population.errors import Lattice, Scaled, Table, changed, turn_lattice
+from .population.errors import Lattice, Scaled, Table, turn_lattice
+from .population.errors import change_units as changed
 from .population.units import ERRORS, BaseSample, Involute, UnitBasis, UnitDesign, stem
 
 MODEL = "model"
@@ -87,7 +88,7 @@ _NAMES = {parameter.name for parameter in declared.PARAMETERS}
 PARAMETERS = (*declared.PARAMETERS, *(parameter for parameter in _OF_BATCHES if parameter.name not in _NAMES))
 
 
-def _between_discs(name: str, value: float, unit: str, meaning: str) -> Variable:
+def _disc_to_disc_variable(name: str, value: float, unit: str, meaning: str) -> Variable:
     return Variable(
         name,
         unit,
@@ -120,9 +121,9 @@ OF_THE_BENCH = (MODEL, "positions", "measured")
 
 VARIABLES: tuple[Variable, ...] = (
     *declared.VARIABLES,
-    _between_discs("circle_offset_um", 3.0, "um", "offset of the pin circle from the axis of the carrier"),
-    _between_discs("bore_um", 2.0, "um", "position of the crank bores in a disc, either direction"),
-    _between_discs("crank_phase_mrad", 2.0 / 1.3, "mrad", "phase of each journal of a crankshaft"),
+    _disc_to_disc_variable("circle_offset_um", 3.0, "um", "offset of the pin circle from the axis of the carrier"),
+    _disc_to_disc_variable("bore_um", 2.0, "um", "position of the crank bores in a disc, either direction"),
+    _disc_to_disc_variable("crank_phase_mrad", 2.0 / 1.3, "mrad", "phase of each journal of a crankshaft"),
 )
 """The variables of document B, and errors between discs at the values of `rv_reducer`."""
 
@@ -181,7 +182,7 @@ class ContactUnits:
             first, last = np.searchsorted(row[order], [start, start + units])
             for rows in np.split(order[first:last], range(BLOCK, last - first, BLOCK)):
                 by_row = _rows(sample, row[rows] - start)
-                row_changes = _of_rows(changes, rows)
+                row_changes = _changes_of_rows(changes, rows)
                 if lattice is None or angles is None:
                     cycloid = self._measured(by_row, row_changes)
                 else:
@@ -264,7 +265,7 @@ class ContactUnits:
         at, backlash = np.searchsorted(different, angles), np.empty(len(angles))
         for position in np.unique(at):
             rows = np.flatnonzero(at == position)
-            row_changes = _of_rows(changes, rows)
+            row_changes = _changes_of_rows(changes, rows)
             y = self._play(_position(lattice, int(position)), table, _rows(sample, rows), row_changes)
             backlash[rows] = np.maximum(y[0], 0.0)
         return backlash
@@ -330,7 +331,7 @@ def _rows(sample: BaseSample, units: Integers) -> BaseSample:
     return sample.part(units)
 
 
-def _of_rows(changes: Mapping[str, Array], rows: Integers) -> dict[str, Array]:
+def _changes_of_rows(changes: Mapping[str, Array], rows: Integers) -> dict[str, Array]:
     """The changes at some of the rows, where they are not the same for all of them."""
     return {name: np.asarray(amount)[rows if np.ndim(amount) else ...] for name, amount in changes.items()}
 
@@ -539,11 +540,11 @@ def drawn(terms: tuple[Term, ...], count: int, rng: np.random.Generator) -> Arra
     total = np.empty(count)
     for start in range(0, count, PART):
         part = total[start : start + PART]
-        part[:] = summed(terms, rng.random((len(terms), len(part))))
+        part[:] = sum_at_probabilities(terms, rng.random((len(terms), len(part))))
     return total
 
 
-def summed(terms: tuple[Term, ...], drawn: Array) -> Array:
+def sum_at_probabilities(terms: tuple[Term, ...], drawn: Array) -> Array:
     """The sum (n,) of `terms` (of one design) at probabilities (terms, n), which it overwrites."""
     linear = np.array([np.squeeze(term.linear) for term in terms])
     constant = sum(float(np.squeeze(term.constant)) for term in terms)
@@ -593,8 +594,8 @@ def units(total: ClippedSum, count: int, rng: np.random.Generator) -> Iterator[U
     for start in range(0, count, PART):
         z = z if count - start >= PART else np.empty((split + 2, count - start))
         rng.random(out=z)
-        first, third = (summed((term,), z[split + i :][:1]) for i, term in enumerate(total.free))
-        yield Units(first, summed(total.clipped, z[:split]), third)
+        first, third = (sum_at_probabilities((term,), z[split + i :][:1]) for i, term in enumerate(total.free))
+        yield Units(first, sum_at_probabilities(total.clipped, z[:split]), third)
 
 
 @dataclass(frozen=True, slots=True)
@@ -638,11 +639,11 @@ def batch(total: ClippedSum, count: int, limit: float, edges: Array, rng: np.ran
         conforming += int(np.count_nonzero(backlash <= limit))
         interfering += int(np.count_nonzero(part.phi_2 < 0.0))
         least, most = min(least, float(backlash.min())), max(most, float(backlash.max()))
-        counts += _counted(backlash, edges)
+        counts += _count_by_bin(backlash, edges)
     return Batch(sums, conforming, interfering, least, most, edges, counts)
 
 
-def _counted(values: Array, edges: Array) -> NDArray[np.int64]:
+def _count_by_bin(values: Array, edges: Array) -> NDArray[np.int64]:
     """Numbers of values between evenly spaced edges, the outermost with those beyond the edges."""
     bins = len(edges) - 1
     at = (values - edges[0]) * (bins / (edges[-1] - edges[0]))

@@ -150,7 +150,7 @@ def table(phi: Array, at: Array, clearance: Array) -> Target:
 Clearance = Callable[[RvGeometry, Array, Array, Array], Array]
 CLEARANCES: dict[str, Clearance] = {"raw": raw_clearance, "after_contact": clearance}
 """D_raw, the profile in its nominal position, and D, after the disc has turned to first contact."""
-LARGEST = 1e-3
+MAX_MODIFICATION_M = 1e-3
 """Largest size [m] of a modification in the search: ten times the largest modification in use."""
 
 
@@ -193,7 +193,7 @@ def fit(geometry: RvGeometry, target: Target, radial_gap: float | None, kind: st
     """The modification nearest to `target`; `radial_gap` [m] is kept exactly, or free where None.
 
     `kind` is one of `CLEARANCES`. g4 is printed as > 0: its closure, >= 0, is used. Raises
-    ArithmeticError where no modification meets the constraints (a gap beyond `LARGEST`).
+    ArithmeticError where no modification meets the constraints (a gap beyond `MAX_MODIFICATION_M`).
     """
     programme = _programme(geometry, target, radial_gap, CLEARANCES[kind])
     solution = scipy.optimize.linprog(
@@ -227,7 +227,7 @@ def _programme(geometry: RvGeometry, target: Target, radial_gap: float | None, k
     equal = np.zeros((0 if radial_gap is None else 1, 2 + size))
     equal[:, :2] = (1.0, -1.0)
     to = np.full(len(equal), 0.0 if radial_gap is None else radial_gap / UM)
-    most = LARGEST / UM
+    most = MAX_MODIFICATION_M / UM
     reach = float(np.abs(clearance).max(initial=0.0)) + most * float(np.abs(rows).sum(axis=1).max())
     low = np.concatenate([[-most, -most], np.zeros(size)])
     high = np.concatenate([[0.0, 0.0], np.full(size, reach)])

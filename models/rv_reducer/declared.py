@@ -29,7 +29,9 @@ from .tighter_planet import TighterPlanet
 CONSISTENT, PRINTED = "consistent", "printed"
 
 
-def _corrected(name: str, default: Value, printed: Value, meaning: str, source: str, high: float = inf) -> Parameter:
+def _corrected_parameter(
+    name: str, default: Value, printed: Value, meaning: str, source: str, high: float = inf
+) -> Parameter:
     """A parameter whose default differs from the printed interpretation of document B."""
     return Parameter(name, default, "", meaning, source, assumed=True, low=0.0, high=high, readings={PRINTED: printed})
 
@@ -44,7 +46,7 @@ READINGS: tuple[Parameter, ...] = (
         "position_mids_count, sun_held, involute_cosine and planets",
         choices=(CONSISTENT, PRINTED),
     ),
-    _corrected(
+    _corrected_parameter(
         "eccentricity_factor",
         1.0,
         2.0,
@@ -52,14 +54,14 @@ READINGS: tuple[Parameter, ...] = (
         "exact 40-pin geometry: 1",
         100.0,
     ),
-    _corrected(
+    _corrected_parameter(
         "position_mids_count",
         False,
         True,
         "whether the mid-limits of pin position and pitch move the mean backlash",
         "a turn common to all pins causes no backlash",
     ),
-    _corrected(
+    _corrected_parameter(
         "sun_held",
         True,
         False,
@@ -68,7 +70,7 @@ READINGS: tuple[Parameter, ...] = (
         "from the teeth); otherwise they are the turn of the discs",
         "kinematics",
     ),
-    _corrected(
+    _corrected_parameter(
         "involute_cosine",
         True,
         False,
@@ -76,7 +78,7 @@ READINGS: tuple[Parameter, ...] = (
         "geometry of the involute",
     ),
     replace(
-        _corrected(
+        _corrected_parameter(
             "planets", 2, 1, "number of planets; phi_1 is the least of their clearances", "as in document A", 12
         ),
         low=1,
@@ -123,7 +125,7 @@ _MID_UM = {
 }
 
 
-def _printed(name: str, default: float, unit: str, meaning: str, high: float) -> Parameter:
+def _printed_parameter(name: str, default: float, unit: str, meaning: str, high: float) -> Parameter:
     return Parameter(name, default, unit, meaning, _B, low=0.0, high=high, open_low=True)
 
 
@@ -152,12 +154,12 @@ def _mid(error: str) -> Parameter:
 
 PARAMETERS: tuple[Parameter, ...] = (
     *READINGS,
-    _printed("pin_circle_radius_mm", 64.0, "mm", "radius r_p of the pin circle", 1e4),
-    _printed("pin_radius_mm", 3.0, "mm", "radius r_rp of the pins", 1e3),
-    _printed("eccentricity_mm", 1.3, "mm", "eccentricity e of the crankshafts", 1e3),
+    _printed_parameter("pin_circle_radius_mm", 64.0, "mm", "radius r_p of the pin circle", 1e4),
+    _printed_parameter("pin_radius_mm", 3.0, "mm", "radius r_rp of the pins", 1e3),
+    _printed_parameter("eccentricity_mm", 1.3, "mm", "eccentricity e of the crankshafts", 1e3),
     _integer_parameter("cycloid_teeth", 39, "teeth z_c of a cycloid disc", 3, 1000),
     _integer_parameter("pins", 40, "pins z_p of the housing", 4, 1001),
-    _printed("reduction_ratio", 121.0, "", "reduction ratio i, sun in, carrier out", 1e5),
+    _printed_parameter("reduction_ratio", 121.0, "", "reduction ratio i, sun in, carrier out", 1e5),
     _size("sun_pitch_radius_mm", 9.0, "mm", "pitch radius r_1 of the sun gear", 1e4),
     _size("centre_distance_mm", 36.0, "mm", "centre distance a_0 (radius of crank circle)", 1e4),
     Parameter(
@@ -203,7 +205,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         high=1e-3,
     ),
     *(_mid(error) for error in ERRORS),
-    _printed("backlash_limit_arcmin", 1.0, "arcmin", "largest backlash of a conforming unit", 1e4),
+    _printed_parameter("backlash_limit_arcmin", 1.0, "arcmin", "largest backlash of a conforming unit", 1e4),
 )
 
 

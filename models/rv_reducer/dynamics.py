@@ -190,7 +190,7 @@ class TabulatedMesh:
         nodes = np.linspace(-1.0, 1.0, count) * np.arcsinh(reach / scale)
         torque, stiffness = loads(scale * np.sinh(nodes)[:, None])
         slope = stiffness * scale * np.cosh(nodes)[:, None]
-        return cls(scale, nodes, torque, _limited(torque, slope, nodes[1] - nodes[0]), peak)
+        return cls(scale, nodes, torque, _limit_slopes(torque, slope, nodes[1] - nodes[0]), peak)
 
     @property
     def samples(self) -> int:
@@ -248,7 +248,7 @@ class TabulatedMesh:
         tables = (self.torques, self.slopes)
         torque, slope = (np.asarray(scipy.signal.resample(table, samples, axis=-1)) for table in tables)
         torque = np.maximum.accumulate(torque, axis=0)
-        limited = _limited(torque, slope, self.nodes[1] - self.nodes[0])
+        limited = _limit_slopes(torque, slope, self.nodes[1] - self.nodes[0])
         stride = self.stride * samples // self.samples
         return TabulatedMesh(self.scale, self.nodes, torque, limited, self.peak, stride)
 
@@ -269,7 +269,7 @@ def _rise(corners: tuple[Array, Array, Array, Array], t: Array) -> Array:
     return np.asarray(ends + 6.0 * chord * t * (1.0 - t))
 
 
-def _limited(torque: Array, slope: Array, step: float) -> Array:
+def _limit_slopes(torque: Array, slope: Array, step: float) -> Array:
     """Slopes (m, n) limited to three times the adjacent chords."""
     chord = np.diff(torque, axis=0) / step
     ends = np.full((1, torque.shape[1]), np.inf)
@@ -286,7 +286,7 @@ TWISTS_AT_ONCE = 16
 """Twists whose pin forces are computed in one block, to bound the memory."""
 
 
-def tabulated(mesh: Mesh, torque: float, nodes: int = NODES) -> TabulatedMesh:
+def tabulate_mesh(mesh: Mesh, torque: float, nodes: int = NODES) -> TabulatedMesh:
     """One unit's mesh over a turn, tabulated up to torques of +-`torque` [N m] and beyond."""
     ends = [float(np.abs(mesh.rotation(side * torque)).max()) for side in (1.0, -1.0)]
 
@@ -399,7 +399,7 @@ def mean_square(lines: Spectrum) -> Array:
 # separately.
 
 
-HIGH = 4.0
+INERTIA_DOMINANCE_RATIO = 4.0
 """Waves whose inertia exceeds this many stiffnesses are corrected separately."""
 OVERSHOOT, HALVINGS = 1.5, 6
 """Growth of the residual at which a step is halved, and the largest number of halvings."""
@@ -546,7 +546,7 @@ class _Balance:
     def _stiff(self, residual: Array) -> Array:
         """The step of the waves that inertia carries."""
         stiffness = self.points.stiffness[:, None]
-        high = np.abs(self.symbol) > HIGH * stiffness
+        high = np.abs(self.symbol) > INERTIA_DOMINANCE_RATIO * stiffness
         waves = np.where(high, np.fft.rfft(residual) / (self.symbol + stiffness), 0.0)
         return np.fft.irfft(waves, residual.shape[-1])
 
@@ -585,7 +585,7 @@ def sweep(
     raise_all(faults(train, torque, speed))
     points = Oscillator.of(mesh, train, np.asarray(torque), np.asarray(speed))
     response = Response(*(np.full(len(points.speed), np.nan) for _ in range(3)))
-    for fine, chosen in resolved(mesh, points):
+    for fine, chosen in blocks_with_resolved_mesh(mesh, points):
         state = steady_state(fine, points.part(chosen), tolerance)
         reached, force = state.converged(tolerance), fine.peak_force(state.twist)
         response.residual[chosen] = state.residual
@@ -594,7 +594,7 @@ def sweep(
     return response
 
 
-def resolved(mesh: AnyMesh, points: Oscillator) -> Iterator[tuple[AnyMesh, NDArray[np.intp]]]:
+def blocks_with_resolved_mesh(mesh: AnyMesh, points: Oscillator) -> Iterator[tuple[AnyMesh, NDArray[np.intp]]]:
     """Blocks of points, by their numbers, with the mesh at samples that resolve their resonance."""
     needed = samples_needed(mesh.samples, points)
     for n in np.unique(needed):
@@ -632,7 +632,9 @@ def sweep_warnings(
     points = Oscillator.of(mesh, train, np.asarray(torque), speeds)
     line = spectrum(mesh.equilibrium(np.asarray(torque))).amplitude[1:]
     excited = 1 + np.flatnonzero(np.abs(line) >= EXCITED * np.abs(line).max(initial=0.0))
-    unresolved = sorted({int(k) for k in excited if np.abs(line[k - 1]) > 0.0 and _skipped(points, train, float(k))})
+    unresolved = sorted(
+        {int(k) for k in excited if np.abs(line[k - 1]) > 0.0 and _skips_resonance(points, train, float(k))}
+    )
     if unresolved:
         orders = ", ".join(str(k) for k in unresolved[:5]) + (", ..." if len(unresolved) > 5 else "")
         width = float(np.max(2.0 * np.asarray(train.damping_ratio)))
@@ -643,7 +645,7 @@ def sweep_warnings(
     return tuple(messages)
 
 
-def _skipped(points: Oscillator, train: Train, order: float) -> bool:
+def _skips_resonance(points: Oscillator, train: Train, order: float) -> bool:
     """Whether the step over the resonance with `order` is wider than its half-power width."""
     resonant_speed = points.speed * points.resonance / order
     beyond = np.searchsorted(points.speed, resonant_speed.mean())
@@ -674,10 +676,10 @@ class FullDynamics:
         twists = np.empty(len(angle))
         pairs, row = np.unique(np.stack([torque, speed]), axis=1, return_inverse=True)
         points = Oscillator.of(self.mesh, self.train, pairs[0], pairs[1])
-        for fine, chosen in resolved(self.mesh, points):
+        for fine, chosen in blocks_with_resolved_mesh(self.mesh, points):
             lines = self._orders(fine, points.part(chosen))
             rows = np.flatnonzero(np.isin(row, chosen))
-            twists[rows] = _summed(lines, np.searchsorted(chosen, row[rows]), angle[rows])
+            twists[rows] = _sum_spectra(lines, np.searchsorted(chosen, row[rows]), angle[rows])
         self._warn(twists, pairs[:, row])
         return twists
 
@@ -698,7 +700,7 @@ class FullDynamics:
             warnings.warn(text, NoSteadyState, stacklevel=3)
 
 
-def _summed(lines: NDArray[np.complex128], place: NDArray[np.intp], angle: Array) -> Array:
+def _sum_spectra(lines: NDArray[np.complex128], place: NDArray[np.intp], angle: Array) -> Array:
     """Twist (n,) of spectra (b, m), at the spectrum and the angle of each row."""
     order = np.arange(lines.shape[1])
     twist = np.empty(len(angle))
@@ -716,7 +718,7 @@ SOFT = 2.0
 ORDER_NODES = 24
 TOUCH = 1e-6
 """[N m] in place of no torque, where the stiffness is that of the first pins that bear."""
-LEFT_OUT = 0.1 * ARCMIN / 60.0
+NEGLIGIBLE_AMPLITUDE = 0.1 * ARCMIN / 60.0
 """[rad] The smallest orders are omitted, to this rms of their sum at any torque: 0.1 arcsec."""
 ORDER_ELEMENTS = 1_000_000
 """Rows times orders in one block."""
@@ -738,7 +740,7 @@ class OrderTable:
     stiffness: Array
 
     @classmethod
-    def of(cls, mesh: Mesh, most: float, left_out: float = LEFT_OUT) -> OrderTable:
+    def of(cls, mesh: Mesh, most: float, left_out: float = NEGLIGIBLE_AMPLITUDE) -> OrderTable:
         """The table of a mesh over one turn, up to torques of +-`most` [N m]."""
         nodes = np.linspace(0.0, np.arcsinh(most / SOFT), ORDER_NODES)
         torques = np.maximum(SOFT * np.sinh(nodes), TOUCH)

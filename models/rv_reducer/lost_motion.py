@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from ...errors import Fault, raise_all
 from ...section import Array, Output, Parameter, Value, number
 from ...units import ARCMIN, MM, MRAD, UM
-from ..gear import RV_40E, Gear, of_ratio
+from ..gear import RV_40E, Gear
+from ..gear import rv_teeth_of_ratio as of_ratio
 from ..inputs import Distribution
 from ..measurable import NO_CHANGES, Changeable, Column, MeasurableModel, Outside, Role
 from . import declared
@@ -25,7 +26,8 @@ from .contact import declared as contact
 from .contact.contact import LoadedContact, turn_angles, warn_of_overload
 from .contact.geometry import ContactGeometry, Mesh, PartErrors
 from .declared import Rows, outside
-from .dynamics import LEFT_OUT, OrderTable
+from .dynamics import NEGLIGIBLE_AMPLITUDE as LEFT_OUT
+from .dynamics import OrderTable
 
 _GEOMETRY = (
     "pin_circle_radius_mm",
@@ -43,14 +45,14 @@ def _error(name: str, unit: str, meaning: str, high: float, signed: bool = True)
     return Parameter(name, 0.0, unit, meaning, "a perfect unit", low=low, high=high)
 
 
-def _assumed(name: str, default: float, unit: str, meaning: str, source: str, high: float) -> Parameter:
+def _assumed_parameter(name: str, default: float, unit: str, meaning: str, source: str, high: float) -> Parameter:
     return Parameter(name, default, unit, meaning, source, assumed=True, low=0.0, high=high, open_low=True)
 
 
 PARAMETERS: tuple[Parameter, ...] = (
     *(parameter for parameter in declared.PARAMETERS if parameter.name in _GEOMETRY),
     *(parameter for parameter in contact.PARAMETERS if parameter.name in ("dr_rp_mm", "dr_p_mm")),
-    _assumed(
+    _assumed_parameter(
         "normal_stiffness_N_per_um",
         200.0,
         "",
@@ -58,7 +60,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         "linear in place of the stiffness of the line contact",
         1e6,
     ),
-    _assumed(
+    _assumed_parameter(
         "series_stiffness_Nm_per_arcmin",
         58.5,
         "",

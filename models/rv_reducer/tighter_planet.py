@@ -214,7 +214,7 @@ class TighterOf(Distribution):
         return self.planet.quantile(0.5 * (1.0 + self.tighter.quantile(probability)))
 
 
-def tighter_of(planet: Distribution, tighter: TighterPlanet) -> Distribution:
+def tighter_planet_law(planet: Distribution, tighter: TighterPlanet) -> Distribution:
     """The law of the least clearance; that of a single planet where all clearances are equal."""
     if tighter.is_single:
         return planet
@@ -283,19 +283,19 @@ class ZoneOptimum:
     bound: float
 
 
-def least(stage: Stage, bounds: Bounds) -> ZoneOptimum:
+def least_rotation(stage: Stage, bounds: Bounds) -> ZoneOptimum:
     """Least phi_2 within bounds [m], as document B writes it: interference counts as less."""
-    errors = {name: _best(stage, name, ends) for name, ends in bounds.items()}
+    errors = {name: _error_adding_least(stage, name, ends) for name, ends in bounds.items()}
     return ZoneOptimum(errors, stage.backlash(errors), stage.lower_bound(bounds))
 
 
-def least_clipped(stage: Stage, bounds: Bounds) -> ZoneOptimum:
+def least_clipped_rotation(stage: Stage, bounds: Bounds) -> ZoneOptimum:
     """Least max(0, phi_2) within bounds [m]: interference is no backlash.
 
-    Where `least` interferes, every point of a whole surface phi_2 = 0 is an optimum; the point on
-    the line from the middle of the bounds to that of `least` is returned.
+    Where `least_rotation` interferes, every point of a whole surface phi_2 = 0 is an optimum; the point on
+    the line from the middle of the bounds to that of `least_rotation` is returned.
     """
-    optimum = least(stage, bounds)
+    optimum = least_rotation(stage, bounds)
     if optimum.backlash >= 0.0:
         return optimum
     middle = {name: 0.5 * (low + high) for name, (low, high) in bounds.items()}
@@ -309,7 +309,7 @@ def least_clipped(stage: Stage, bounds: Bounds) -> ZoneOptimum:
     return ZoneOptimum(at(fraction), stage.backlash(at(fraction)), 0.0)
 
 
-def _best(stage: Stage, name: str, ends: tuple[float, float]) -> float:
+def _error_adding_least(stage: Stage, name: str, ends: tuple[float, float]) -> float:
     """The error [m] within its bounds that adds least."""
     candidates = list(ends)
     if name == "eccentricity" and stage.law.quadratic > 0.0:

@@ -19,17 +19,9 @@ from . import declared
 from . import lost_motion as loaded_unit
 from .contact.contact import warn_of_overload
 from .declared import Rows, outside
-from .dynamics import (
-    LEFT_OUT,
-    ComplexArray,
-    DisplacedMesh,
-    FullDynamics,
-    OrderTable,
-    Oscillator,
-    Train,
-    tabulated,
-    transfer,
-)
+from .dynamics import NEGLIGIBLE_AMPLITUDE as LEFT_OUT
+from .dynamics import ComplexArray, DisplacedMesh, FullDynamics, OrderTable, Oscillator, Train, transfer
+from .dynamics import tabulate_mesh as tabulated
 from .lost_motion import CHANGEABLE, Responses
 
 SAMPLES_PER_PIN = 100

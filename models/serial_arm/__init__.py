@@ -1,4 +1,4 @@
 """Serial arms: chains of revolute joints by a Denavit-Hartenberg table."""
 
-MOST_JOINTS = 9
+MAX_JOINTS = 9
 """Revolute joints of the longest chain that can be declared."""

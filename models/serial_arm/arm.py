@@ -13,7 +13,7 @@ from ...section import Array, Output, Parameter, Section, Value, completed
 from ...units import MM, MRAD, UM
 from ..inputs import Distribution
 from ..measurable import NO_CHANGES, Column, MeasurableModel
-from . import MOST_JOINTS
+from . import MAX_JOINTS as MOST_JOINTS
 from .kinematics import Chain, positions
 
 DEG = np.pi / 180.0

@@ -46,11 +46,11 @@ def positions(chain: Chain, angles: Array) -> Array:
     """Measured point (n, 3) [m] at joint angles (n, k) [rad]."""
     point = np.broadcast_to(chain.tool, (len(angles), 3))
     for at in range(len(chain.d) - 1, -1, -1):
-        point = _through(chain, at, angles[:, at] + chain.zero[at], point)
+        point = _transform_by_joint(chain, at, angles[:, at] + chain.zero[at], point)
     return np.asarray(point @ rotation(chain.base[3:]).T + chain.base[:3])
 
 
-def _through(chain: Chain, at: int, theta: Array, point: Array) -> Array:
+def _transform_by_joint(chain: Chain, at: int, theta: Array, point: Array) -> Array:
     """A point (n, 3) of the frame after joint `at`, in the frame before it."""
     x, y, z = point.T
     cos, sin = np.cos(chain.beta[at]), np.sin(chain.beta[at])
@@ -148,13 +148,13 @@ def _about_z(theta: Array) -> Array:
 STEPS = 120
 HOPELESS = 1e12
 """Damping, as a factor, above which the search for a pose ends: no step reduces its residual."""
-CLOSE = 1e-9
+POSITION_TOLERANCE = 1e-9
 """Residual [m, or rad times the length of the arm] that counts as reached."""
 SEEDS = (-1.0, 0.0, 1.0)
 """Shifts [rad] of the desired angles at which the search for the first pose begins."""
 SHIFTED = 5
 """Joints that are shifted: the last turns about the tool."""
-LONGEST = 0.5
+MAX_STEP_RAD = 0.5
 """Longest step of a joint [rad]."""
 
 
@@ -168,7 +168,7 @@ class Reached:
     @property
     def within(self) -> NDArray[np.bool_]:
         """Whether each pose is reached."""
-        return self.missing <= CLOSE
+        return self.missing <= POSITION_TOLERANCE
 
 
 def reach(chain: Chain) -> float:
@@ -186,7 +186,7 @@ def inverse(chain: Chain, position: Array, turn: Array, start: Array, low: Array
     r, jacobian = _residual(frames(chain, q), position, turn, scale, with_rotation)
     damping = np.ones(len(q))
     for _ in range(STEPS):
-        rows = np.flatnonzero((np.linalg.norm(r, axis=1) > 0.01 * CLOSE) & (damping < HOPELESS))
+        rows = np.flatnonzero((np.linalg.norm(r, axis=1) > 0.01 * POSITION_TOLERANCE) & (damping < HOPELESS))
         if not len(rows):
             break
         step = _step(jacobian[rows], r[rows], scale, damping[rows])
@@ -222,11 +222,11 @@ def _step(jacobian: Array, r: Array, scale: float, damping: Array) -> Array:
     square = jacobian @ np.swapaxes(jacobian, 1, 2)
     square += diagonal[:, None, None] * np.eye(square.shape[1])
     step = np.einsum("nij,ni->nj", jacobian, np.linalg.solve(square, r[..., None])[..., 0])
-    longest = np.maximum(np.abs(step).max(axis=1, keepdims=True) / LONGEST, 1.0)
+    longest = np.maximum(np.abs(step).max(axis=1, keepdims=True) / MAX_STEP_RAD, 1.0)
     return np.asarray(step / longest)
 
 
-def over_cell(chain: Chain, position: Array, turn: Array, near: Array, low: Array, high: Array) -> Reached:
+def inverse_over_cell(chain: Chain, position: Array, turn: Array, near: Array, low: Array, high: Array) -> Reached:
     """The same of all poses (n,) of a cell in one posture: that of the pose in the middle which is
     nearest to the angles `near` (k,), from which the search of all other poses starts.
     """
@@ -269,15 +269,15 @@ SINGULAR = 1e-3
 counts as singular."""
 ALIGNED = 0.35
 """Sine of the angle at a joint that counts as stretched or folded."""
-ALIKE = 0.3
+DEPENDENCE_FRACTION = 0.3
 """Component in a dependent motion, over the largest, from which a joint belongs to it."""
 
 
-def blocking(chain: Chain, reached: Reached, low: Array, high: Array) -> list[str]:
+def blocking_joints(chain: Chain, reached: Reached, low: Array, high: Array) -> list[str]:
     """The joint that prevents each pose; empty where the pose is reached."""
     missed = np.flatnonzero(~reached.within)
     reasons = [""] * len(reached.angles)
-    stretched = _stretched(chain, frames(chain, reached.angles[missed]))
+    stretched = _stretched_joint(chain, frames(chain, reached.angles[missed]))
     for row, at in enumerate(missed):
         q = reached.angles[at]
         stopped = np.flatnonzero((q <= low + 1e-9) | (q >= high - 1e-9))
@@ -290,7 +290,7 @@ def blocking(chain: Chain, reached: Reached, low: Array, high: Array) -> list[st
     return reasons
 
 
-def _stretched(chain: Chain, now: Frames) -> NDArray[np.int64]:
+def _stretched_joint(chain: Chain, now: Frames) -> NDArray[np.int64]:
     """The joint (n,) whose rotation changes the distance of the tool from the joint before it most
     over a turn, but not at this pose: that distance is at its maximum, or its minimum.
 
@@ -305,7 +305,7 @@ def _stretched(chain: Chain, now: Frames) -> NDArray[np.int64]:
     return np.asarray(np.argmax(np.where(aligned, swing, 0.0), axis=1) + 1)
 
 
-def singular(chain: Chain, now: Frames) -> list[str]:
+def singular_joints(chain: Chain, now: Frames) -> list[str]:
     """The joints that move the tool dependently at each pose; empty where it is regular."""
     move, turn = now.joints()
     jacobian = move / reach(chain)
@@ -319,7 +319,7 @@ def singular(chain: Chain, now: Frames) -> list[str]:
             joints.append("")
             continue
         component = np.abs(row[rank - 1])
-        dependent = np.flatnonzero(component > ALIKE * component.max()) + 1
+        dependent = np.flatnonzero(component > DEPENDENCE_FRACTION * component.max()) + 1
         joints.append(" and ".join(map(str, dependent)))
     return joints
 

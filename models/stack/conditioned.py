@@ -108,7 +108,7 @@ class Conditioned:
         cells = cells_of(self.mechanisms[0].inputs[self.mechanisms[0].owner[at]])
         low, high = np.zeros(z.shape[1]), np.ones(z.shape[1])
         for mechanism in self.mechanisms:
-            if not _depends(mechanism, at):
+            if not _depends_on_piece(mechanism, at):
                 y = mechanism.values(t, z)[0]
                 high = np.where((y >= mechanism.lower) & (y <= mechanism.upper), high, 0.0)
                 continue
@@ -195,7 +195,7 @@ class Course:
     def of(cls, mechanism: Mechanism, t: Tolerances, z: Array, at: int, cells: Cells) -> Course | None:
         """None where the requirement does not rise or fall throughout."""
         nodes = cells.low + cells.step * CELLS * NODES
-        y = np.array([mechanism.values(t, _with(z, at, node))[0] for node in nodes])
+        y = np.array([mechanism.values(t, _with_piece_value(z, at, node))[0] for node in nodes])
         steps = np.diff(y, axis=0)
         if not (np.all(steps > 0.0) or np.all(steps < 0.0)):
             return None
@@ -238,7 +238,7 @@ class Course:
 
     def _miss(self, z: Array, level: float, inner: NDArray[np.bool_]) -> Array:
         """By how much (m,) y exceeds a level at z_i, 0 for units that do not reach it."""
-        return np.where(inner, self.mechanism.values(self.t, _with(self.z, self.at, z))[0] - level, 0.0)
+        return np.where(inner, self.mechanism.values(self.t, _with_piece_value(self.z, self.at, z))[0] - level, 0.0)
 
     def below(self, z: Array) -> float:
         """P(y <= level) of z_i (m,) at which y is that level."""
@@ -278,7 +278,7 @@ def _edge(mechanism: Mechanism, t: Tolerances, z: Array, at: int, level: float) 
     edge = None if course is None else course.reached(level)
     if course is None or edge is None:
         return None
-    moved = _with(z, at, edge)
+    moved = _with_piece_value(z, at, edge)
     by_part, by_piece = _slopes(mechanism, t, moved, at)
     density = cells.at(edge)[1] / np.maximum(np.abs(by_piece), 1e-300)
     return moved, -by_part * density, density
@@ -306,21 +306,21 @@ def _gradient(mechanism: Mechanism, t: Tolerances, z: Array) -> Array:
     return np.asarray(mechanism.gain * np.array(rows) * mechanism.scale[:, None])
 
 
-def _depends(mechanism: Mechanism, at: int) -> bool:
+def _depends_on_piece(mechanism: Mechanism, at: int) -> bool:
     """Whether y depends on a piece, though its slope at the mid-limits may be 0."""
     if mechanism.formula is None:
         return bool(mechanism.sensitivities[at] != 0.0)
     return mechanism.names[at] in mechanism.formula.names
 
 
-def _with(z: Array, at: int, value: Array | float) -> Array:
+def _with_piece_value(z: Array, at: int, value: Array | float) -> Array:
     """Units with another value of one piece."""
     moved = z.copy()
     moved[at] = value
     return moved
 
 
-def conditioned(mechanisms: Sequence[Mechanism], sample: Sample) -> Conditioned | None:
+def condition_on_piece(mechanisms: Sequence[Mechanism], sample: Sample) -> Conditioned | None:
     """The requirements, with a piece integrated; None where pieces are correlated."""
     correlated = any(mechanism.correlation is not None for mechanism in mechanisms)
     return None if correlated else Conditioned(tuple(mechanisms), sample)

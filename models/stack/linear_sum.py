@@ -233,12 +233,12 @@ class LinearSum:
                 if terms < TERMS[-1]:
                     unsettled.append(rows[~settled])
                     if np.any(settled):
-                        yield rows[settled], _some(series, settled, 0.0), None
+                        yield rows[settled], _select_designs(series, settled, 0.0), None
                 elif np.all(settled):
                     yield rows, series, None
                 else:
                     every = np.ones(len(rows), dtype=bool)
-                    yield rows, _some(series, every, DAMPED), _some(series, every, 0.7 * DAMPED)
+                    yield rows, _select_designs(series, every, DAMPED), _select_designs(series, every, 0.7 * DAMPED)
             rest = np.concatenate(unsettled) if unsettled else rest[:0]
 
     def _of(self, scales: Array, terms: int) -> Series:
@@ -307,7 +307,7 @@ class LinearSum:
         return np.asarray(by_group @ ((self.owner[:, None] == parts) * np.abs(self.slope)[:, None]))
 
 
-def _some(series: Series, rows: NDArray[np.bool_], damped: float) -> Series:
+def _select_designs(series: Series, rows: NDArray[np.bool_], damped: float) -> Series:
     """Some designs of a series, with damping."""
     damping = np.exp(-0.5 * (damped * series.odd / series.odd[-1]) ** 2)
     return Series(

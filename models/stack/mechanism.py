@@ -49,7 +49,7 @@ Tolerances = Array | AsMade
 """Half-widths t (n, p), where the scatter of all parts is in proportion to them; else `AsMade`."""
 
 
-def between(low: Tolerances, high: Tolerances, fraction: Array) -> Tolerances:
+def interpolate_designs(low: Tolerances, high: Tolerances, fraction: Array) -> Tolerances:
     """Designs at fractions (n, 1) of the distance from one design (1, p) to another."""
     limit = limit_of(low) + fraction * (limit_of(high) - limit_of(low))
     if not (isinstance(low, AsMade) and isinstance(high, AsMade)):
@@ -148,7 +148,7 @@ CORNERS = 12
 a sample of the corners."""
 INNER = 4096
 """Points within the tolerance range that are tested on loading."""
-FEW = 256
+INTERIOR_POINTS = 256
 """Points within the tolerances of each design that are tested in addition to its corners."""
 MEMORY = 2**18
 """Values held for a block of designs."""
@@ -210,7 +210,7 @@ def _corners(mechanism: Mechanism, t: Tolerances) -> Iterator[dict[str, Array]]:
 def _points(mechanism: Mechanism, used: list[int]) -> Array:
     """Corners, the corners of the largest and least requirement, and some points between."""
     largest = np.sign(mechanism.sensitivities[used])[:, None]
-    return np.hstack([box(len(used), FEW), largest, -largest])
+    return np.hstack([box(len(used), INTERIOR_POINTS), largest, -largest])
 
 
 # The linearised stack: worst case, root sum square, mean shifts and contributions.
@@ -307,7 +307,7 @@ def _fractions(contributions: Array) -> Array:
     return np.divide(contributions, total, out=np.zeros_like(contributions), where=total > 0.0)
 
 
-def linearised(mechanism: Mechanism) -> Linear:
+def linear_model(mechanism: Mechanism) -> Linear:
     """The linear model about the mid-limits."""
     parts = np.arange(len(mechanism.inputs))
     moments = np.array([distribution.raw_moments(2) for distribution in mechanism.inputs])

@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from ...journal import recalled_columns
+from ...journal import recall_columns as recalled_columns
 from ...models.manipulator.ring import (
     GRID,
     Field,
@@ -86,7 +86,7 @@ class Population:
             outputs |= error.outputs(names)
         if BOTH in names:
             limited = [error for error in errors if error.name in LIMITED]
-            outputs |= _with_error(BOTH, keeping_all(self, limited))
+            outputs |= _value_and_error(BOTH, fraction_keeping_all(self, limited))
         return outputs
 
     @cached_property
@@ -191,8 +191,8 @@ class PoseError:
             if keeping:
                 sampled = machines.at(slice(len(first), None))
                 estimates[keeping].append(sampled.beyond(self.limit, last))
-        both = _with_error(quantile, _columns(estimates[quantile])) if quantile else {}
-        return both | (_with_error(keeping, _percent(estimates[keeping])) if keeping else {})
+        both = _value_and_error(quantile, _columns(estimates[quantile])) if quantile else {}
+        return both | (_value_and_error(keeping, _percent(estimates[keeping])) if keeping else {})
 
     def _machines(self, at: int, first: Sequence[int], last: Sequence[int]) -> Machines:
         """Machines of one design at the poses `first`, of the sample, and `last`."""
@@ -206,7 +206,7 @@ class PoseError:
         return np.asarray(self.population.fields[self.name].effects[poses] * self.sigma[at])
 
 
-def keeping_all(of: Population, errors: Sequence[PoseError]) -> Estimates:
+def fraction_keeping_all(of: Population, errors: Sequence[PoseError]) -> Estimates:
     """Machines (n,) that keep the limits of all pose errors at every pose, in percent."""
     beyond = []
     for at in range(len(errors[0].sigma)):
@@ -222,7 +222,7 @@ def keeping_all(of: Population, errors: Sequence[PoseError]) -> Estimates:
     return _percent(beyond)
 
 
-def _with_error(name: str, estimates: Estimates) -> dict[str, Array]:
+def _value_and_error(name: str, estimates: Estimates) -> dict[str, Array]:
     return {name: estimates[0], f"{name}_error": estimates[1]}
 
 
@@ -244,7 +244,7 @@ def _percent(beyond: Iterable[tuple[float, float]]) -> Estimates:
 # the same to second order.
 
 
-SURE = 1e-12
+MIN_PROBABILITY = 1e-12
 """Least fraction of machines beyond a limit that is distinguished from none."""
 STEPS = 14
 """Halvings of the range in which a search begins."""
@@ -273,7 +273,7 @@ class PromisingPoses(ProcessProblem):
     def shortfall(self, design: Array, scales: Array, shifts: Array, searching: bool = False) -> Shortfall:
         """Shortfall of the fraction of machines within both limits, as normal quantiles."""
         outputs = self.over_machines(self._at(design, scales, shifts), [BOTH])
-        z = ndtri(np.clip(0.01 * outputs[BOTH], SURE, 1.0 - SURE))
+        z = ndtri(np.clip(0.01 * outputs[BOTH], MIN_PROBABILITY, 1.0 - MIN_PROBABILITY))
         bell = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
         error = float(np.median(0.01 * outputs[f"{BOTH}_error"] / np.maximum(bell, 1e-6)))
         return Shortfall(self._promised_quantile - z, error)

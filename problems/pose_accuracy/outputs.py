@@ -28,12 +28,12 @@ ERRORS = tuple(f"{name}_{unit}" for name, unit in UNITS.items())
 """Standard deviations by the index; the problem has a convex form of these."""
 
 
-def _by_index(name: str) -> Output:
+def _index_output(name: str) -> Output:
     text = f"standard deviation over machines of the {MEANT[name]}, averaged over poses by the index"
     return Output(f"{name}_{UNITS[name]}", UNITS[name], text, low=0.0)
 
 
-def _at_pose(name: str) -> tuple[Output, ...]:
+def _pose_outputs(name: str) -> tuple[Output, ...]:
     unit, of = UNITS[name], f"of the {MEANT[name]} at the pose"
     outputs = (
         Output(f"{name}_pose_{unit}", unit, f"standard deviation over machines {of}", low=0.0),
@@ -43,9 +43,9 @@ def _at_pose(name: str) -> tuple[Output, ...]:
     return outputs if name not in LIMITED else (*outputs, _yield(f"{name}_pose_yield_percent", text))
 
 
-def _over_ring(name: str) -> tuple[Output, ...]:
+def _ring_outputs(name: str) -> tuple[Output, ...]:
     unit, quantile = UNITS[name], f"{name}_ring_quantile_{UNITS[name]}"
-    outputs = _sampled(
+    outputs = _sampled_outputs(
         Output(
             quantile,
             unit,
@@ -54,7 +54,7 @@ def _over_ring(name: str) -> tuple[Output, ...]:
         )
     )
     text = f"machines that keep {name}_limit_{unit} at every pose of the ring"
-    more = _sampled(_yield(f"{name}_ring_yield_percent", text)) if name in LIMITED else ()
+    more = _sampled_outputs(_yield(f"{name}_ring_yield_percent", text)) if name in LIMITED else ()
     return outputs + more
 
 
@@ -62,23 +62,25 @@ def _yield(name: str, meaning: str) -> Output:
     return Output(name, "%", meaning, 100.0, larger_is_better=True, low=0.0, high=100.0)
 
 
-def _sampled(output: Output) -> tuple[Output, Output]:
+def _sampled_outputs(output: Output) -> tuple[Output, Output]:
     """An output and its standard error."""
     error = f"{output.name}_error"
     return output, Output(error, output.unit, "standard error", error_of=output.name)
 
 
 MACHINES: tuple[Output, ...] = (
-    *(output for name in UNITS for output in _at_pose(name)),
-    *(output for name in UNITS for output in _over_ring(name)),
-    *_sampled(_yield(BOTH, "machines that keep squareness_limit_mrad and yaw_limit_mrad at every pose of the ring")),
+    *(output for name in UNITS for output in _pose_outputs(name)),
+    *(output for name in UNITS for output in _ring_outputs(name)),
+    *_sampled_outputs(
+        _yield(BOTH, "machines that keep squareness_limit_mrad and yaw_limit_mrad at every pose of the ring")
+    ),
 )
 """What machines do at a pose, and over the ring."""
 OVER_MACHINES = frozenset(output.name for output in MACHINES if not output.error_of)
 
 OUTPUTS: tuple[Output, ...] = (
     Output("cost", "", "relative manufacturing cost, sum of the cost curves", low=0.0),
-    *(_by_index(name) for name in UNITS),
+    *(_index_output(name) for name in UNITS),
     *MACHINES,
 )
 
@@ -152,13 +154,13 @@ def reference_of(source: str) -> float:
     return REFERENCE[_stem(source)]
 
 
-def _of_kind(kind: str) -> tuple[str, ...]:
+def _sources_of_kind(kind: str) -> tuple[str, ...]:
     stem, _, chain = kind.rpartition("_")
     named = (f"{stem}_arm_{chain}_", f"{stem}_platform_{chain}_")
     return tuple(source for source in SOURCES if source == kind or source.startswith(named))
 
 
-NINE: Grouping = {f"{kind}_{unit_of(kind)}": _of_kind(kind) for kind in KINDS}
+NINE: Grouping = {f"{kind}_{unit_of(kind)}": _sources_of_kind(kind) for kind in KINDS}
 """The document's count, in its preferred interpretation: three kinds for each of three chains."""
 
 
@@ -183,7 +185,7 @@ def read_grouping(
         if sources is None:
             sound = False
             continue
-        for source, text in _wrong(name, sources, owner, known, unit, called):
+        for source, text in _source_faults(name, sources, owner, known, unit, called):
             section.fault(name, text)
             owner.setdefault(source, name)
             sound = False
@@ -194,7 +196,7 @@ def read_grouping(
     return grouping if sound and not missing else None
 
 
-def _wrong(
+def _source_faults(
     name: str, sources: list[str], owner: dict[str, str], known: Sequence[str], unit: Callable[[str], str], called: str
 ) -> list[tuple[str, str]]:
     """Unknown sources, sources named twice, and wrong units, with texts; records each owner."""

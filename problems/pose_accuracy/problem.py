@@ -20,7 +20,7 @@ from ...section import Array, Assumption, Section, Value, number
 from ...units import MM, MRAD, UM
 from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..forms import Feature, Form, Way
-from ..limits import narrowed
+from ..limits import narrow_range as narrowed
 from ..settings import ASSURANCE, PROMISED, Settings
 from .machines import Population, PromisingPoses
 from .outputs import (

@@ -120,11 +120,11 @@ class Fitted:
 
 def gear_variables(gears: Mapping[str, Nested], nested: bool) -> tuple[Variable, ...]:
     """Variables of reducers by key: two each where they are nested, else all their tolerances."""
-    variables = _nested if nested else _reducer_variables
+    variables = _rms_variables if nested else _reducer_variables
     return tuple(variable for key, reducer in gears.items() for variable in variables(key, reducer))
 
 
-def _nested(at: str, reducer: Nested) -> list[Variable]:
+def _rms_variables(at: str, reducer: Nested) -> list[Variable]:
     low, high = reducer.range
     te = Wave().angles.ends
     return [

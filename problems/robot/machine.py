@@ -13,7 +13,7 @@ from ...models.robot import AccuracySample, Drives
 from ...section import Array, Value, number
 from ...units import ARCMIN, MM, MRAD
 
-NONE = 1e-18
+ROUNDING_MEAN_SQUARE = 1e-18
 """Square of a rotation per rotation of a drive that is rounding."""
 ROUNDING = 1e-20
 """Mean square, over the largest of its kind, that is rounding: it must not be paid for."""
@@ -92,7 +92,7 @@ class Machine(ABC):
         rows = (places.move / MM, places.turn[:, :2] / MRAD, places.turn[:, 2:] / MRAD)
         squares = [places.mean(np.sum(row**2, axis=1)) for row in rows]
         return np.array(
-            [_without_rounding(np.array([row[sources].sum() for sources in self.columns])) for row in squares]
+            [_clear_rounding(np.array([row[sources].sum() for sources in self.columns])) for row in squares]
         )
 
     def free(self, places: Places) -> Array:
@@ -109,14 +109,14 @@ class Machine(ABC):
         """
         places, count = self.places, self.geared
         free, turn = self.free(places), places.drives.turn[:, :, :count] ** 2
-        turn = np.where(turn > NONE, turn, 0.0)
+        turn = np.where(turn > ROUNDING_MEAN_SQUARE, turn, 0.0)
         by_axis = {
             "": places.drives.squares[:, :count] * (ARCMIN / MM) ** 2,
             "tilt_": turn[:, :2].sum(axis=1) * (ARCMIN / MRAD) ** 2,
             "yaw_": turn[:, 2] * (ARCMIN / MRAD) ** 2,
         }
         return {
-            f"{name}{what}": _without_rounding(places.mean(weight * square))
+            f"{name}{what}": _clear_rounding(places.mean(weight * square))
             for name, square in by_axis.items()
             for what, weight in (("backlash", free), ("wave", np.ones_like(free)))
         }
@@ -198,6 +198,6 @@ class Sampled:
         return self.sample.errors(self.drives, covariance, joint) / MM
 
 
-def _without_rounding(squares: Array) -> Array:
+def _clear_rounding(squares: Array) -> Array:
     """Mean squares with 0 for those that differ from it by rounding."""
     return np.where(squares > ROUNDING * squares.max(initial=0.0), squares, 0.0)

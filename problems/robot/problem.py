@@ -17,7 +17,7 @@ from ...models.robot import CALIBRATED, ratio
 from ...section import Array, Assumption, Output, Parameter, Value, Variable
 from ..declaration import Declaration, Interval
 from ..forms import Feature, Form, Way
-from ..limits import narrowed
+from ..limits import narrow_range as narrowed
 from ..nested_reducers import Nested
 from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import ToleranceProblem
@@ -33,7 +33,7 @@ AXES = ("", "tilt_", "yaw_")
 FLANKS = ("gravity", "free", "held")
 
 
-def assumed(name: str, default: float, unit: str, meaning: str, high: float) -> Parameter:
+def assumed_parameter(name: str, default: float, unit: str, meaning: str, high: float) -> Parameter:
     """A positive number that no document prints."""
     return Parameter(name, default, unit, meaning, "assumed", assumed=True, low=0.0, high=high)
 
@@ -59,24 +59,24 @@ PARAMETERS: tuple[Parameter, ...] = (
         assumed=True,
         choices=FLANKS,
     ),
-    assumed("payload_kg", 10.0, "kg", "mass at the tool", 1e5),
-    assumed(
+    assumed_parameter("payload_kg", 10.0, "kg", "mass at the tool", 1e5),
+    assumed_parameter(
         "friction_torque_Nm",
         12.4,
         "Nm",
         "friction of a reducer at its output: gravity holds a flank beyond it (3 % of 412 N m)",
         1e6,
     ),
-    assumed("stiffness_Nm_per_arcmin", 108.0, "Nm/arcmin", "stiffness of a reducer", 1e9),
-    assumed(
+    assumed_parameter("stiffness_Nm_per_arcmin", 108.0, "Nm/arcmin", "stiffness of a reducer", 1e9),
+    assumed_parameter(
         "hysteresis_arcmin",
         0.0,
         "arcmin",
         "lost motion of friction, 2 friction torques over the stiffness; it adds to the backlash",
         60.0,
     ),
-    assumed("precision_weight", 5.0, "", "Q of the reducers' adjusted assembly (document A)", 1e6),
-    assumed("reducer_price", 1.0, "", "cost of a reducer in units of the links' cost, as a factor", 1e6),
+    assumed_parameter("precision_weight", 5.0, "", "Q of the reducers' adjusted assembly (document A)", 1e6),
+    assumed_parameter("reducer_price", 1.0, "", "cost of a reducer in units of the links' cost, as a factor", 1e6),
     Parameter("per_drive", True, "", "reducers may differ; false: all are alike", "assumed", assumed=True),
     Parameter(
         "nested",
@@ -150,7 +150,7 @@ def millimetres(points: Points) -> list[list[float]]:
     return [[round(1e3 * float(x), 1) + 0.0 for x in point] for point in points]
 
 
-def sketched(name: str, kind: str, points: Points, shares: Sequence[str] = ()) -> dict[str, Any]:
+def sketch_part(name: str, kind: str, points: Points, shares: Sequence[str] = ()) -> dict[str, Any]:
     """A part of the drawing of a machine: its line [m], and the columns of its fractions of R^2."""
     return {"name": name, "kind": kind, "points": millimetres(points), "shares": list(shares)}
 
@@ -279,7 +279,7 @@ def form_of(problem: RobotProblem) -> Form | None:
     gears = problem.gears.nested
     shared = ["pose_rms_mm", "squareness_mrad", "yaw_mrad", "reversal_mm", "path_te_mm"]
     outputs = [*shared, *(["backlash_rms_arcmin"] * len(gears)), *([TE_OUTPUT] * len(gears))]
-    features = [*_of_gears(problem, len(outputs)), *_of_links(problem, len(outputs))]
+    features = [*_gear_features(problem, len(outputs)), *_link_features(problem, len(outputs))]
     base = (problem.gears.wave.base * problem.gears.largest[1]).tolist()
     offset = np.array([*[0.0] * (len(outputs) - len(base)), *base])
     asked = (*outputs, "cost", *STANDS.values(), *(v.name for v in problem.variables))
@@ -311,10 +311,10 @@ def _constant(problem: RobotProblem, outputs: list[str]) -> Array:
     return squares
 
 
-def _of_gears(problem: RobotProblem, rows: int) -> list[Feature]:
+def _gear_features(problem: RobotProblem, rows: int) -> list[Feature]:
     spreads = [_spreads(problem, gear, rows) for gear in range(len(problem.gears.nested))]
-    play = [_of_backlash(problem, gear, spread[0]) for gear, spread in enumerate(spreads)]
-    return play + [_of_wave(problem, gear, spread[1]) for gear, spread in enumerate(spreads)]
+    play = [_backlash_feature(problem, gear, spread[0]) for gear, spread in enumerate(spreads)]
+    return play + [_wave_feature(problem, gear, spread[1]) for gear, spread in enumerate(spreads)]
 
 
 def _spreads(problem: RobotProblem, gear: int, rows: int) -> Array:
@@ -332,7 +332,7 @@ def _spreads(problem: RobotProblem, gear: int, rows: int) -> Array:
     return spread
 
 
-def _of_backlash(problem: RobotProblem, gear: int, spread: Array) -> Feature:
+def _backlash_feature(problem: RobotProblem, gear: int, spread: Array) -> Feature:
     """A way per grade; the cost of all drives that have the gear is in its curve."""
     reducer, name = problem.gears.nested[gear], f"reducer_{problem.gears.keys[gear]}"
     low, high = _range(problem, f"{name}_{RMS}", reducer.range)
@@ -346,7 +346,7 @@ def _of_backlash(problem: RobotProblem, gear: int, spread: Array) -> Feature:
     return Feature(f"{name}_{RMS}", tuple(ways), f"{name}_grade_of_form")
 
 
-def _of_wave(problem: RobotProblem, gear: int, spread: Array) -> Feature:
+def _wave_feature(problem: RobotProblem, gear: int, spread: Array) -> Feature:
     curve, name = problem.gears.wave.curve, f"reducer_{problem.gears.keys[gear]}"
     usual = float(curve.t[0]), float(curve.t[-1])
     low, high = _range(problem, f"{name}_{TE}", usual)
@@ -360,7 +360,7 @@ def _way(curve: CostCurve, ends: tuple[float, float], spread: Array, choice: flo
     return Way(curve, *ends, nothing, tuple(spread.tolist()), choice=choice)
 
 
-def _of_links(problem: RobotProblem, rows: int) -> list[Feature]:
+def _link_features(problem: RobotProblem, rows: int) -> list[Feature]:
     spreads = np.pad(np.sqrt(problem.machine.links), ((0, rows - 3), (0, 0))).T
     return [
         Feature(name, (_way(problem.settings.costs[name], _range(problem, name, problem.interval(name)), spread),))
@@ -376,7 +376,7 @@ def _range(problem: RobotProblem, name: str, usual: tuple[float, float]) -> tupl
 # Where the next unit of cost reduces the error most, in words.
 
 
-MOST = 3
+MAX_NAMED_TOLERANCES = 3
 """Tolerances that are named."""
 
 
@@ -402,12 +402,12 @@ def _largest(values: dict[str, float], begins: str, ends: str) -> list[tuple[str
         for name, value in values.items()
         if name.startswith(begins)
     ]
-    return sorted(ranked, key=lambda pair: -pair[1])[:MOST]
+    return sorted(ranked, key=lambda pair: -pair[1])[:MAX_NAMED_TOLERANCES]
 
 
 FRACTIONS = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Fractions of backlash in R^2 at which the ratio A/R of a search is tabulated."""
-SAFE = 1.01
+RATIO_SAFETY_FACTOR = 1.01
 """Factor of that ratio, so that a design of a search keeps its limits when it is sampled."""
 SAMPLED = 200
 """Most designs that are sampled at once; of a larger batch only those that are reported."""
@@ -523,7 +523,7 @@ class RobotProblem(ToleranceProblem):
 
     def _accuracy(self, rms: Array, fraction: Array) -> dict[str, Array]:
         """A by the ratio that a search uses: interpolated over the fraction of backlash in R^2."""
-        c = SAFE * np.interp(fraction, FRACTIONS, self._ratios)
+        c = RATIO_SAFETY_FACTOR * np.interp(fraction, FRACTIONS, self._ratios)
         return {"pose_accuracy_mm": c * rms, "accuracy_ratio": c}
 
     def _slow_outputs(self, designs: Array) -> dict[str, Array]:

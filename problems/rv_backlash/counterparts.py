@@ -50,15 +50,15 @@ class Change:
         """Statistics of the changed backlash; y becomes mean + shift + (1 + growth)(y - mean)."""
         plain = method.propagate(total, coverage, limit - self.effective)
         if self.growth == 0.0:
-            return _moved(plain, self.effective, 1.0)
+            return _move_propagated(plain, self.effective, 1.0)
         factor, mean = 1.0 + self.growth, plain.mean.value
         # the changed value keeps the limit where the plain one keeps this, design by design
         kept = mean + (limit - self.effective - mean) / factor
         conforming = method.propagate(total.freed(-kept), coverage, 0.0).conforming
-        return _moved(plain, self.effective, factor, conforming)
+        return _move_propagated(plain, self.effective, factor, conforming)
 
 
-def _moved(plain: Propagated, shift: float, factor: float, conforming: Estimate | None = None) -> Propagated:
+def _move_propagated(plain: Propagated, shift: float, factor: float, conforming: Estimate | None = None) -> Propagated:
     mean = plain.mean.value
     quantile_error = factor * plain.quantile.error
     if factor != 1.0:
@@ -148,13 +148,13 @@ def deviations_of(problem: RvBacklash, designs: Array) -> Deviations:
     return Deviations(mean / ARCMIN, std_by_name, np.zeros(len(designs)), upper=problem.limit)
 
 
-def promised_form(problem: RvBacklash) -> Form | None:
+def form_of_promise(problem: RvBacklash) -> Form | None:
     """The form of the geometric backlash, with a further row for an assured promise."""
     form, promised = form_of(problem), problem.promised
     if form is None or promised is None or promised.promise.statement != ASSURED:
         return form
     factors, surplus = doubt_of(problem, [feature.variable for feature in form.features])
-    features = tuple(map(_with_row, form.features, factors.tolist()))
+    features = tuple(map(_add_promise_row, form.features, factors.tolist()))
     return replace(
         form,
         outputs=(*form.outputs, PROMISED),
@@ -190,7 +190,7 @@ def statement_of(problem: RvBacklash) -> str:
     return f"promised: {problem.stated_promise.words()}, by the geometric backlash and normal processes as measured"
 
 
-def _with_row(feature: Feature, factor: float) -> Feature:
+def _add_promise_row(feature: Feature, factor: float) -> Feature:
     """A feature whose ways add to the promise as well: mean, and so many standard deviations."""
     ways = tuple(
         replace(

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 CELLS = 16
 """Pieces of the range of the eccentricity."""
 OUTPUTS = ("backlash_geometric_arcmin", "backlash_geometric_mean_arcmin", "backlash_geometric_std_arcmin")
-KEPT = ("dr_rp_mm", "dr_p_mm", "radial_gap_mm", "modification_backlash_arcmin")
+MODIFICATION_LIMITS = ("dr_rp_mm", "dr_p_mm", "radial_gap_mm", "modification_backlash_arcmin")
 """Limits that the modification of the form keeps."""
 
 
@@ -71,7 +71,7 @@ def form_of(problem: RvBacklash) -> Form | None:
     offset += problem.change.effective / ARCMIN
     features = [tolerance_feature(problem, name, term, k) for name, term in terms.items()]
     features += [bearing_feature(problem, k), grade_feature(problem, k)]
-    relaxed = _relaxed(problem, settled)
+    relaxed = _relaxed_limits(problem, settled)
     left_out = f"; limits left out: {', '.join(relaxed)}" if relaxed else ""
     return Form(
         OUTPUTS,
@@ -177,21 +177,21 @@ def grade_feature(problem: RvBacklash, k: float) -> Feature:
     return Feature("", tuple(ways), GRADE)
 
 
-def _from_below(limit: Limit) -> bool:
+def _limits_from_below(limit: Limit) -> bool:
     """Whether a limit keeps an output of the form, or the cost, from falling."""
     return limit.name in (*OUTPUTS, "cost") and bool(np.isfinite(limit.low))
 
 
-def _relaxed(problem: RvBacklash, settled: dict[str, float]) -> tuple[str, ...]:
+def _relaxed_limits(problem: RvBacklash, settled: dict[str, float]) -> tuple[str, ...]:
     """Limits that the form leaves out; those that its modification keeps are not among them."""
     profile = profile_at(problem, {name: np.array([value]) for name, value in settled.items()})
     kept = {PROMISED} if problem.promise and problem.promise.statement == ASSURED else set()
-    known = {*OUTPUTS, *KEPT, *kept, "cost", *(v.name for v in problem.variables if v.tolerance)}
+    known = {*OUTPUTS, *MODIFICATION_LIMITS, *kept, "cost", *(v.name for v in problem.variables if v.tolerance)}
     return tuple(
         limit.name
         for limit in problem.limits
         if not allows_any(limit)
-        and (limit.name not in known or _from_below(limit))
+        and (limit.name not in known or _limits_from_below(limit))
         and not (limit.name in profile and np.all(limit.kept(profile[limit.name])))
     )
 
@@ -206,13 +206,13 @@ def _relaxed(problem: RvBacklash, settled: dict[str, float]) -> tuple[str, ...]:
 
 LEVELS = 4001
 """Quantiles by which a law is compared with a uniform one."""
-SAFE = 2e-3
+QUANTILE_SAFETY_FRACTION = 2e-3
 """Fraction of a half-width, or of a range, that is given up for values between the points."""
 WITHIN = 5
 """Points of a cell that are evaluated."""
 
 
-def uniform_below(values: Array) -> float:
+def uniform_bound(values: Array) -> float:
     """Half-width of the largest uniform law about the mean below a sample in convex order.
 
     `values` (n,) are quantiles at the levels (i + 1/2)/n.
@@ -221,7 +221,7 @@ def uniform_below(values: Array) -> float:
     n = len(ordered)
     fraction = np.arange(1, n) / n  # fraction above the first i of n quantiles
     upper = np.cumsum((ordered - ordered.mean())[::-1])[::-1][1:] / n
-    return max(0.0, float(np.min(upper / (fraction * (1.0 - fraction)))) * (1.0 - SAFE))
+    return max(0.0, float(np.min(upper / (fraction * (1.0 - fraction)))) * (1.0 - QUANTILE_SAFETY_FRACTION))
 
 
 def quantiles_of(law: Distribution) -> Array:
@@ -259,7 +259,7 @@ class Cell:
     @cached_property
     def spread(self) -> float:
         """Half-width per um of a uniform law below Y in convex order."""
-        return float(min(uniform_below(y) / t for t, y in self._inside.items()))
+        return float(min(uniform_bound(y) / t for t, y in self._inside.items()))
 
     @property
     def mean_below(self) -> tuple[float, float]:
@@ -304,7 +304,7 @@ class Cell:
         if fraction >= 1.0:
             return self._ends[1]
         quantile = max(float(np.quantile(y, fraction)) for y in self._inside.values())
-        return min(self._ends[1], quantile + SAFE * self.range)
+        return min(self._ends[1], quantile + QUANTILE_SAFETY_FRACTION * self.range)
 
 
 # The parts of the backlash of an RV reducer as members of a convex form.
@@ -345,7 +345,7 @@ class Member:
         """A value that at least a fraction `fraction` of the units exceeds."""
         if self.units is None:
             return self.least
-        quantile = float(np.quantile(self.units, 1.0 - fraction)) - SAFE * float(np.ptp(self.units))
+        quantile = float(np.quantile(self.units, 1.0 - fraction)) - QUANTILE_SAFETY_FRACTION * float(np.ptp(self.units))
         return max(self.least, quantile)
 
 
@@ -387,19 +387,21 @@ def sum_of(problem: RvBacklash, cut: float) -> Sum | str:
     for name, term in unit_terms(problem).items():
         cycloid += float(term.constant[0]) / ARCMIN
         part = (
-            _bent(problem, name, term) if term.quadratic is not None else _straight(problem, name, term, clipped=True)
+            _eccentricity_feature(problem, name, term)
+            if term.quadratic is not None
+            else _linear_feature(problem, name, term, clipped=True)
         )
         if isinstance(part, str):
             return part
         parts.append(part)
-    bearing = _straight(problem, BEARING, bearing_term(problem), clipped=False)
+    bearing = _linear_feature(problem, BEARING, bearing_term(problem), clipped=False)
     if isinstance(bearing, str):
         return bearing
     parts += [bearing, _grades(problem, cut)]
     return Sum(tuple(parts), shift, cycloid, problem.change.effective / ARCMIN)
 
 
-def _straight(problem: RvBacklash, name: str, term: Term, clipped: bool) -> Part | str:
+def _linear_feature(problem: RvBacklash, name: str, term: Term, clipped: bool) -> Part | str:
     """A term that grows with its tolerance as a whole; of phi_2 its constant is counted apart."""
     known = even_law(term.distribution)
     if known is None:
@@ -429,7 +431,7 @@ def _machines_of_piece(problem: RvBacklash, name: str, linear: float, law: Even)
     return Part(name, tuple(members), clipped=True, choice=tolerance.choice)
 
 
-def _bent(problem: RvBacklash, name: str, term: Term, cells: int = CELLS_OF_PIECES) -> Part:
+def _eccentricity_feature(problem: RvBacklash, name: str, term: Term, cells: int = CELLS_OF_PIECES) -> Part:
     """The eccentricity, cut into cells."""
     assert term.quadratic is not None
     low, high = ends(problem, name)
@@ -446,7 +448,7 @@ def _bent(problem: RvBacklash, name: str, term: Term, cells: int = CELLS_OF_PIEC
     return Part(name, tuple(members), clipped=True, bent=True)
 
 
-def coarse(problem: RvBacklash, total: Sum, grades: bool = False) -> Sum:
+def coarsen_sum(problem: RvBacklash, total: Sum, grades: bool = False) -> Sum:
     """The sum with few cells, for designs of no interest; without `grades` one that is better than
     all stands for them.
     """
@@ -454,14 +456,14 @@ def coarse(problem: RvBacklash, total: Sum, grades: bool = False) -> Sum:
 
     def coarser(part: Part) -> Part:
         if part.choice and not part.variable and not grades:
-            return replace(part, members=(_best_of(part.members),))
+            return replace(part, members=(_dominating_way(part.members),))
         cut = part.bent and bool(part.variable)
-        return _bent(problem, part.variable, terms[part.variable], COARSE) if cut else part
+        return _eccentricity_feature(problem, part.variable, terms[part.variable], COARSE) if cut else part
 
     return replace(total, parts=tuple(coarser(part) for part in total.parts))
 
 
-def _best_of(members: tuple[Member, ...]) -> Member:
+def _dominating_way(members: tuple[Member, ...]) -> Member:
     """A way that costs no more than any, and deviates no more; its range is the widest."""
     least = min(float(member.curve.cost(np.array([1.0]))[0]) for member in members)
     return replace(
@@ -483,7 +485,7 @@ def _grades(problem: RvBacklash, cut: float) -> Part:
     """
     grades, term = grades_of(problem)
     known = even_law(term.distribution)
-    mean, law, width = (known[0], known[1], 1.0) if known else _below(term, cut)
+    mean, law, width = (known[0], known[1], 1.0) if known else _skewed_law_bound(term, cut)
     ends_of_z = term.distribution.support
     units = term.distribution.quantile((np.arange(LEVELS) + 0.5) / LEVELS)
     members = []
@@ -511,8 +513,8 @@ def _grades(problem: RvBacklash, cut: float) -> Part:
     return Part("", tuple(members), clipped=False, bent=known is None, choice=GRADE)
 
 
-def _below(term: Term, cut: float) -> tuple[float, Even, float]:
+def _skewed_law_bound(term: Term, cut: float) -> tuple[float, Even, float]:
     """Mean of a skewed law cut off at the top, and the largest uniform law that is below it."""
     z = term.distribution.quantile((np.arange(LEVELS) + 0.5) / LEVELS)
     z = np.minimum(z, np.quantile(z, 1.0 - cut))
-    return float(z.mean() - ROUNDING * np.ptp(z)), UNIFORM, uniform_below(z)
+    return float(z.mean() - ROUNDING * np.ptp(z)), UNIFORM, uniform_bound(z)

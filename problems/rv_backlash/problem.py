@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...errors import Fault
-from ...journal import recalled
+from ...journal import recall_arrays as recalled
 from ...models.costs import CostCurve, Reciprocal, ReciprocalPower, Table
 from ...models.propagation import Convolution, Estimate, Moments, MonteCarlo, Propagated, Propagation
 from ...models.propagation.sums import ClippedSum, Term, total_cumulants
@@ -26,10 +26,13 @@ from ..limits import apart
 from ..machined import Machined
 from ..promise import Promising
 from ..settings import ASSURED, PROMISED, Bound, Settings
-from .counterparts import changes_of, deviations_of, promised_form, sentence
+from .counterparts import changes_of, deviations_of, sentence
+from .counterparts import form_of_promise as promised_form
 from .form import deviations
 from .quantile_form import quantile_form, shortfalls
-from .shift import BEARING, GRADE, SHIFT, TERMS, Shift, columns_of, moved, refused, shift_of
+from .shift import BEARING, GRADE, SHIFT, TERMS, Shift, columns_of, shift_of
+from .shift import move_means as moved
+from .shift import promise_faults as refused
 
 if TYPE_CHECKING:
     from ..rv_reducer import RvReducer
@@ -145,16 +148,16 @@ def gradients(problem: RvBacklash, designs: Array) -> dict[str, Array]:
     mean, variance = np.zeros_like(designs), np.zeros_like(designs)
     phi_1, phi_3 = total.free
     spread = problem.effective(designs)
-    slopes = {name: _by_tolerance(t, problem.column(spread, name)) for name, t in terms.items()}
+    slopes = {name: _slopes_by_tolerance(t, problem.column(spread, name)) for name, t in terms.items()}
     for tolerance in problem.machined_tolerances.values():
         t, chosen = problem.column(designs, tolerance.name), problem.chosen(designs, tolerance)
         rise, shift = tolerance.slopes(t, chosen)
         (by_mean, by_variance), x = slopes[tolerance.name], problem.column(spread, tolerance.name)
         shift = shift * problem.model.moves(tolerance.name.removesuffix("_um"))
-        of_mean, of_variance = _by_middle(terms[tolerance.name], x)
+        of_mean, of_variance = _slopes_by_middle(terms[tolerance.name], x)
         slopes[tolerance.name] = (by_mean * rise + of_mean * shift, by_variance * rise + of_variance * shift)
-    slopes[BEARING] = _scaled(phi_3, 1.0 / problem.column(designs, BEARING))
-    slopes[GRADE] = _scaled(phi_1, 0.5 * np.log(2.0))
+    slopes[BEARING] = _slopes_by_scale(phi_3, 1.0 / problem.column(designs, BEARING))
+    slopes[GRADE] = _slopes_by_scale(phi_1, 0.5 * np.log(2.0))
     for name, pair in slopes.items():
         at = problem.names.index(name)
         mean[:, at], variance[:, at] = pair
@@ -177,7 +180,7 @@ def gradients(problem: RvBacklash, designs: Array) -> dict[str, Array]:
     }
 
 
-def _by_tolerance(term: Term, t: Array) -> tuple[Array, Array]:
+def _slopes_by_tolerance(term: Term, t: Array) -> tuple[Array, Array]:
     """d mean/dt and d variance/dt of a term whose linear part grows with t, the bent with t^2."""
     _, m1, m2, m3, m4 = term.distribution.raw_moments(4)
     linear = term.linear / t
@@ -191,7 +194,7 @@ def _by_tolerance(term: Term, t: Array) -> tuple[Array, Array]:
     return mean, variance
 
 
-def _by_middle(term: Term, x: Array) -> tuple[Array, Array]:
+def _slopes_by_middle(term: Term, x: Array) -> tuple[Array, Array]:
     """d mean/dm and d variance/dm of a normal term (b + 2 q m) x z + q (x z)^2 about its mean m."""
     if term.quadratic is None:
         return term.linear / x, np.zeros_like(x)
@@ -199,7 +202,7 @@ def _by_middle(term: Term, x: Array) -> tuple[Array, Array]:
     return term.linear / x, 4.0 * term.linear * term.quadratic / x * square
 
 
-def _scaled(term: Term, rate: Array | float) -> tuple[Array, Array]:
+def _slopes_by_scale(term: Term, rate: Array | float) -> tuple[Array, Array]:
     """The same of a term that grows as a whole at the relative `rate`."""
     mean, variance = term.cumulants()[:2]
     return mean * rate, 2.0 * variance * rate

@@ -22,18 +22,8 @@ from ..forms import Feature, Form, Piece, Quantile, Way
 from ..limits import Limit
 from ..settings import ASSURED, PROMISED
 from .counterparts import MEAN, STD, doubt_of, statement_of
-from .form import (
-    OUTPUTS,
-    Member,
-    Part,
-    Sum,
-    bearing_feature,
-    cell_way,
-    coarse,
-    grade_feature,
-    sum_of,
-    tolerance_feature,
-)
+from .form import OUTPUTS, Member, Part, Sum, bearing_feature, cell_way, grade_feature, sum_of, tolerance_feature
+from .form import coarsen_sum as coarse
 from .shift import SHIFT, Shift, allows_any, columns_of, profile_at, unit_terms
 
 if TYPE_CHECKING:
@@ -106,7 +96,7 @@ class PromisedRow:
 BELOW, ABOVE = (1.0, 0.5, 0.25), (1.0, 0.5, 0.1, 0.02)
 """Fractions of units at whose quantile parts that are bent are bounded: in phi_2 from above,
 in the backlash from below."""
-KEPT = ("dr_rp_mm", "dr_p_mm", "stagger_arcmin", "radial_gap_mm", "modification_backlash_arcmin")
+SHIFT_LIMITS = ("dr_rp_mm", "dr_p_mm", "stagger_arcmin", "radial_gap_mm", "modification_backlash_arcmin")
 """Limits that the range of the shift keeps."""
 OUTSIDE = 0.135
 """Fraction of S above the range of the eccentricity's term for designs of interest: with a skewed
@@ -114,7 +104,7 @@ clearance that a fraction c of the units exceeds, P(S + W > y) >= c P(S > y - g 
 y - g < most Y needs P(S > range of Y) <= P(S + W > y)/c; c is chosen so that this is `OUTSIDE`."""
 SHIFTS = 5
 """Shifts at which the other limits of a modification are tried."""
-NONE = Reciprocal(0.0, 0.0)
+ZERO_COST = Reciprocal(0.0, 0.0)
 """Cost curve of a feature that costs nothing."""
 
 
@@ -129,7 +119,7 @@ def quantile_form(problem: RvBacklash) -> Form | str:
     total = sum_of(problem, min(1.0, lacking / OUTSIDE))
     if isinstance(total, str):
         return total
-    relaxed = _relaxed(problem, total.shift, main)
+    relaxed = _relaxed_limits(problem, total.shift, main)
     left_out = f"; limits left out: {', '.join(relaxed)}" if relaxed else ""
     statement = f"quantile of the geometric backlash, which the effective one exceeds{left_out}"
     if promised is not None:
@@ -175,9 +165,9 @@ def _rows(problem: RvBacklash) -> list[Row]:
 def _branches(main: list[Row], total: Sum) -> list[list[Row]]:
     """The rows of designs for which y - Y >= 0 fails, in one row after the other."""
     branches = []
-    safe = [kept for row in main for kept in _safe(row)]
+    safe = [kept for row in main for kept in _safe_rows(row)]
     for row in main:
-        if row.kind != "promise" and any(part.bent and _inside(part, row) for part in total.parts):
+        if row.kind != "promise" and any(part.bent and _is_in_sum(part, row) for part in total.parts):
             kind = "edge" if row.clipped else "range"
             branch = replace(row, kind=kind, output=f"{row.output} ({kind})", most=0.0)
             if kind == "range" and any(part.bent and part.choice for part in total.parts):
@@ -186,7 +176,7 @@ def _branches(main: list[Row], total: Sum) -> list[list[Row]]:
     return branches
 
 
-def _safe(row: Row) -> list[Row]:
+def _safe_rows(row: Row) -> list[Row]:
     """Rows that hold for every design which keeps a row."""
     if row.kind == "promise":
         return [row]
@@ -241,13 +231,13 @@ def _quantile(row: Row, total: Sum) -> Quantile | None:
     return Quantile(row.probability, (*pieces, ()))
 
 
-def _inside(part: Part, row: Row) -> bool:
+def _is_in_sum(part: Part, row: Row) -> bool:
     """Whether a part belongs to the sum of a row."""
     return part.clipped or not row.clipped
 
 
 def _spreads(part: Part, row: Row) -> bool:
-    return _inside(part, row) and not (part.bent and row.kind != "convex")
+    return _is_in_sum(part, row) and not (part.bent and row.kind != "convex")
 
 
 def _feature(part: Part, rows: list[Row], promised: PromisedRow | None, factor: float) -> Feature:
@@ -272,7 +262,7 @@ def _coefficients(
 
 def _means(part: Part, member: Member, row: Row) -> tuple[float, float]:
     """Slope and constant of what a way adds to a row in addition to its spread."""
-    if not _inside(part, row):
+    if not _is_in_sum(part, row):
         return 0.0, 0.0
     match row.kind:
         case "range":
@@ -295,7 +285,7 @@ def _shift_feature(shift: Shift, rows: list[Row]) -> Feature:
     """s on a scale that begins at 1: t = s - low + 1."""
     sides = [0.0 if row.kind == "range" else (1.0 if row.kind == "edge" or not row.clipped else -1.0) for row in rows]
     offsets = tuple(side * (shift.low - 1.0) for side in sides)
-    way = Way(NONE, 1.0, 1.0 + shift.high - shift.low, tuple(sides), (0.0,) * len(rows), offsets)
+    way = Way(ZERO_COST, 1.0, 1.0 + shift.high - shift.low, tuple(sides), (0.0,) * len(rows), offsets)
     return Feature(SHIFT, (way,))
 
 
@@ -324,22 +314,22 @@ def _step(excess: Array, at: Array, variance: Array) -> Array:
     return np.asarray(excess / density / ARCMIN)
 
 
-def _relaxed(problem: RvBacklash, shift: Shift, rows: list[Row]) -> tuple[str, ...]:
+def _relaxed_limits(problem: RvBacklash, shift: Shift, rows: list[Row]) -> tuple[str, ...]:
     """Limits that the form leaves out; those that a modification of every shift keeps are not."""
     s = np.linspace(shift.low, shift.high, SHIFTS)
     profile = profile_at(problem, columns_of(problem, shift, s))
-    known = {row.output for row in rows} | {"cost", *KEPT}
+    known = {row.output for row in rows} | {"cost", *SHIFT_LIMITS}
     known |= {v.name for v in problem.variables if v.tolerance or v.name == "involute_grade"}
     return tuple(
         limit.name
         for limit in problem.limits
         if not allows_any(limit)
-        and (limit.name not in known or _other_side(limit))
+        and (limit.name not in known or _has_unkept_side(limit))
         and not (limit.name in profile and np.all(limit.kept(profile[limit.name])))
     )
 
 
-def _other_side(limit: Limit) -> bool:
+def _has_unkept_side(limit: Limit) -> bool:
     """Whether a limit has a side that no row keeps."""
     if limit.name == "yield_percent":
         return bool(np.isfinite(limit.high))

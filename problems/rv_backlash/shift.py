@@ -17,7 +17,7 @@ from ...models.propagation.sums import ClippedSum, Term
 from ...models.rv_reducer.cycloid import LINEAR_ERRORS
 from ...section import Array
 from ...units import ARCMIN, MM
-from ..limits import narrowed
+from ..limits import narrow_range as narrowed
 from ..machined import MachinedTolerance, curve_of
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ OPENING = "dr_rp_mm", "dr_p_mm", "stagger_arcmin"
 """Variables that move phi_2 of every unit and cost nothing."""
 
 
-def refused(problem: RvBacklash) -> list[Fault]:
+def promise_faults(problem: RvBacklash) -> list[Fault]:
     """A promise without a limit on interference, where modification or stagger are searched."""
     opened = [variable.name for variable in problem.free if variable.name in OPENING]
     if problem.promise is None or INTERFERENCE in problem.settings.limits or not opened:
@@ -62,7 +62,7 @@ ROUNDING = 1e-12
 """Fraction of its values by which a line keeps below."""
 
 
-def moved(problem: RvBacklash, designs: Array, total: ClippedSum) -> ClippedSum:
+def move_means(problem: RvBacklash, designs: Array, total: ClippedSum) -> ClippedSum:
     """The sum with the means of machined parts; spreads already replace the limits.
 
     A term b x z + q (x z)^2 of the spread x becomes, about a mean m, b m + q m^2 and
@@ -255,11 +255,11 @@ def columns_of(problem: RvBacklash, shift: Shift, s: Array) -> dict[str, Array]:
     low, high = shift.plays
     play = np.clip(s + shift.gain * shift.stagger[0], low, high)
     stagger = np.clip((play - s) / shift.gain, *shift.stagger)
-    pairs = np.array([_roomiest(problem, float(design_play)) for design_play in play])
+    pairs = np.array([_modification_with_most_room(problem, float(design_play)) for design_play in play])
     return {"dr_rp_mm": pairs[:, 0], "dr_p_mm": pairs[:, 1], "stagger_arcmin": stagger}
 
 
-def _roomiest(problem: RvBacklash, play: float) -> tuple[float, float]:
+def _modification_with_most_room(problem: RvBacklash, play: float) -> tuple[float, float]:
     """The modification [mm] of a play [arcmin] whose least margin to its limits is largest."""
     slopes = play_slopes(problem)
     first, second = ends(problem, "dr_rp_mm"), ends(problem, "dr_p_mm")

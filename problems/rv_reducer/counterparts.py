@@ -139,12 +139,12 @@ class ChangedMeasures(Measures):
 
     def _deviation(self, name: str) -> Measure:
         plain = self.plain[name]
-        return replace(plain, statistic=_combined((plain.statistic, 1.0 + self.change.growth)))
+        return replace(plain, statistic=_combine_statistics((plain.statistic, 1.0 + self.change.growth)))
 
     def _about_mean(self, name: str) -> Measure:
         plain, middle, growth = self.plain[name], self.plain[f"mean {name.partition(' ')[2]}"], self.change.growth
         parts = (plain.statistic, 1.0 + growth), (middle.statistic, -growth)
-        return replace(plain, statistic=_combined(*parts, shift=self.change.effective))
+        return replace(plain, statistic=_combine_statistics(*parts, shift=self.change.effective))
 
     def _signed(self, name: str) -> Measure:
         """A statistic of y, in which flanks that interfere are below zero."""
@@ -177,7 +177,7 @@ class ChangedMeasures(Measures):
         density = -float(within.weight.sum())
         by_mean = density * self.change.growth / factor
         moved = replace(middle.statistic, value=0.0, error=0.0)
-        return replace(middle, statistic=_combined((within, 1.0), (moved, by_mean)))
+        return replace(middle, statistic=_combine_statistics((within, 1.0), (moved, by_mean)))
 
     def _mean_square(self, _: str) -> Measure:
         """sqrt((1 + g)^2 (r^2 - m^2) + (m + s)^2) of the root mean square r and the mean m."""
@@ -207,7 +207,7 @@ RULES: Mapping[str, Callable[[ChangedMeasures, str], Measure]] = {
 """What effects outside the contact do to each kind of statistic."""
 
 
-def unruled(measures: Mapping[str, str], outputs: Iterable[str], under_load: Collection[str]) -> list[str]:
+def outputs_without_rule(measures: Mapping[str, str], outputs: Iterable[str], under_load: Collection[str]) -> list[str]:
     """Outputs of which nothing says what effects outside the contact do to them.
 
     Those under load keep to the contact: no shift of backlash is a shift of torque.
@@ -216,7 +216,7 @@ def unruled(measures: Mapping[str, str], outputs: Iterable[str], under_load: Col
     return sorted(output for output, kind in kinds.items() if kind not in RULES)
 
 
-def _combined(*parts: tuple[Statistic, float], shift: float = 0.0) -> Statistic:
+def _combine_statistics(*parts: tuple[Statistic, float], shift: float = 0.0) -> Statistic:
     """The sum of statistics of the same units times factors; its error is at most that stated."""
     return Statistic(
         sum(factor * statistic.value for statistic, factor in parts) + shift,

@@ -147,7 +147,7 @@ DISC_TO_DISC = {"circle_offset_um": 3.0, "bore_um": 2.0, "crank_phase_mrad": 2.0
 """Errors that no document lists, at the values that they are fixed to unless they are searched."""
 
 
-def _new(name: str, unit: str, low: float, high: float, meaning: str) -> Variable:
+def _disc_variable(name: str, unit: str, low: float, high: float, meaning: str) -> Variable:
     return Variable(
         name,
         unit,
@@ -165,9 +165,9 @@ def _new(name: str, unit: str, low: float, high: float, meaning: str) -> Variabl
 
 VARIABLES: tuple[Variable, ...] = (
     *(replace(v, high=0.4) if v.name == "stagger_arcmin" else v for v in document.VARIABLES),
-    _new("circle_offset_um", "um", 0.5, 10.0, "offset of the pin circle from the axis of the carrier"),
-    _new("bore_um", "um", 0.5, 10.0, "position of the crank bores in a disc, either direction"),
-    _new("crank_phase_mrad", "mrad", 0.3, 10.0, "phase of each journal of a crankshaft"),
+    _disc_variable("circle_offset_um", "um", 0.5, 10.0, "offset of the pin circle from the axis of the carrier"),
+    _disc_variable("bore_um", "um", 0.5, 10.0, "position of the crank bores in a disc, either direction"),
+    _disc_variable("crank_phase_mrad", "mrad", 0.3, 10.0, "phase of each journal of a crankshaft"),
 )
 
 
@@ -301,7 +301,7 @@ HOLD_INTERFERENCE = {
 """Outputs, a limit on any of which below these values holds interference."""
 
 
-def priceless(searched: Collection[str], costs: Collection[str]) -> list[Fault]:
+def unpriced_error_faults(searched: Collection[str], costs: Collection[str]) -> list[Fault]:
     """Errors between discs that are searched without a cost: the tightest would be free."""
     return [
         Fault(
@@ -314,7 +314,7 @@ def priceless(searched: Collection[str], costs: Collection[str]) -> list[Fault]:
     ]
 
 
-def unlimited(limits: Mapping[str, Bound], parameters: Mapping[str, Value]) -> list[Fault]:
+def unlimited_interference_faults(limits: Mapping[str, Bound], parameters: Mapping[str, Value]) -> list[Fault]:
     """No limit that holds the interference down, unless that is allowed."""
     held = [n for n in HOLD_INTERFERENCE if n in limits and limits[n].high < HOLD_INTERFERENCE[n]]
     if held or parameters["allow_interference"]:
@@ -359,19 +359,19 @@ OF_THE_STAGE = ("reduction_ratio", "sun_pitch_radius_mm", "pressure_angle_deg", 
 DEFAULTS = {p.name: p.default for p in PARAMETERS}
 
 
-def changed(parameters: Mapping[str, Value]) -> tuple[str, ...]:
+def changed_geometry_parameters(parameters: Mapping[str, Value]) -> tuple[str, ...]:
     """Parameters of the geometry that are not the RV-40E-121's."""
     without = () if parameters["involute_stage"] else OF_THE_STAGE
     return tuple(name for name in GEOMETRY if name not in without and parameters[name] != DEFAULTS[name])
 
 
-def still_default(given: Settings, parameters: Mapping[str, Value]) -> tuple[str, ...]:
+def default_values_sentence(given: Settings, parameters: Mapping[str, Value]) -> tuple[str, ...]:
     """One sentence that names every such value, none where the geometry is the RV-40E-121's.
 
     `given` are the settings as the user gives them, `parameters` the complete ones. A value that
     the user gives counts as the user's own, also where it is the same.
     """
-    new = changed(parameters)
+    new = changed_geometry_parameters(parameters)
     inherited = "; ".join(_groups(given, bool(parameters["involute_stage"]))) if new else ""
     return (f"{', '.join(new)} changed; still the RV-40E-121's: {inherited}",) if inherited else ()
 
@@ -384,8 +384,8 @@ def _groups(given: Settings, stage: bool) -> Iterator[str]:
     yield from _inherited_names("mid-limits", mids, values, stage)
     yield from _inherited_names("", (*STIFFNESS, *TORQUES), values, stage)
     ranges = [v.name for v in VARIABLES if v.name not in DISC_TO_DISC]
-    yield from _inherited_names("search ranges", ranges, _set(given), stage)
-    yield from _inherited_names("errors between discs", DISC_TO_DISC, _set(given), stage)
+    yield from _inherited_names("search ranges", ranges, _stated_variables(given), stage)
+    yield from _inherited_names("errors between discs", DISC_TO_DISC, _stated_variables(given), stage)
     yield from _inherited_names("costs", DEFAULT_COSTS, given.costs, stage)
 
 
@@ -399,7 +399,7 @@ def _inherited_names(group: str, names: Iterable[str], given: Mapping[str, objec
         yield f"{group}: {', '.join(unstated)}" if group else ", ".join(unstated)
 
 
-def _set(given: Settings) -> dict[str, object]:
+def _stated_variables(given: Settings) -> dict[str, object]:
     """Variables whose range or value is given."""
     return {
         name: setting
@@ -454,7 +454,7 @@ GEAR_PARAMETERS = range(8, 41)
 """Numbers of teeth of the sun gear with which a ratio of gears is sought."""
 ROUNDING = 0.005
 """Part of a tooth by which a rounded reduction ratio may miss whole teeth of the planet."""
-OUT_OF_LINE = 0.02
+MAX_CRANK_CIRCLE_DEVIATION = 0.02
 """Fraction by which the crank circle may differ from the centre distance of the gears."""
 LEAST_GAP_MM = 0.007
 """Radial gap [mm] below which pins that the population leaves out may close the backlash."""
@@ -465,7 +465,12 @@ def faults(geometry: ContactGeometry, given: Settings, ends: Mapping[str, Interv
     """Every fault of the geometry; `ends` [mm] of `dr_rp_mm` and `dr_p_mm` are their ranges."""
     (_, most), (least, _) = ends["dr_rp_mm"], ends["dr_p_mm"]
     opened = replace(geometry, dr_rp=most * MM, dr_p=least * MM)
-    shape = [*shape_faults(opened), *_ratio(geometry, given.parameters), *_cranks(geometry), *_unused(geometry, given)]
+    shape = [
+        *shape_faults(opened),
+        *_ratio(geometry, given.parameters),
+        *_cranks(geometry),
+        *_unused_setting_faults(geometry, given),
+    ]
     return shape or [*interference(opened, "variables.dr_p_mm")]
 
 
@@ -491,7 +496,7 @@ def _cranks(geometry: ContactGeometry) -> Iterator[Fault]:
         )
 
 
-def _unused(geometry: ContactGeometry, given: Settings) -> Iterator[Fault]:
+def _unused_setting_faults(geometry: ContactGeometry, given: Settings) -> Iterator[Fault]:
     """Faults of settings for an involute stage that does not exist."""
     grade = given.variables.get("involute_grade")
     text = "there is no involute stage (parameters.involute_stage = false): leave it out"
@@ -528,7 +533,7 @@ def _gears(geometry: ContactGeometry) -> Iterator[str]:
             f"{GEAR_PARAMETERS[-1]} teeth of the sun: reduction_ratio and pins may contradict each other"
         )
     apart = nominal.sun_pitch_radius * (1.0 + ratio)
-    if abs(apart / nominal.centre_distance - 1.0) > OUT_OF_LINE:
+    if abs(apart / nominal.centre_distance - 1.0) > MAX_CRANK_CIRCLE_DEVIATION:
         yield (
             f"centre_distance_mm is {nominal.centre_distance / MM:g} mm, but planets of a sun of pitch radius "
             f"{nominal.sun_pitch_radius / MM:g} mm with z2/z1 = {formula} stand at {apart / MM:.4g} mm"

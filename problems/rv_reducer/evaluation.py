@@ -278,7 +278,7 @@ class Evaluation:
 # One unit over a turn and the population of a design, as tables for a reader.
 
 
-FINE = 1021
+POSITIONS_SHOWN = 1021
 """Positions of a turn at which the one unit is drawn: a prime, 26 to a turn of the crank."""
 BINS = 80
 """Steps of the distribution over units."""
@@ -291,13 +291,13 @@ INTERFERENCE = {
 """What counts as interference, by the parameter of that name."""
 
 
-def units_shown(evaluation: Evaluation, parameters: Mapping[str, Value]) -> UnitsShown:
+def unit_tables(evaluation: Evaluation, parameters: Mapping[str, Value]) -> UnitsShown:
     """The tables of an evaluated design, and what they mean in words."""
     turn = _turn(evaluation)
-    return UnitsShown(_words(evaluation, parameters, turn), turn, _population(evaluation))
+    return UnitsShown(_evaluation_sentences(evaluation, parameters, turn), turn, _population(evaluation))
 
 
-def _largest(evaluation: Evaluation) -> Array:
+def _largest_backlash(evaluation: Evaluation) -> Array:
     """Largest backlash of the cycloid stage over the turn (units,) [arcmin]."""
     return np.asarray(np.maximum(evaluation.turn.play.max(axis=0).astype(float), 0.0))
 
@@ -307,7 +307,7 @@ def _turn(evaluation: Evaluation) -> pd.DataFrame:
 
     `measured` marks the positions of the population; between them the turn is drawn finely.
     """
-    largest = _largest(evaluation)
+    largest = _largest_backlash(evaluation)
     unit = int(np.argsort(largest, kind="stable")[len(largest) // 2])
     rough = evaluation.turn.play[:, unit].astype(float)
     fine = _population_of_one(evaluation, unit).turn(evaluation.design).play[:, 0].astype(float)
@@ -325,16 +325,16 @@ def _turn(evaluation: Evaluation) -> pd.DataFrame:
 
 
 def _population_of_one(evaluation: Evaluation, unit: int) -> Population:
-    """A population of one unit at `FINE` positions."""
+    """A population of one unit at `POSITIONS_SHOWN` positions."""
     geometry = evaluation.model.geometry
     sample = evaluation.drawn.rigid.sample.part(slice(unit, unit + 1))
-    lattice = Lattice.of(geometry, turn_lattice(FINE, geometry.nominal.cycloid_teeth))
+    lattice = Lattice.of(geometry, turn_lattice(POSITIONS_SHOWN, geometry.nominal.cycloid_teeth))
     return Population(lattice, sample, Slopes.of(geometry, sample))
 
 
 def _population(evaluation: Evaluation) -> pd.DataFrame:
     """Fraction of units up to each value of their largest backlash, phi_1 integrated."""
-    largest = _largest(evaluation)
+    largest = _largest_backlash(evaluation)
     low, high = evaluation.involute.ends()
     at = np.linspace(low + largest.min(), high + largest.max(), BINS + 1)
     within = 100.0 * np.array([float(np.mean(evaluation.involute.cdf(v - largest))) for v in at])
@@ -349,7 +349,9 @@ def _population(evaluation: Evaluation) -> pd.DataFrame:
     )
 
 
-def _words(evaluation: Evaluation, parameters: Mapping[str, Value], turn: pd.DataFrame) -> tuple[str, ...]:
+def _evaluation_sentences(
+    evaluation: Evaluation, parameters: Mapping[str, Value], turn: pd.DataFrame
+) -> tuple[str, ...]:
     conditions, drawn = evaluation.model.conditions, evaluation.drawn.rigid
     positions, percent = drawn.lattice.shape[0], 100.0 * conditions.coverage
     measured = turn.loc[turn["measured"], "backlash_arcmin"].max()

@@ -25,7 +25,8 @@ from ..rv_backlash.shift import TERMS
 from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import Variant
 from . import declared as geometry
-from .counterparts import changes_of, sentence, unruled
+from .counterparts import changes_of, sentence
+from .counterparts import outputs_without_rule as unruled
 from .declared import (
     DEFAULT_LIMITS,
     DEFAULT_OBJECTIVES,
@@ -37,13 +38,14 @@ from .declared import (
     SAMPLED,
     SAMPLED_UNDER_LOAD,
     VARIABLES,
-    changed,
-    priceless,
     size_faults,
-    still_default,
-    unlimited,
 )
-from .evaluation import MEASURES, Evaluation, Populations, UnitModel, is_unit_statistic, units_shown
+from .declared import changed_geometry_parameters as changed
+from .declared import default_values_sentence as still_default
+from .declared import unlimited_interference_faults as unlimited
+from .declared import unpriced_error_faults as priceless
+from .evaluation import MEASURES, Evaluation, Populations, UnitModel, is_unit_statistic
+from .evaluation import unit_tables as units_shown
 from .promising import PromisingUnits
 
 # Designs of `rv_reducer` that a search by gradients begins from.
@@ -72,24 +74,24 @@ def starts_of(problem: RvReducer) -> Array:
     zones = [names.index(v.name) for v in problem.variables if v.name.endswith("_um")]
     for factor in FACTORS:
         row = np.array([nominal[name] for name in names])
-        row[names.index("dr_p_mm")] *= _deeper(problem)
+        row[names.index("dr_p_mm")] *= _modification_ratio(problem)
         row[zones] *= factor
-        rows.append(_opened(problem, _inside(problem, row)))
+        rows.append(_centre_interference(problem, _clip_to_ranges(problem, row)))
     return np.array(rows)
 
 
-def _deeper(problem: RvReducer) -> float:
+def _modification_ratio(problem: RvReducer) -> float:
     """Ratio of shift modifications that leave the same radial gap, to the RV-40E's."""
     return (1.0 - RvGeometry().flank) / (1.0 - problem.model.geometry.nominal.flank)
 
 
-def _inside(problem: RvReducer, row: Array) -> Array:
+def _clip_to_ranges(problem: RvReducer, row: Array) -> Array:
     """A full design within the search ranges, at the fixed values."""
     free = [problem.names.index(v.name) for v in problem.free]
     return np.asarray(problem.complete(np.clip(row[free], problem.xl, problem.xu)[None, :])[0])
 
 
-def _opened(problem: RvReducer, row: Array) -> Array:
+def _centre_interference(problem: RvReducer, row: Array) -> Array:
     """The design with the equidistance modification at which interference is in its middle.
 
     The middle is half of the limit on its probability, `USUAL` where there is none.
@@ -133,7 +135,7 @@ def validity(parameters: Mapping[str, Value], uniform: bool) -> tuple[str, ...]:
 # The assumptions of `rv_reducer` that no document settles, changed one at a time.
 
 
-FEW = {"report_units": 64}
+VARIANT_SETTINGS = {"report_units": 64}
 """Fresh units of a problem that is searched and not reported."""
 SHARES = {
     "share_pins": ("share of the variance of pins and holes common to a unit", (0.0, 0.5, 1.0)),
@@ -146,13 +148,13 @@ COUNTED = ("turn_mean", "share_of_turn", "overlap")
 
 def variants(problem: RvReducer) -> tuple[Variant, ...]:
     """The problem as it is, then with one assumption changed at a time."""
-    same = Variant("as it is", "", _with(problem))
+    same = Variant("as it is", "", _with_parameters(problem))
     return (same, *_fractions(problem), *_interference(problem), *_disc_to_disc(problem))
 
 
-def _with(problem: RvReducer, **parameters: Value) -> RvReducer:
+def _with_parameters(problem: RvReducer, **parameters: Value) -> RvReducer:
     given = problem.given
-    return type(problem)(replace(given, parameters={**given.parameters, **FEW, **parameters}))
+    return type(problem)(replace(given, parameters={**given.parameters, **VARIANT_SETTINGS, **parameters}))
 
 
 def _fractions(problem: RvReducer) -> Iterator[Variant]:
@@ -160,7 +162,7 @@ def _fractions(problem: RvReducer) -> Iterator[Variant]:
     for name, (words, values) in SHARES.items():
         for value in values:
             if name in parameters and parameters[name] != value:
-                yield Variant(words, f"{value:g}", _with(problem, **{name: value}))
+                yield Variant(words, f"{value:g}", _with_parameters(problem, **{name: value}))
 
 
 def _interference(problem: RvReducer) -> Iterator[Variant]:
@@ -173,7 +175,7 @@ def _interference(problem: RvReducer) -> Iterator[Variant]:
         if kind != parameters["interference"]:
             more = f", beyond {parameters['overlap_arcmin']:g} arcmin" if kind == "overlap" else ""
             words = f"{kind.replace('_', ' ')}{more}, in at most {100.0 * bound.high:g} %"
-            yield Variant("what counts as interference", words, _with(problem, interference=kind))
+            yield Variant("what counts as interference", words, _with_parameters(problem, interference=kind))
 
 
 def _disc_to_disc(problem: RvReducer) -> Iterator[Variant]:
@@ -181,7 +183,7 @@ def _disc_to_disc(problem: RvReducer) -> Iterator[Variant]:
     fixed = [name for name in DISC_TO_DISC if problem.fixed.get(name, 0.0) > 0.0]
     if len(fixed) < len(DISC_TO_DISC):
         return
-    few = _with(problem).given
+    few = _with_parameters(problem).given
     nil = {name: VariableSetting(value=0.0) for name in fixed}
     changed = type(problem)(replace(few, variables={**few.variables, **nil}))
     yield Variant("errors between discs (pin circle, bores, journals)", "0", changed)
@@ -194,7 +196,7 @@ MANY, ALONE = 512, 2048
 LOADED_POSITIONS = 31
 """Positions of a turn at which units are solved under load at most: means over the turn need no
 more."""
-MOST_EVALUATIONS = 4
+MAX_CACHED_EVALUATIONS = 4
 """Most evaluations that are stored, so that a derivative costs no second evaluation."""
 SAMPLED_OUTPUTS = frozenset((*SAMPLED, *SAMPLED_UNDER_LOAD))
 
@@ -302,7 +304,7 @@ class RvReducer(PromisingUnits, Machined):
         if key not in self._recent:
             self._recent[key] = self._fresh(design, self._searched)
         self._recent.move_to_end(key)
-        while len(self._recent) > MOST_EVALUATIONS:
+        while len(self._recent) > MAX_CACHED_EVALUATIONS:
             self._recent.popitem(last=False)
         return self._recent[key]
 
@@ -461,7 +463,7 @@ class RvReducer(PromisingUnits, Machined):
         return [
             *geometry.faults(self.model.geometry, self.given, ends),
             *priceless({variable.name for variable in self.free}, self.settings.costs),
-            *(size_faults(self.count, MOST_EVALUATIONS) or super().faults()),
+            *(size_faults(self.count, MAX_CACHED_EVALUATIONS) or super().faults()),
         ]
 
     def search_faults(self) -> list[Fault]:

@@ -25,7 +25,7 @@ from .evaluation import Evaluation, Populations, UnitModel
 WORST = "backlash_max_arcmin"
 POSITION = "pin_position"
 """The error whose mean turns the unit, and moves nothing."""
-MOST_UNITS = 4
+MAX_CACHED_POPULATIONS = 4
 """Most designs whose promised units are stored, so that a derivative costs no second evaluation."""
 
 
@@ -156,7 +156,7 @@ class PromisingUnits(ProcessProblem):
         key = design.tobytes()
         if key not in self._promised_units:
             self._promised_units[key] = self._promised_anew(design)
-            while len(self._promised_units) > MOST_UNITS:
+            while len(self._promised_units) > MAX_CACHED_POPULATIONS:
                 self._promised_units.popitem(last=False)
         return self._promised_units[key]
 

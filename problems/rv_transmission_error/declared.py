@@ -68,7 +68,7 @@ VARIABLES: tuple[Variable, ...] = (
 )
 
 
-def _assumed(name: str, default: float, meaning: str, high: float) -> Parameter:
+def _assumed_parameter(name: str, default: float, meaning: str, high: float) -> Parameter:
     return Parameter(name, default, "", meaning, "assumed", assumed=True, low=0.0, high=high, open_low=True)
 
 
@@ -131,11 +131,13 @@ PARAMETERS: tuple[Parameter, ...] = (
         low=0.0,
         high=1e4,
     ),
-    _assumed("normal_stiffness_N_per_um", 200.0, "stiffness [N/um] of a pin contact", 1e6),
-    _assumed("series_stiffness_Nm_per_arcmin", 58.5, "stiffness [N m/arcmin] between a disc and the carrier", 1e6),
-    _assumed("input_inertia_kgm2", 8e-4, "inertia at the input shaft [kg m^2]", 1e6),
-    _assumed("load_inertia_kgm2", 4.216, "inertia at the output [kg m^2]", 1e6),
-    _assumed("damping_ratio", 0.04, "damping ratio of the first mode", 0.999),
+    _assumed_parameter("normal_stiffness_N_per_um", 200.0, "stiffness [N/um] of a pin contact", 1e6),
+    _assumed_parameter(
+        "series_stiffness_Nm_per_arcmin", 58.5, "stiffness [N m/arcmin] between a disc and the carrier", 1e6
+    ),
+    _assumed_parameter("input_inertia_kgm2", 8e-4, "inertia at the input shaft [kg m^2]", 1e6),
+    _assumed_parameter("load_inertia_kgm2", 4.216, "inertia at the output [kg m^2]", 1e6),
+    _assumed_parameter("damping_ratio", 0.04, "damping ratio of the first mode", 0.999),
     Parameter("adjustment_gain_error", 0.0, "", "achieved over commanded adjustment, minus 1", low=-1.0, high=1.0),
     Parameter(
         "chain_coupling",

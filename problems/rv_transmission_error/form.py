@@ -19,7 +19,7 @@ from ...models.assembly.process import DatumFlowChain
 from ...section import Array
 from ...units import ARCSEC, MRAD
 from ..forms import Feature, Form, Way
-from ..limits import narrowed
+from ..limits import narrow_range as narrowed
 from .declared import AXES, DOCUMENT_MRAD, PRECISION, SIZE
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def form_of(problem: RvTransmissionError) -> Form | None:
         ends = narrowed(problem.limits, name, *problem.interval(name))
         spreads = tuple(np.sqrt(squares[:, at]).tolist())
         features.append(Feature(name, (Way(problem.settings.costs[name], *ends, (0.0,) * len(squares), spreads),)))
-    relaxed = _relaxed(problem)
+    relaxed = _relaxed_limits(problem)
     left_out = f"; limits left out: {', '.join(relaxed)}" if relaxed else ""
     return Form(
         (TE, *STD),
@@ -72,7 +72,7 @@ def form_of(problem: RvTransmissionError) -> Form | None:
     )
 
 
-def _relaxed(problem: RvTransmissionError) -> tuple[str, ...]:
+def _relaxed_limits(problem: RvTransmissionError) -> tuple[str, ...]:
     """Limits that the form leaves out."""
     known = {"cost", TE, *STD}
     return tuple(

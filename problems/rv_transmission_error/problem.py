@@ -48,7 +48,7 @@ ORDER = 40
 """Waves per turn of the output that the angles of cranks cause."""
 SAMPLES = 2**14
 """Angles of the turn: over 100 per wave of the highest order (121) and per pitch of a pin."""
-SMALLEST = 1e-9
+NEGLIGIBLE_AMPLITUDE_ARCSEC = 1e-9
 """[arcsec] A wave below this is numerical noise."""
 TE_COUNTERPART = RvTransmission.outputs[0].name
 ACTING = {
@@ -84,15 +84,18 @@ def departures_with(departures: Departures, effects: Iterable[Active]) -> Depart
 
 def waves_of(effects: Iterable[Active], torque: float, speed: float) -> Waves:
     """What effects add, at a torque [N m] that resists the motion and an output speed [rpm]."""
-    over = sum((_over_turn(effect, torque, speed) for effect in effects), np.zeros(SAMPLES))
+    over = sum((_wave_over_turn(effect, torque, speed) for effect in effects), np.zeros(SAMPLES))
     lines = np.fft.rfft(over)
     wave = complex(2.0 * lines[ORDER] / SAMPLES)
     lines[ORDER] = 0.0
     rest = float(0.5 * np.ptp(np.fft.irfft(lines, SAMPLES)))
-    return Waves(wave * ARCSEC if abs(wave) > SMALLEST else 0j, rest * ARCSEC if rest > SMALLEST else 0.0)
+    return Waves(
+        wave * ARCSEC if abs(wave) > NEGLIGIBLE_AMPLITUDE_ARCSEC else 0j,
+        rest * ARCSEC if rest > NEGLIGIBLE_AMPLITUDE_ARCSEC else 0.0,
+    )
 
 
-def _over_turn(active: Active, torque: float, speed: float) -> Array:
+def _wave_over_turn(active: Active, torque: float, speed: float) -> Array:
     """What one effect adds over a turn (SAMPLES,) [arcsec]; zero where it adds no wave."""
     table = {
         "output_angle_deg": 360.0 * np.arange(SAMPLES) / SAMPLES,
@@ -184,13 +187,15 @@ def _error(
     sample: Array,
 ) -> Array:
     parts = [slice(at, at + TOGETHER) for at in range(0, len(spread), TOGETHER)]
-    units = np.concatenate([_nearest(estimate, sample @ np.swapaxes(spread[p], 1, 2), quantile[p]) for p in parts])
+    units = np.concatenate(
+        [_nearest_states(estimate, sample @ np.swapaxes(spread[p], 1, 2), quantile[p]) for p in parts]
+    )
     exact = value(full.turn(units.reshape(-1, 4, 3))).reshape(len(spread), UNITS)
     more = np.mean(exact - estimate(units), axis=1)
     return np.asarray(-100.0 * more / (quantile + more))
 
 
-def _nearest(estimate: Callable[[Array], Array], states: Array, quantile: Array) -> Array:
+def _nearest_states(estimate: Callable[[Array], Array], states: Array, quantile: Array) -> Array:
     """The `UNITS` of the states (n, units, 12) whose estimate lies nearest to the quantile."""
     distance = np.abs(estimate(states) - quantile[:, None])
     chosen = np.argpartition(distance, UNITS, axis=1)[:, :UNITS]

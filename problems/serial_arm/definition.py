@@ -321,7 +321,7 @@ def _cell(top: Section, joints: int, table: dict[str, Value], usual: Cell | None
         "near": tuple(angle * DEG for angle in near or ()),
         "of_tool": section.text("at", ("flange", "tool")) == "tool",
     }
-    cell = _listed(section, joints, more) if _is_listed(section) else _cube(section, known, more)
+    cell = _read_listed_poses(section, joints, more) if _is_listed(section) else _cube(section, known, more)
     section.finish()
     return cell
 
@@ -344,7 +344,7 @@ def _cube(section: Section, known: Cell, more: dict[str, Any]) -> Cell:
     return Cell(centre, known.side if side is None else side * MM, kind, per_edge, **more)
 
 
-def _listed(section: Section, joints: int, more: dict[str, Any]) -> Cell:
+def _read_listed_poses(section: Section, joints: int, more: dict[str, Any]) -> Cell:
     """Poses one by one: positions [mm] with or without rotation vectors [deg], or angles [deg]."""
     in_joints = "joints_deg" in section
     key = "joints_deg" if in_joints else "poses"
@@ -390,26 +390,26 @@ def _triple(section: Section, key: str, unit: float) -> tuple[float, float, floa
 
 def definition_tables(definition: Definition, parameters: Mapping[str, Value]) -> dict[str, Any]:
     """`[[joint]]`, `[base]`, `[tool]`, `[cell]`, and the other parameters."""
-    rows = [_written_joint(parameters, at, joint) for at, joint in enumerate(definition.joints, 1)]
+    rows = [_joint_table(parameters, at, joint) for at, joint in enumerate(definition.joints, 1)]
     frames = {stem: _frame(stem, axes, parameters) for stem, axes in (("base", declared.BASE), ("tool", declared.TOOL))}
     remaining = {
         name: value for name, value in parameters.items() if not name.startswith("nominal_") and name != "joints"
     }
-    return {"parameters": remaining, "joint": rows, **frames, "cell": _written_cell(definition.cell)}
+    return {"parameters": remaining, "joint": rows, **frames, "cell": _cell_table(definition.cell)}
 
 
-def _written_joint(parameters: Mapping[str, Value], at: int, joint: Joint) -> dict[str, Any]:
+def _joint_table(parameters: Mapping[str, Value], at: int, joint: Joint) -> dict[str, Any]:
     table: dict[str, Any] = {
         f"{column}_{unit}": parameters[declared.nominal(column, at)] for column, (unit, _) in declared.TABLE.items()
     }
     if joint.mass is not None:
-        table |= {"mass_kg": joint.mass, "centre_of_mass_mm": _scaled(joint.centre, MM)}
-    table["range_deg"] = _scaled((joint.low, joint.high), declared.DEG)
-    table["reducer"] = "none" if joint.gearing is None else _written_gearing(joint.gearing)
-    return table | {f"{kind}_{declared.ERRORS[kind][0]}": _written_error(error) for kind, error in joint.errors}
+        table |= {"mass_kg": joint.mass, "centre_of_mass_mm": _scale_for_table(joint.centre, MM)}
+    table["range_deg"] = _scale_for_table((joint.low, joint.high), declared.DEG)
+    table["reducer"] = "none" if joint.gearing is None else _gearing_table(joint.gearing)
+    return table | {f"{kind}_{declared.ERRORS[kind][0]}": _error_table(error) for kind, error in joint.errors}
 
 
-def _written_gearing(gearing: Gearing) -> dict[str, Any]:
+def _gearing_table(gearing: Gearing) -> dict[str, Any]:
     numbers = {
         "te_factor": gearing.te_factor,
         "stiffness_Nm_per_arcmin": gearing.stiffness,
@@ -425,7 +425,7 @@ def _written_gearing(gearing: Gearing) -> dict[str, Any]:
     }
 
 
-def _written_error(error: LinkError | None) -> dict[str, Any] | str:
+def _error_table(error: LinkError | None) -> dict[str, Any] | str:
     if error is None:
         return "none"
     return {"low": error.low, "high": error.high, "cost": curve_table(error.curve)}
@@ -436,27 +436,30 @@ def _frame(stem: str, axes: tuple[str, ...], parameters: Mapping[str, Value]) ->
     return {f"{axis}_{unit}": parameters[f"nominal_{stem}_{axis}_{unit}"] for axis, unit in units.items()}
 
 
-def _written_cell(cell: Cell) -> dict[str, Any]:
-    table: dict[str, Any] = {"at": "tool" if cell.of_tool else "flange", "turn_deg": _scaled(cell.turn, declared.DEG)}
+def _cell_table(cell: Cell) -> dict[str, Any]:
+    table: dict[str, Any] = {
+        "at": "tool" if cell.of_tool else "flange",
+        "turn_deg": _scale_for_table(cell.turn, declared.DEG),
+    }
     if cell.near:
-        table["near_deg"] = _scaled(cell.near, declared.DEG)
+        table["near_deg"] = _scale_for_table(cell.near, declared.DEG)
     if not cell.listed:
         return table | {
-            "centre_mm": _scaled(cell.centre, MM),
+            "centre_mm": _scale_for_table(cell.centre, MM),
             "side_mm": cell.side / MM,
             "poses": cell.kind,
             "per_edge": cell.per_edge,
         }
     key = "joints_deg" if cell.in_joints else "poses"
-    return table | {key: [_written_row(row, cell.in_joints) for row in cell.listed]}
+    return table | {key: [_pose_row(row, cell.in_joints) for row in cell.listed]}
 
 
-def _written_row(row: tuple[float, ...], in_joints: bool) -> list[float]:
+def _pose_row(row: tuple[float, ...], in_joints: bool) -> list[float]:
     if in_joints:
-        return _scaled(row, declared.DEG)
-    return [*_scaled(row[:3], MM), *_scaled(row[3:], declared.DEG)]
+        return _scale_for_table(row, declared.DEG)
+    return [*_scale_for_table(row[:3], MM), *_scale_for_table(row[3:], declared.DEG)]
 
 
-def _scaled(values: tuple[float, ...], unit: float) -> list[float]:
+def _scale_for_table(values: tuple[float, ...], unit: float) -> list[float]:
     """Numbers in a unit, without the last digits of the division, so that they read back alike."""
     return [float(f"{value:.15g}") for value in (np.array(values) / unit).tolist()]

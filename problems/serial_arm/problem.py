@@ -10,23 +10,19 @@ from typing import Any
 import numpy as np
 
 from ...errors import Fault
-from ...models.robot import WHOLE, Drives
+from ...models.robot import POSE_COORDINATES as WHOLE
+from ...models.robot import Drives
 from ...models.serial_arm import arm as declared
-from ...models.serial_arm.kinematics import (
-    Chain,
-    Frames,
-    Reached,
-    blocking,
-    frames,
-    gravity_torques,
-    over_cell,
-    singular,
-)
+from ...models.serial_arm.kinematics import Chain, Frames, Reached, frames, gravity_torques
+from ...models.serial_arm.kinematics import blocking_joints as blocking
+from ...models.serial_arm.kinematics import inverse_over_cell as over_cell
+from ...models.serial_arm.kinematics import singular_joints as singular
 from ...section import Array, Assumption, Section, Value, completed, number
 from ...units import MRAD, UM
 from ..declaration import ConfiguredProblem, Declaration
 from ..robot.machine import Machine, Places
-from ..robot.problem import RobotProblem, declaration_of, millimetres, share_name, sketched
+from ..robot.problem import RobotProblem, declaration_of, millimetres, share_name
+from ..robot.problem import sketch_part as sketched
 from ..settings import Settings
 from .definition import Definition, definition_tables, read_definition, shipped_arm
 
@@ -107,7 +103,7 @@ class ArmMachine(Machine):
         scale = np.tile(SCALES, len(joints))
         by_move, by_turn = by_move * scale, by_turn * scale
         if self.calibrated:
-            by_move, by_turn = _corrected(move, turn, by_move, by_turn)
+            by_move, by_turn = _correct_errors(move, turn, by_move, by_turn)
         weight = np.full(len(move), 1.0 / len(move))
         mass = np.array([joint.mass or 0.0 for joint in joints])
         centre = np.array([joint.centre for joint in joints])
@@ -120,7 +116,7 @@ class ArmMachine(Machine):
         return Places(Drives(weight, by_joint, turned), np.ascontiguousarray(torque), moved, rotated)
 
 
-def _corrected(move: Array, turn: Array, by_move: Array, by_turn: Array) -> tuple[Array, Array]:
+def _correct_errors(move: Array, turn: Array, by_move: Array, by_turn: Array) -> tuple[Array, Array]:
     """The residual errors (n, 3, sources) when commands keep the position exact; the orientation
     as well where there are enough joints.
     """
@@ -151,7 +147,7 @@ class SerialArmAllocation(RobotProblem):
     def __init__(self, settings: Settings | None = None) -> None:
         given = settings or Settings()
         definition: Definition = given.definition or default_definition(given.parameters)
-        self.declaration = _declared(definition)
+        self.declaration = _declare_arm(definition)
         super().__init__(given, definition)
         self._machine = ArmMachine(self.settings.parameters, definition)
 
@@ -164,7 +160,7 @@ class SerialArmAllocation(RobotProblem):
         definition = read_definition(top)
         if definition is None:
             return None
-        return ConfiguredProblem(_declared(definition), cls, {"definition": definition})
+        return ConfiguredProblem(_declare_arm(definition), cls, {"definition": definition})
 
     def more_tables(self) -> dict[str, Any]:
         return definition_tables(self.definition, self.settings.parameters)
@@ -257,5 +253,5 @@ def default_definition(parameters: Mapping[str, Value]) -> Definition:
     return shipped_arm(bool(number(given["nested"])), bool(number(given["per_drive"])))
 
 
-def _declared(definition: Definition) -> Declaration:
+def _declare_arm(definition: Definition) -> Declaration:
     return declaration_of(definition, parameters=definition.parameters, **DECLARED)

@@ -14,8 +14,10 @@ from ...models.costs import Reciprocal
 from ...models.machines import GoodPartsBySpread, convex_cost
 from ...section import Array, Flags, Integers
 from ..forms import Feature, Form, Way
-from ..limits import Limit, narrowed, overlap
-from .definition import Part, Process, by_spread, limits_of, spread_and_mean
+from ..limits import Limit, overlap
+from ..limits import narrow_range as narrowed
+from .definition import Part, Process, limits_of, spread_and_mean
+from .definition import process_by_spread as by_spread
 from .rows import YIELD, Row, quantile_of, rows_of, surplus_of
 
 if TYPE_CHECKING:
@@ -48,61 +50,61 @@ def machine_ways(
         return [], True
     low, high = common
     if process.low == process.high:
-        return [_fixed(part, number, rows, at)], True
-    if limits_alone(rows):
+        return [_fixed_way(part, number, rows, at)], True
+    if has_only_limit_rows(rows):
         assert process.curve is not None
         used, exact = convex_cost(process.curve, np.linspace(low, high, TRIED**2))
         slopes = tuple(float(row.linear[at]) for row in rows)
         return [Way(used, low, high, slopes, (0.0,) * len(rows), choice=float(number))], exact
     curve = by_spread(part, process)
     used, exact = convex_cost(curve, curve.tabulated)
-    cells = CELLS if _moves(process, rows, at) else 1
+    cells = CELLS if _has_other_terms(process, rows, at) else 1
     ends = spread_and_mean(part, process, np.linspace(low, high, cells + 1))[0]
     if not any(row.linear[at] for row in rows):
         ends = np.linspace(ends[0], ends[-1], cells + 1)
     ways = []
     for first, last in pairwise(ends.tolist()):
-        slopes, offsets = _below(process, rows, at, curve, first, last)
+        slopes, offsets = _lines_below(process, rows, at, curve, first, last)
         spread = tuple(row.spread_of(at, number) for row in rows)
         ways.append(Way(used, first, last, slopes, spread, offsets, float(number)))
     return ways, exact and cells == 1
 
 
-def limits_alone(rows: list[Row]) -> bool:
+def has_only_limit_rows(rows: list[Row]) -> bool:
     """Whether limits t are the variables: where nothing but worst cases is asked for."""
     return not any(np.any(row.spread) for row in rows)
 
 
-def _fixed(part: Part, number: int, rows: list[Row], at: int) -> Way:
+def _fixed_way(part: Part, number: int, rows: list[Row], at: int) -> Way:
     """A machine without inspection: one point."""
     process = part.processes[number]
     assert process.machine is not None
     t = np.array([process.low])
     spread, mean = (float(values[0]) for values in spread_and_mean(part, process, t))
-    x = process.low if limits_alone(rows) else spread
+    x = process.low if has_only_limit_rows(rows) else spread
     return Way(
         curve=process.curve or Reciprocal(0.0, 0.0),
         low=x,
         high=x,
         linear=(0.0,) * len(rows),
         spread=tuple(row.spread_of(at, number) for row in rows),
-        offset=tuple(float(_moved(row, at, t, np.array([mean]))[0]) for row in rows),
+        offset=tuple(float(_limit_and_mean_terms(row, at, t, np.array([mean]))[0]) for row in rows),
         choice=float(number),
     )
 
 
-def _moved(row: Row, at: int, t: Array, mean: Array) -> Array:
+def _limit_and_mean_terms(row: Row, at: int, t: Array, mean: Array) -> Array:
     """What limits and means of a part add to a row in addition to its spread."""
     return np.asarray(row.linear[at] * t + row.bias_of(at) * mean + row.shift_of(at) * np.abs(mean))
 
 
-def _moves(process: Process, rows: list[Row], at: int) -> bool:
+def _has_other_terms(process: Process, rows: list[Row], at: int) -> bool:
     """Whether a row contains more of a part than its spread."""
     off_centre = process.machine is not None and process.machine.mean != 0.0
     return any(row.linear[at] != 0.0 or (off_centre and (row.bias_of(at) or row.shift_of(at))) for row in rows)
 
 
-def _below(
+def _lines_below(
     process: Process, rows: list[Row], at: int, curve: GoodPartsBySpread, low: float, high: float
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Slopes and offsets of lines below what a part adds to the rows between two spreads."""
@@ -112,7 +114,7 @@ def _below(
     mean = process.machine.good_parts(t).mean
     slopes, offsets = [], []
     for row in rows:
-        value = _moved(row, at, t, mean)
+        value = _limit_and_mean_terms(row, at, t, mean)
         slope = float((value[-1] - value[0]) / (high - low)) if high > low else 0.0
         slopes.append(slope)
         bend = float(np.max(np.abs(np.diff(value, 2)))) if len(value) > 2 else 0.0
@@ -133,11 +135,11 @@ def form_of(stack: Stack, gaussian: bool = False) -> Form | None:
     for it (`gaussian`).
     """
     rows = rows_of(stack, gaussian)
-    if not rows or not possible(stack) or _entangled(stack):
+    if not rows or not has_process_within_limits(stack) or _has_varying_correlation(stack):
         return None
     linear = np.array([row.linear for row in rows])
     parts, t = stack.definition.parts, np.array([part.low for part in stack.definition.parts])
-    settled, correlation = _settled(stack), _correlation(stack)
+    settled, correlation = _settled_parts(stack), _correlation(stack)
     kept = [at for at in range(len(parts)) if not settled[at]]
     within = correlation[np.ix_(kept, kept)]
     left_out = _omitted_limits(stack, {row.output for row in rows})
@@ -173,7 +175,7 @@ def form_of(stack: Stack, gaussian: bool = False) -> Form | None:
 def limits_by_spread(stack: Stack, columns: Mapping[str, Array]) -> dict[str, Array]:
     """Columns (n,) of a form with limits of inspection in place of the spread of good parts."""
     with_limits = dict(columns)
-    if limits_alone(rows_of(stack, gaussian=True)):
+    if has_only_limit_rows(rows_of(stack, gaussian=True)):
         return with_limits
     for part in stack.definition.parts:
         if part.by_machine and (name := f"{part.name}_t") in with_limits:
@@ -184,7 +186,7 @@ def limits_by_spread(stack: Stack, columns: Mapping[str, Array]) -> dict[str, Ar
     return with_limits
 
 
-def _entangled(stack: Stack) -> bool:
+def _has_varying_correlation(stack: Stack) -> bool:
     """Whether the correlation of two parts differs between requirements.
 
     It does where a correlated piece shares its tolerance with others.
@@ -196,7 +198,7 @@ def _entangled(stack: Stack) -> bool:
     return any(part.count > 1 and named & set(part.pieces) for part in definition.parts)
 
 
-def possible(stack: Stack) -> bool:
+def has_process_within_limits(stack: Stack) -> bool:
     """Whether every part has a process within the limits."""
     ends = [(part, *range_of(stack, part)) for part in stack.definition.parts]
     return all(
@@ -222,7 +224,7 @@ def _correlation(stack: Stack) -> Array:
     return np.asarray(correlation)
 
 
-def _settled(stack: Stack) -> Flags:
+def _settled_parts(stack: Stack) -> Flags:
     """Whether a part is fixed and varies independently of all others, or not at all (parts,)."""
     alone = np.count_nonzero(_correlation(stack), axis=1) <= 1
     fixed = np.array([part.fixed for part in stack.definition.parts])

@@ -219,7 +219,7 @@ def scale_of(part: Part) -> float:
     return 1.0 / part.distribution.sigma
 
 
-def by_spread(part: Part, process: Process) -> GoodPartsBySpread:
+def process_by_spread(part: Part, process: Process) -> GoodPartsBySpread:
     """An inspected process by the spread of its good parts, in units of half-widths t."""
     assert process.machine is not None
     return GoodPartsBySpread(process.machine, process.low, process.high, scale_of(part))
@@ -233,7 +233,7 @@ def spread_and_mean(part: Part, process: Process, t: Array) -> tuple[Array, Arra
     return scale_of(part) * good_parts.std, good_parts.mean
 
 
-def as_made(parts: Sequence[Part], t: Array, chosen: Integers) -> Tolerances:
+def parts_by_process(parts: Sequence[Part], t: Array, chosen: Integers) -> Tolerances:
     """Parts of n designs of half-widths t (n, p) by the processes chosen (n, p)."""
     if not any(part.by_machine for part in parts):
         return t
@@ -246,7 +246,7 @@ def as_made(parts: Sequence[Part], t: Array, chosen: Integers) -> Tolerances:
     return AsMade(t, spread, mean, chosen)
 
 
-def ends_as_made(parts: Sequence[Part]) -> tuple[Tolerances, Tolerances]:
+def ranges_by_process(parts: Sequence[Part]) -> tuple[Tolerances, Tolerances]:
     """Least and largest limit, spread and size of the mean of each part, (1, p) each."""
     ends = [_ends(part) for part in parts]
     low, high = (np.array([[pair[side] for pair in part_ends] for part_ends in ends]) for side in (0, 1))
@@ -283,5 +283,5 @@ def limits_of(part: Part, spread: Array, chosen: Integers) -> Array:
         if process.low == process.high:
             t[rows] = process.low
         else:
-            t[rows] = by_spread(part, process).limit(spread[rows])
+            t[rows] = process_by_spread(part, process).limit(spread[rows])
     return t

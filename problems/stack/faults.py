@@ -11,7 +11,8 @@ from ...errors import Fault
 from ...models.stack import between, half_width, joint_yield_percent
 from ...section import Need, Section, too_many
 from ..settings import PROMISED, YIELD
-from .convex import possible, range_of
+from .convex import has_process_within_limits as possible
+from .convex import range_of
 from .definition import Requirement
 from .outputs import OBJECTIVES, VARIATIONS, common_unit
 from .promises import Measured, promise_faults
@@ -19,7 +20,7 @@ from .promises import Measured, promise_faults
 if TYPE_CHECKING:
     from .problem import Stack
 
-HALF = 50.0
+FIFTY_PERCENT = 50.0
 """Percent that no yield reaches where the mean is outside of the limits."""
 TRIED = 9
 """Designs between the tightest and the loosest whose yield is tried."""
@@ -92,13 +93,13 @@ def first_order_faults(stack: Stack) -> list[Fault]:
     return faults
 
 
-def with_nominal(stack: Stack, unreachable: Sequence[Fault]) -> list[Fault]:
+def nominal_limit_faults(stack: Stack, unreachable: Sequence[Fault]) -> list[Fault]:
     """Limits that no design reaches; where the nominal values break a limit already, that fault."""
     asked = {limit.name: limit.low for limit in stack.limits}
     covered, faults = set(), []
     for measured in stack.measured:
         for name in (measured.name(YIELD), measured.name(PROMISED)):
-            if asked.get(name, 0.0) > HALF and measured.off_nominal and _never_half(stack, measured):
+            if asked.get(name, 0.0) > FIFTY_PERCENT and measured.off_nominal and _never_half(stack, measured):
                 covered.add(f"limits.{name}")
                 text = (
                     f"{measured.off_nominal}: whatever the tolerances, fewer than half of the units conform, but "
@@ -116,7 +117,7 @@ def _never_half(stack: Stack, measured: Measured) -> bool:
         return measured.off_limits
     line = between(*stack.ends_as_made, np.linspace(0.0, 1.0, TRIED)[:, None])
     percent, _ = joint_yield_percent([measured.mechanism], line, stack.yields.searching)
-    return bool(np.all(percent < HALF))
+    return bool(np.all(percent < FIFTY_PERCENT))
 
 
 def domain_faults(stack: Stack) -> list[Fault]:
@@ -162,7 +163,7 @@ def range_faults(stack: Stack) -> list[Fault]:
     return faults
 
 
-def named_outputs(top: Section) -> tuple[list[str], list[str]]:
+def read_output_names(top: Section) -> tuple[list[str], list[str]]:
     """Names of objectives and limits, as far as they can be read."""
     names, limits = top.section("objectives").take("minimise"), top.section("limits")
     named = [name for name in names if isinstance(name, str)] if isinstance(names, list) else []

@@ -89,7 +89,7 @@ def sensitivity_faults(requirements: Sequence[Requirement], tables: Sequence[Map
     return faults
 
 
-def needless(parts: Sequence[Part], used: Sequence[bool]) -> list[Fault]:
+def unused_part_faults(parts: Sequence[Part], used: Sequence[bool]) -> list[Fault]:
     """A fault for every part on which no requirement depends."""
     return [
         Fault(f"part[{at}].name", f"no requirement depends on it: remove it (part {part.name})")
@@ -119,7 +119,7 @@ KINK = 0.05
 """Difference of the slopes on both sides, as a fraction of all slopes, from which there is a kink."""
 
 
-def with_formula(
+def mechanism_with_formula(
     bare: Mechanism, requirement: Requirement, parts: Sequence[Part], faults: list[Fault]
 ) -> Mechanism | None:
     """The mechanism of the requirement's formula; None and faults where it has none."""
@@ -145,22 +145,22 @@ def with_formula(
     nominals = scales * np.array([part.nominal or 0.0 for part in parts])
     mids = nominals + scales * np.array([part.mean for part in parts])
     mechanism = replace(bare, formula=formula, mids=mids[bare.owners], scale=scales[bare.owners], gain=gain)
-    if why := _undefined(mechanism, nominals[bare.owners], parts):
+    if why := _undefined_reason(mechanism, nominals[bare.owners], parts):
         faults.append(Fault(place, why))
         return None
-    mechanism, without_effect = _linearised(mechanism, np.array([part.high for part in parts])[bare.owners])
+    mechanism, without_effect = _linearise_mechanism(mechanism, np.array([part.high for part in parts])[bare.owners])
     faults += _slope_faults(mechanism, without_effect, parts, requirement)
-    faults += _nominal_faults(requirement, gain * _at(formula, mechanism, nominals[bare.owners]))
+    faults += _nominal_faults(requirement, gain * _evaluate_at_point(formula, mechanism, nominals[bare.owners]))
     loosest = np.array([[part.high for part in parts]])
-    return replace(mechanism, undefined=_outside(mechanism, loosest[0], least_margin(mechanism, loosest)[0]))
+    return replace(mechanism, undefined=_domain_violation(mechanism, loosest[0], least_margin(mechanism, loosest)[0]))
 
 
-def _at(formula: Formula, mechanism: Mechanism, x: Array) -> float:
+def _evaluate_at_point(formula: Formula, mechanism: Mechanism, x: Array) -> float:
     """The formula at one point, pieces (k,)."""
     return float(formula.value(dict(zip(mechanism.names, x, strict=True))))
 
 
-def _linearised(mechanism: Mechanism, loosest: Array) -> tuple[Mechanism, list[str]]:
+def _linearise_mechanism(mechanism: Mechanism, loosest: Array) -> tuple[Mechanism, list[str]]:
     """The mechanism with its value and sensitivities at the mid-limits, and the pieces of the formula
     on which it does not depend anywhere within the loosest tolerances (k,).
 
@@ -171,7 +171,7 @@ def _linearised(mechanism: Mechanism, loosest: Array) -> tuple[Mechanism, list[s
     gradient = formula.gradient(dict(zip(mechanism.names, mids, strict=True)))
     slopes = mechanism.gain * scale * np.array([float(gradient.get(name, 0.0)) for name in mechanism.names])
     known = np.where(np.isfinite(slopes), slopes, 0.0)
-    centre = mechanism.gain * _at(formula, mechanism, mids)
+    centre = mechanism.gain * _evaluate_at_point(formula, mechanism, mids)
     mechanism = replace(mechanism, sensitivities=known, centre=centre)
     effects = np.abs(known) * loosest
     rough: list[str] = []
@@ -182,7 +182,7 @@ def _linearised(mechanism: Mechanism, loosest: Array) -> tuple[Mechanism, list[s
         steep = np.isfinite(slopes[i]) and effects[i] > NEGLIGIBLE * effects.sum()
         if steep and not (formula.kinked and _kink(mechanism, i, loosest[i], effects.sum())):
             continue
-        matters = steep or not np.isfinite(slopes[i]) or _matters(mechanism, i, loosest)
+        matters = steep or not np.isfinite(slopes[i]) or _depends_on_piece(mechanism, i, loosest)
         (rough if matters else without_effect).append(name)
     return replace(mechanism, rough=tuple(rough)), without_effect
 
@@ -195,11 +195,11 @@ def _kink(mechanism: Mechanism, at: int, t: float, total: float) -> bool:
     assert formula is not None and mids is not None and scale is not None
     step = np.zeros_like(mids)
     step[at] = STEP * t * scale[at]
-    ends = [_at(formula, mechanism, mids + side * step) for side in (-1.0, 0.0, 1.0)]
+    ends = [_evaluate_at_point(formula, mechanism, mids + side * step) for side in (-1.0, 0.0, 1.0)]
     return bool(abs(mechanism.gain * (ends[0] - 2.0 * ends[1] + ends[2])) > KINK * STEP * total)
 
 
-def _matters(mechanism: Mechanism, at: int, loosest: Array) -> bool:
+def _depends_on_piece(mechanism: Mechanism, at: int, loosest: Array) -> bool:
     """Whether the formula depends on a piece somewhere within the loosest tolerances (k,)."""
     formula, mids, scale = mechanism.formula, mechanism.mids, mechanism.scale
     assert formula is not None and mids is not None and scale is not None
@@ -250,7 +250,7 @@ def _units(requirement: Requirement, parts: Sequence[Part]) -> tuple[float, Arra
     return base[kind] / factor, np.array(scale)
 
 
-def _undefined(mechanism: Mechanism, nominals: Array, parts: Sequence[Part]) -> str:
+def _undefined_reason(mechanism: Mechanism, nominals: Array, parts: Sequence[Part]) -> str:
     """Why no design is within the domain: none at the nominals, or at the tightest tolerances."""
     formula = mechanism.formula
     assert formula is not None
@@ -258,13 +258,13 @@ def _undefined(mechanism: Mechanism, nominals: Array, parts: Sequence[Part]) -> 
     if why := formula.trouble(at_nominals):
         return f"at the nominal values, {why}"
     tightest = np.array([part.low for part in parts])
-    if why := formula.trouble(_within(mechanism, tightest)):
+    if why := formula.trouble(_points_within(mechanism, tightest)):
         remedy = "tighten the ranges or correct the formula"
         return f"even within the tightest tolerances, {why}; {remedy}"
     return ""
 
 
-def _within(mechanism: Mechanism, t: Array) -> dict[str, Array]:
+def _points_within(mechanism: Mechanism, t: Array) -> dict[str, Array]:
     """Points within the tolerances t (p,) of the pieces that the formula names."""
     formula, mids, scale = mechanism.formula, mechanism.mids, mechanism.scale
     assert formula is not None and mids is not None and scale is not None
@@ -273,11 +273,11 @@ def _within(mechanism: Mechanism, t: Array) -> dict[str, Array]:
     return {mechanism.names[i]: mids[i] + reach[i] * z for i, z in zip(used, points, strict=True)}
 
 
-def _outside(mechanism: Mechanism, loosest: Array, margin: float) -> str:
+def _domain_violation(mechanism: Mechanism, loosest: Array, margin: float) -> str:
     """Where the formula leaves its domain within the loosest tolerances (p,); empty if nowhere."""
     formula = mechanism.formula
     assert formula is not None
-    why = formula.trouble(_within(mechanism, loosest))
+    why = formula.trouble(_points_within(mechanism, loosest))
     return why or ("some function leaves its domain" if margin < 0.0 else "")
 
 
@@ -338,7 +338,7 @@ def mechanisms_of(
     if requirements[0].key and len(mechanisms) == len(requirements):
         used = np.any([mechanism.acting for mechanism in mechanisms], axis=0)
         owners = mechanisms[0].owners
-        faults += needless(parts, [bool(np.any(used[owners == at])) for at in range(len(parts))])
+        faults += unused_part_faults(parts, [bool(np.any(used[owners == at])) for at in range(len(parts))])
     return mechanisms
 
 
@@ -357,7 +357,7 @@ def _mechanism(
         upper=np.inf if requirement.upper is None else requirement.upper,
         correlation=correlation,
     )
-    kind = with_formula if requirement.formula else _with_sensitivities
+    kind = mechanism_with_formula if requirement.formula else _mechanism_with_sensitivities
     return kind(bare, requirement, parts, faults)
 
 
@@ -378,7 +378,7 @@ def _matrix(parts: Sequence[Part], correlations: Sequence[Correlation], faults: 
     return matrix
 
 
-def _with_sensitivities(
+def _mechanism_with_sensitivities(
     bare: Mechanism, requirement: Requirement, parts: Sequence[Part], faults: list[Fault]
 ) -> Mechanism | None:
     """The mechanism whose parts state their sensitivities."""

@@ -126,13 +126,13 @@ def outputs_of(
     """
     outputs = [Output("cost", "", "cost of all parts", low=0.0)]
     if requirements[0].key:
-        outputs += _joint(requirements)
+        outputs += _joint_outputs(requirements)
     for at, requirement in enumerate(requirements):
-        outputs += _of_requirement(requirement, measured[at] if measured else None, parts)
+        outputs += _requirement_outputs(requirement, measured[at] if measured else None, parts)
     return (*outputs, *promise_outputs(promise, requirements))
 
 
-def _joint(requirements: Sequence[Requirement]) -> list[Output]:
+def _joint_outputs(requirements: Sequence[Requirement]) -> list[Output]:
     """Outputs over all of several requirements."""
     unit, outputs = common_unit(requirements), []
     if unit is not None:
@@ -143,7 +143,7 @@ def _joint(requirements: Sequence[Requirement]) -> list[Output]:
     return outputs + _yields("yield_percent", "units that keep every requirement within its limits")
 
 
-def _of_requirement(requirement: Requirement, measured: Measured | None, parts: Sequence[Part]) -> list[Output]:
+def _requirement_outputs(requirement: Requirement, measured: Measured | None, parts: Sequence[Part]) -> list[Output]:
     """Outputs of one requirement."""
     unit, name = requirement.unit, requirement.name or "the requirement"
     of_what = "worst case" if requirement.method == "worst_case" else "variance"
@@ -208,11 +208,11 @@ def intervals_of(stack: Stack) -> dict[str, Interval]:
 
 STEP = 1e-6
 """Relative step of a limit."""
-WIDE = 0.05
+RELATIVE_STEP = 0.05
 """Relative step of a tolerance for outputs that are counted: enough units must change sides."""
 
 
-def by_limit(stack: Stack, designs: Array, slopes: dict[str, Array]) -> dict[str, Array]:
+def slopes_by_limit(stack: Stack, designs: Array, slopes: dict[str, Array]) -> dict[str, Array]:
     """Derivatives (n, parts) by tolerances: by differences where a machine makes the part."""
     parts = stack.definition.parts
     by_machine = [at for at, part in enumerate(parts) if part.by_machine]
@@ -232,7 +232,7 @@ def by_limit(stack: Stack, designs: Array, slopes: dict[str, Array]) -> dict[str
     return derivatives
 
 
-def by_count(stack: Stack, designs: Array) -> dict[str, Array]:
+def slopes_by_count(stack: Stack, designs: Array) -> dict[str, Array]:
     """Derivatives (n, parts) of the required yields and half-widths where a formula is not described
     by its slopes at the mid-limits: by central differences, on the units of a report.
     """
@@ -247,10 +247,10 @@ def by_count(stack: Stack, designs: Array) -> dict[str, Array]:
         column, ends = stack.names.index(f"{part.name}_t"), []
         for side in (1.0, -1.0):
             moved = designs.copy()
-            moved[:, column] *= 1.0 + side * WIDE
+            moved[:, column] *= 1.0 + side * RELATIVE_STEP
             ends.append(stack.yields.outputs(stack.parts_as_made(moved), searching=False, needed=True))
         for name in names & set(ends[0]):
-            derivatives[name][:, at] = (ends[0][name] - ends[1][name]) / (2.0 * WIDE * designs[:, column])
+            derivatives[name][:, at] = (ends[0][name] - ends[1][name]) / (2.0 * RELATIVE_STEP * designs[:, column])
     return derivatives
 
 
@@ -324,7 +324,7 @@ class PartCosts:
 # Settings that follow from the definition of a stack.
 
 
-def with_defaults(definition: Definition, measured: Sequence[Measured], given: Settings) -> Settings:
+def complete_definition(definition: Definition, measured: Sequence[Measured], given: Settings) -> Settings:
     """With fixed tolerances, the only process of a part, and limits of margins and promises."""
     fixed = {f"{p.name}_t": p.low for p in definition.parts if p.low == p.high}
     fixed |= {f"{p.name}_process": 0.0 for p in definition.parts if p.alternatives and len(p.processes) == 1}

@@ -14,7 +14,8 @@ from scipy.special import ndtr
 
 from ...errors import Fault, nearest
 from ...models.capability import PartSample, read_sample
-from ...models.cost_reading import dearer, name_of, read_curve, read_extras, read_extras_by
+from ...models.cost_reading import add_constant_cost as dearer
+from ...models.cost_reading import name_of, read_curve, read_extras, read_extras_by
 from ...models.costs import CostCurve, Reciprocal, Table
 from ...models.expressions import CONSTANTS, FUNCTIONS
 from ...models.input_reading import read_distribution
@@ -79,7 +80,7 @@ def _check(section: Section, names: list[str], known: list[str], by_part: dict[s
 # Zones of parts by standards: grades and fits (ISO 286), general tolerances (ISO 2768).
 
 
-MORE = ("geometry", "price", "feature", "leg")
+EXTRA_ZONE_KEYS = ("geometry", "price", "feature", "leg")
 """Keys other than that of the zone: prices of grades, the geometrical characteristic of ISO 1101,
 and what a general tolerance is of.
 """
@@ -88,7 +89,9 @@ COSTS = ("cost", "setup", "inspection")
 FEATURES = ("length", "radius")
 
 
-def standard(section: Section, key: str, text: str, unit: str, nominal: float | None) -> tuple[Zone, dict[str, Any]]:
+def read_standard_zone(
+    section: Section, key: str, text: str, unit: str, nominal: float | None
+) -> tuple[Zone, dict[str, Any]]:
     """The zone of an ISO 286 grade (symmetric) or fit, or of a general tolerance of ISO 2768, in
     the unit of the part, with its nominal and what is assumed.
 
@@ -106,10 +109,10 @@ def standard(section: Section, key: str, text: str, unit: str, nominal: float | 
     iso_zone = zone(fit, size)
     nominal = size / to_mm if nominal is None else nominal
     scaled = Zone(iso_zone.mid / to_mm, iso_zone.half_width / to_mm)
-    return scaled, {"nominal": nominal, "assumed": _unverified(key, [fit.grade])}
+    return scaled, {"nominal": nominal, "assumed": _unverified_note(key, [fit.grade])}
 
 
-def searched_grades(section: Section, unit: str, nominal: float | None) -> tuple[Process, ...] | None:
+def read_searched_grades(section: Section, unit: str, nominal: float | None) -> tuple[Process, ...] | None:
     """`grade = ["IT5", "IT8"]`: each grade from the first to the second as a separate process.
 
     Each costs its `price`, or the `cost` at its half-width, plus its part of a set-up and its
@@ -146,9 +149,9 @@ def price_remark(name: str, processes: tuple[Process, ...], prices: dict[str, An
     )
 
 
-def assumed_of(processes: tuple[Process, ...]) -> dict[str, str]:
+def unverified_grades(processes: tuple[Process, ...]) -> dict[str, str]:
     """Which of the grades are from an unverified part of the table."""
-    return _unverified("grade", [process.name for process in processes])
+    return _unverified_note("grade", [process.name for process in processes])
 
 
 def _range(section: Section) -> tuple[str, ...] | None:
@@ -219,7 +222,7 @@ def _to_mm(unit: str) -> float:
     return factor / family("mm")[1]
 
 
-def _unverified(key: str, grades: list[str]) -> dict[str, str]:
+def _unverified_note(key: str, grades: list[str]) -> dict[str, str]:
     unverified = [grade for grade in grades if grade in UNVERIFIED]
     if not unverified:
         return {}
@@ -260,7 +263,7 @@ def read_tolerance(section: Section, unit: str, nominal: float | None, fit: str 
     `fit` is its tolerance class by a `[[fit]]` of two parts, empty where it is in none.
     """
     given = [key for key in KEYS if key in section or (key == "t_min" and "t_max" in section)]
-    section.accept((*KEYS, *MORE, "t_max", "cost"))
+    section.accept((*KEYS, *EXTRA_ZONE_KEYS, "t_max", "cost"))
     if fit and not given:
         section, given = section.having("fit", fit), ["fit"]
     elif fit:
@@ -275,15 +278,17 @@ def read_tolerance(section: Section, unit: str, nominal: float | None, fit: str 
             read_curve(section.section("cost"))
         return None
     if given == ["grade"] and isinstance(section.take("grade"), list):
-        grades = searched_grades(section, unit, nominal)
+        grades = read_searched_grades(section, unit, nominal)
         if grades is None:
             return None
         costs = {key: section.take(key) for key in COSTS if key in section}
-        return Tolerance(grades, alternatives=True, stated=stated_of(section) | costs, assumed=assumed_of(grades))
+        return Tolerance(
+            grades, alternatives=True, stated=stated_standard(section) | costs, assumed=unverified_grades(grades)
+        )
     if given == ["t_min"]:
         process = _process(section, unit)
         return None if process is None else Tolerance((process,))
-    fixed = _fixed(section, given[0], unit, nominal)
+    fixed = _read_fixed_zone(section, given[0], unit, nominal)
     curve = _read_cost(section) if "cost" in section else None
     if fixed is None:
         return None
@@ -311,13 +316,13 @@ def _process(section: Section, unit: str, name: str = "") -> Process | None:
     if low >= high:
         section.fault("t_min", f"must be below t_max ({high:g}), got {low:g}")
         return None
-    low, high, note = _narrowed(low, high, curve, unit)
+    low, high, note = _narrow_to_cost_table(low, high, curve, unit)
     for key, end in (("t_min", low), ("t_max", high)):
         _check_cost(section, key, curve, end, unit)
     return Process(low, high, curve, name, note=note)
 
 
-def _narrowed(low: float, high: float, curve: CostCurve | None, unit: str) -> tuple[float, float, str]:
+def _narrow_to_cost_table(low: float, high: float, curve: CostCurve | None, unit: str) -> tuple[float, float, str]:
     """A range within the tolerances that a table of costs spans, and a note on it."""
     if not isinstance(curve, Table):
         return low, high, ""
@@ -377,7 +382,9 @@ def _alternatives(section: Section, unit: str, nominal: float | None) -> Toleran
     )
 
 
-def _fixed(section: Section, key: str, unit: str, nominal: float | None) -> tuple[Zone, dict[str, Any]] | None:
+def _read_fixed_zone(
+    section: Section, key: str, unit: str, nominal: float | None
+) -> tuple[Zone, dict[str, Any]] | None:
     """The zone about the nominal that a bought-in part has."""
     if key == "tolerance":
         value = section.number("tolerance", unit, Range(low=0.0))
@@ -388,16 +395,16 @@ def _fixed(section: Section, key: str, unit: str, nominal: float | None) -> tupl
     try:
         if key == "limits":
             return _limits(text), {"stated": {key: text}}
-        zone, more = standard(section, key, text, unit, nominal)
+        zone, more = read_standard_zone(section, key, text, unit, nominal)
     except ValueError as error:
         section.fault(key, str(error))
         return None
-    return zone, {"stated": stated_of(section) | {key: text}} | more
+    return zone, {"stated": stated_standard(section) | {key: text}} | more
 
 
-def stated_of(section: Section) -> dict[str, Any]:
+def stated_standard(section: Section) -> dict[str, Any]:
     """The keys of a part's table that state the standard of its zone, as written."""
-    keys = ("grade", *(key for key in MORE if key != "geometry"))
+    keys = ("grade", *(key for key in EXTRA_ZONE_KEYS if key != "geometry"))
     return {key: section.take(key) for key in keys if key in section}
 
 
@@ -412,9 +419,9 @@ def _limits(text: str) -> Zone:
 
 
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
-MOST = 1000
+MAX_PIECES_PER_PART = 1000
 """Pieces of a part."""
-ALL = 2000
+MAX_PIECES = 2000
 """Pieces of all parts: a sample of 8192 units then takes some seconds."""
 SOBOL = 21_201
 """Most pieces of all parts, even with --force: dimensions of a Sobol sequence (Joe, Kuo)."""
@@ -439,7 +446,7 @@ def read_parts(top: Section, requirements: Sequence[Requirement], faults: list[F
     return parts
 
 
-def stand_in(table: Mapping[str, Any], at: int) -> Part:
+def placeholder_part(table: Mapping[str, Any], at: int) -> Part:
     """A part with the names of a faulty one, so that the other tables can be checked."""
     name, processes = table.get("name"), (Process(0.0, 1.0),) * 2
     return Part(
@@ -449,7 +456,7 @@ def stand_in(table: Mapping[str, Any], at: int) -> Part:
 
 def _too_many(parts: Sequence[Part]) -> list[Fault]:
     """More pieces in all than a sample can be drawn of."""
-    pieces, most = sum(part.count for part in parts), SOBOL if is_forced() else ALL
+    pieces, most = sum(part.count for part in parts), SOBOL if is_forced() else MAX_PIECES
     if pieces <= most:
         return []
     remedy = "" if is_forced() else ", or add --force"
@@ -465,7 +472,7 @@ def _length(requirements: Sequence[Requirement]) -> str:
 def _read(section: Section, length_unit: str, requirements: Sequence[Requirement], fit: str) -> Part | None:
     name = _name(section)
     unit, assumed = _unit(section, length_unit)
-    count = section.integer("count", Range(1, MOST))
+    count = section.integer("count", Range(1, MAX_PIECES_PER_PART))
     sensitivities = read_sensitivities(section, unit, requirements)
     distribution = read_distribution(section, Normal())
     labels = _labels(section)
@@ -603,7 +610,7 @@ def drawn(part: Part) -> dict[str, str]:
         labels["symbol"] = f"{SYMBOLS[part.geometry]} {part.geometry.replace('_', ' ')}"
     capability = part.stated.get("cpk") or getattr(part.distribution, "cp", None)
     if part.one_sided:
-        capability, labels["inspection"] = _at_one_limit(part)
+        capability, labels["inspection"] = _one_sided_capability(part)
     elif part.distribution.one_sided and isinstance(capability, int | float):
         labels["inspection"] = f"at most {100.0 * ndtr(-3.0 * capability):.3g} % of the parts beyond the limit"
     elif part.sample is not None and part.sample.offset:
@@ -613,7 +620,7 @@ def drawn(part: Part) -> dict[str, str]:
     return {key: value for key, value in labels.items() if value}
 
 
-def _at_one_limit(part: Part) -> tuple[float, str]:
+def _one_sided_capability(part: Part) -> tuple[float, str]:
     """Cpk of a part with one limit, and what the model assumes of its process: it has no Cp."""
     m1, m2 = part.distribution.raw_moments(2)[1:]
     std, mean = part.high * math.sqrt(m2 - m1**2), part.mean + part.high * m1

@@ -14,7 +14,7 @@ from scipy.special import ndtr
 from ...errors import Fault, ModelError
 from ...models.capability import PartSample
 from ...models.costs import CostCurve
-from ...models.machine_offers import departures
+from ...models.machine_offers import departures_from_normality as departures
 from ...models.stack import Linear, Mechanism, Sample, Tolerances, between, yield_percent
 from ...models.stack.mechanism import SIGMAS
 from ...section import Array, Assumption, Integers, Output, Section, Variable
@@ -22,25 +22,31 @@ from ...units import family, unit_hint
 from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..forms import Form
 from ..limits import keeps
-from ..settings import Promise, Settings, read_promise, rising
+from ..settings import Promise, Settings, read_promise
+from ..settings import rising_price_note as rising
 from ..tolerance_problem import ToleranceProblem
 from .convex import corner_of, form_of, limits_by_spread, out_of_process, samples_of
-from .definition import Definition, Part, as_made, ends_as_made
-from .faults import faults_of, named_outputs, unit_faults, with_nominal
+from .definition import Definition, Part
+from .definition import parts_by_process as as_made
+from .definition import ranges_by_process as ends_as_made
+from .faults import faults_of, unit_faults
+from .faults import nominal_limit_faults as with_nominal
+from .faults import read_output_names as named_outputs
 from .outputs import (
     OBJECTIVES,
     PartCosts,
     Yields,
-    by_count,
-    by_limit,
     intervals_of,
     joint_slopes,
     joint_variations,
     outputs_of,
     variables_of,
-    with_defaults,
 )
-from .parts import drawn, labels_of, price_remark, stand_in
+from .outputs import complete_definition as with_defaults
+from .outputs import slopes_by_count as by_count
+from .outputs import slopes_by_limit as by_limit
+from .parts import drawn, labels_of, price_remark
+from .parts import placeholder_part as stand_in
 from .promises import Measured, Promises, measured
 from .reading import assumptions_of, read_definition, tables_of
 from .rows import shortfall
@@ -48,7 +54,7 @@ from .rows import shortfall
 # Linear against nonlinear spread: whether the root sum square is exceeded as rarely as stated.
 
 
-LEAST = 0.01
+MIN_YIELD_DIFFERENCE = 0.01
 """Percentage points below which a difference does not matter."""
 RELATIVE = 0.2
 """Fraction of the promise below which a difference does not matter."""
@@ -77,7 +83,7 @@ def linearity_warnings(
         promised = 100.0 * float(ndtr(low) + ndtr(-high))
         within, error = yield_percent(replace(mechanism, lower=lower, upper=upper), design, sample)
         actual, doubt = 100.0 - float(within[0]), float(error[0])
-        if abs(actual - promised) > max(LEAST, ERRORS * doubt, RELATIVE * promised):
+        if abs(actual - promised) > max(MIN_YIELD_DIFFERENCE, ERRORS * doubt, RELATIVE * promised):
             sentences.append(
                 f"outside {name} it promises {promised:.2g} %, but the formula itself gives {actual:.3g} % (standard "
                 f"error {doubt:.1g} %)"
@@ -104,7 +110,7 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
         for key, why in part.assumed.items()
         if key in ("grade", "fit")
     ]
-    sentences += [text for part in stack.definition.parts if (text := _impossible(part))]
+    sentences += [text for part in stack.definition.parts if (text := _implausible_tolerance_note(part))]
     remarks = [price_remark(part.name, part.processes, part.stated.get("price", {})) for part in stack.definition.parts]
     sentences += filter(None, remarks)
     for part in stack.definition.parts:
@@ -124,7 +130,7 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
                 "the nominal values or the limits"
             )
         sentences += [_domain(values)] if values.partial else []
-        sentences += [_rough(stack, values)] if values.rough else []
+        sentences += [_nonlinearity_warning(stack, values)] if values.rough else []
         if values.mechanism.formula is not None and not values.rough:
             unit = f" {values.requirement.unit}".rstrip()
             sample = stack.yields.drawn(WARNING_SAMPLES)
@@ -135,7 +141,7 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-def _impossible(part: Part) -> str:
+def _implausible_tolerance_note(part: Part) -> str:
     """A note on a tolerance that is implausible for the nominal size, with the unit it may be in."""
     size = abs(part.nominal or 0.0)
     if family(part.unit)[0] != "meter" or size == 0.0:
@@ -165,11 +171,13 @@ def _domain(measured: Measured) -> str:
     )
 
 
-def _rough(stack: Stack, measured: Measured) -> str:
+def _nonlinearity_warning(stack: Stack, measured: Measured) -> str:
     """What is not given of a formula that its slopes at the mid-limits do not describe, and what is."""
     mechanism, unit = measured.mechanism, f" {measured.requirement.unit}".rstrip()
     _, loosest = stack.ends_as_made
-    first, worst = (float(values[0]) for values in (measured.linear.worst_case(loosest), _worst(measured, loosest)))
+    first, worst = (
+        float(values[0]) for values in (measured.linear.worst_case(loosest), _worst_case(measured, loosest))
+    )
     text = (
         f"{measured.requirement.place}.formula has no slope at the mid-limits (0, not defined, or another one on each "
         f"side) by {', '.join(mechanism.rough)}: no root sum square and no contributions are given; worst_case is that "
@@ -181,7 +189,7 @@ def _rough(stack: Stack, measured: Measured) -> str:
     return text
 
 
-def _worst(measured: Measured, t: Tolerances) -> Array:
+def _worst_case(measured: Measured, t: Tolerances) -> Array:
     return measured.variations(t)[measured.name("worst_case")]
 
 
@@ -233,7 +241,7 @@ class Stack(ToleranceProblem):
             raise ModelError("a stack is made from its definition: read it from a configuration")
         self.definition = definition
         self.measured: tuple[Measured, ...] = measured(definition)
-        self.declaration = _declared(
+        self.declaration = _declare_stack(
             variables_of(definition.parts),
             outputs_of(definition.requirements, definition.parts, self.measured, definition.promise),
         )
@@ -252,7 +260,7 @@ class Stack(ToleranceProblem):
         ]
         mechanisms = measured(definition) if definition is not None else ()
         outputs = outputs_of(requirements, known, mechanisms, read_promise(top))
-        declaration = _declared(variables_of(known), outputs)
+        declaration = _declare_stack(variables_of(known), outputs)
         return ConfiguredProblem(declaration, cls, {"definition": definition})
 
     def tables(self) -> dict[str, Any]:
@@ -525,5 +533,5 @@ class Stack(ToleranceProblem):
         return warnings_of(self)
 
 
-def _declared(variables: tuple[Variable, ...], outputs: tuple[Output, ...]) -> Declaration:
+def _declare_stack(variables: tuple[Variable, ...], outputs: tuple[Output, ...]) -> Declaration:
     return Declaration(variables, outputs, objectives=OBJECTIVES, algorithm="exact")

@@ -31,18 +31,8 @@ from ...models.stack.mechanism import SIGMAS
 from ...section import Array, Integers, Output
 from ..deviations import Draws, Sums
 from ..promise import assurances, contradictions, means_promise, outputs_of_promise
-from ..settings import (
-    ASSURANCE,
-    ASSURED,
-    AT_ONCE,
-    DRAWS,
-    PLUG_IN,
-    PROMISED,
-    Bound,
-    Promise,
-    assured_percent,
-    normal_yield,
-)
+from ..settings import ASSURANCE, ASSURED, DRAWS, PLUG_IN, PROMISED, Bound, Promise, assured_percent, normal_yield
+from ..settings import VALUES_PER_BLOCK as AT_ONCE
 from .definition import Definition, Part, Requirement, spread_and_mean
 
 if TYPE_CHECKING:
@@ -394,7 +384,7 @@ class Posterior:
 # The promise of one requirement's yield, given the knowledge of the processes.
 
 
-LEAST = 1e-300
+MIN_NORM = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -480,7 +470,7 @@ class Promised:
         return np.asarray(np.max([z - self._room(t, *end) for end in self.sides], axis=0))
 
     def _spread(self, t: Tolerances) -> Array:
-        return np.maximum(self.norm(t).value(spread_of(t)), LEAST)
+        return np.maximum(self.norm(t).value(spread_of(t)), MIN_NORM)
 
     def _room(self, t: Tolerances, side: float, room: float) -> Array:
         """Distance (n,) of a limit from the mean."""
@@ -494,7 +484,7 @@ class Promised:
 
 POINTS = 6
 """Tolerances that represent a range in the choices that are tested."""
-NEVER = 1.0 - 1e-12
+UNREACHABLE_LEVEL = 1.0 - 1e-12
 """Level of the norm where no level is sure: hardly any allocation keeps it."""
 
 
@@ -503,7 +493,7 @@ def level_of(requirements: Sequence[Measured], promise: Promise, seed: int) -> L
     is asked for. A stated level is taken as it is.
     """
     parts, bounded = requirements[0].parts, [measured for measured in requirements if measured.mechanism.bounded]
-    if promise.statement != ASSURED or not bounded or not chosen_by_sample(parts):
+    if promise.statement != ASSURED or not bounded or not is_chosen_by_sample(parts):
         return None
     if promise.level_percent is not None:
         return Level(0.01 * promise.level_percent, float("nan"), float("nan"), sure=True)
@@ -521,10 +511,10 @@ def level_of(requirements: Sequence[Measured], promise: Promise, seed: int) -> L
     level = calibrated(
         ways, Processes(np.array(df), np.array(n)), _aim(bounded, promise), np.random.default_rng([seed, len(parts)])
     )
-    return level if level.sure else Level(NEVER, level.kept_fraction, level.without, sure=False)
+    return level if level.sure else Level(UNREACHABLE_LEVEL, level.kept_fraction, level.without, sure=False)
 
 
-def chosen_by_sample(parts: Sequence[Part]) -> bool:
+def is_chosen_by_sample(parts: Sequence[Part]) -> bool:
     """Whether a part has several processes, one of them known by a sample."""
     return any(part.sampled and len(part.processes) > 1 for part in parts)
 
@@ -690,10 +680,10 @@ def with_statement(stack: Stack, statement: str) -> Stack:
     """The stack with the same promise meant otherwise."""
     promise = stack.definition.promise
     assert promise is not None
-    return promising(stack, replace(promise, statement=statement))
+    return with_promise(stack, replace(promise, statement=statement))
 
 
-def promising(stack: Stack, promise: Promise) -> Stack:
+def with_promise(stack: Stack, promise: Promise) -> Stack:
     """The stack with a promise, whose limits take the place of those of the promise before."""
     limits = {
         name: bound for name, bound in stack.given.limits.items() if not name.split(".")[-1].endswith("yield_percent")
@@ -702,7 +692,7 @@ def promising(stack: Stack, promise: Promise) -> Stack:
     return type(stack)(replace(stack.given, definition=definition, limits=limits))
 
 
-def cheapest_at(stack: Stack, levels: Mapping[str, float]) -> Stack:
+def least_cost_at_limits(stack: Stack, levels: Mapping[str, float]) -> Stack:
     """Least cost alone, at upper limits on outputs."""
     limits = dict(stack.given.limits) | {name: Bound(high=high) for name, high in levels.items()}
     return type(stack)(replace(stack.given, objectives=("cost",), limits=limits))

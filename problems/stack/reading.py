@@ -43,7 +43,7 @@ def read_requirements(top: Section, faults: list[Fault]) -> tuple[Requirement, .
         faults.append(Fault("requirement", "must list at least one [[requirement]] table"))
         return (Requirement("", ""),)
     requirements = [_read(top.item("requirement", at, faults), f"requirement[{at}]", True) for at in range(len(tables))]
-    faults += _twice(requirements)
+    faults += _repeated_name_faults(requirements)
     return tuple(requirements)
 
 
@@ -98,7 +98,7 @@ def _key(section: Section, place: str) -> str:
     return name
 
 
-def _twice(requirements: list[Requirement]) -> list[Fault]:
+def _repeated_name_faults(requirements: list[Requirement]) -> list[Fault]:
     """A fault for every name that an earlier requirement has."""
     names = [requirement.key for requirement in requirements]
     return [
@@ -141,7 +141,7 @@ def read_definition(
     if requirements[0].key:
         faults += sensitivity_faults(requirements, top.tables("part"))
     else:
-        faults += _either(requirements[0], top, parts)
+        faults += _check_formula_or_sensitivities(requirements[0], top, parts)
     if faults or not parts:
         return parts, requirements, None
     mechanisms = mechanisms_of(requirements, whole, correlations, faults)
@@ -166,7 +166,7 @@ def _correlations(top: Section, parts: list[Part], complete: bool, faults: list[
             section.fault("parts", 'is missing: name two, like parts = ["a", "b"]')
         elif names and (len(names) != 2 or names[0] == names[1]):
             section.fault("parts", f"must name two different parts, got {', '.join(names)}")
-        bad = [why for name in names if complete and (why := _uncorrelated(name, owners, parts))]
+        bad = [why for name in names if complete and (why := _correlation_obstacle(name, owners, parts))]
         for why in bad:
             section.fault("parts", why)
         if len(names) != 2 or bad or coefficient is None:
@@ -178,7 +178,7 @@ def _correlations(top: Section, parts: list[Part], complete: bool, faults: list[
     return tuple(correlations)
 
 
-def _uncorrelated(name: str, owners: dict[str, Part], parts: list[Part]) -> str:
+def _correlation_obstacle(name: str, owners: dict[str, Part], parts: list[Part]) -> str:
     """Why a piece cannot be correlated, empty where it can."""
     for part in parts:
         if part.name == name and part.count > 1:
@@ -192,7 +192,7 @@ def _uncorrelated(name: str, owners: dict[str, Part], parts: list[Part]) -> str:
     return ""
 
 
-def _either(requirement: Requirement, top: Section, parts: list[Part | None]) -> list[Fault]:
+def _check_formula_or_sensitivities(requirement: Requirement, top: Section, parts: list[Part | None]) -> list[Fault]:
     """A formula, or a sensitivity for every part, never both."""
     tables = top.tables("part")
     given = ["sensitivity" in table for table in tables]

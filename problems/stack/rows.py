@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from ...models.capability.knowledge import Surplus, over
+from ...models.capability.knowledge import Surplus
+from ...models.capability.knowledge import divide_or_default as over
 from ...models.roots import bracketed_roots
 from ...models.stack import Law
 from ...models.stack.mechanism import SIGMAS
@@ -145,13 +146,15 @@ def rows_of(stack: Stack, gaussian: bool) -> list[Row]:
                 rows += _row(stack, kind, measured, kind, measured.requirement.weight, gaussian)
     if not several and not any(row.output == "variation" for row in rows):
         return []
-    rows = [row for row in rows if not several or row.output not in VARIATIONS or _complete(row, rows, stack)]
+    rows = [
+        row for row in rows if not several or row.output not in VARIATIONS or _is_complete_variation(row, rows, stack)
+    ]
     rows += _yield_rows(stack) + _promise_rows(stack, gaussian)
     first = stack.measured[0]
     return rows or _row(stack, first.name("rss"), first, "rss", 1.0, gaussian)
 
 
-def _complete(row: Row, rows: list[Row], stack: Stack) -> bool:
+def _is_complete_variation(row: Row, rows: list[Row], stack: Stack) -> bool:
     """Whether a largest variation has a row for every requirement."""
     return sum(other.output == row.output for other in rows) == len(stack.measured)
 
@@ -164,11 +167,11 @@ def _row(stack: Stack, output: str, measured: Measured, kind: str, weight: float
     if method == "monte_carlo":
         if isinstance(measured.law, Law):
             p = 0.5 * (1.0 + stack.settings.propagation.coverage)
-            return [_at(output, measured, p, weight)]
+            return [_row_at_fraction(output, measured, p, weight)]
         if not gaussian:
             return []
         method = "rss"
-    std = SIGMAS * signed(measured)
+    std = SIGMAS * signed_deviations(measured)
     nothing = np.zeros_like(std)
     linear, spread = {
         "worst_case": (measured.linear.worst, nothing),
@@ -179,7 +182,7 @@ def _row(stack: Stack, output: str, measured: Measured, kind: str, weight: float
     return [Row(output, measured, method, weight * linear, weight * spread, shift=shift)]
 
 
-def signed(measured: Measured) -> Array:
+def signed_deviations(measured: Measured) -> Array:
     """Standard deviation (parts,) of the contributions at t = 1.
 
     With the sign of the slope where several requirements share the correlation of the parts.
@@ -192,7 +195,7 @@ def signed(measured: Measured) -> Array:
     return np.asarray(np.where(slope_sums < 0.0, -std, std))
 
 
-def _at(
+def _row_at_fraction(
     output: str,
     measured: Measured,
     p: float,
@@ -209,7 +212,7 @@ def _at(
     linear, bias = weight * side * law.mean, weight * side * measured.linear.slope
     if law.covariance is not None:
         factor = float(ndtri(p)) if z is None else z
-        spread = np.asarray(weight * factor * signed(measured), dtype=float)
+        spread = np.asarray(weight * factor * signed_deviations(measured), dtype=float)
         return Row(output, measured, "monte_carlo", linear, spread, None, most, bias)
     matters = np.isin(np.arange(len(linear)), law.mechanism.owners)
     spread = np.asarray(weight * matters, dtype=float)
@@ -246,7 +249,7 @@ def _promise_rows(stack: Stack, gaussian: bool) -> list[Row]:
         doubts = [norm.surplus() for norm in norms] if assured else []
         wider = np.array([np.sqrt(over(norm.even, norms[0].even, 1.0)) for norm in norms])
         sides, names = promised.sides, ENDS
-        if not np.any(linear.mean) and not _off_centre(promised.measured):
+        if not np.any(linear.mean) and not _is_off_centre(promised.measured):
             names = {1.0: "both limits" if len(sides) > 1 else ENDS[sides[0][0]]}
             sides = [(1.0, min(room for _, room in sides))]
         rows += [
@@ -258,9 +261,9 @@ def _promise_rows(stack: Stack, gaussian: bool) -> list[Row]:
                 spread,
                 most=room,
                 bias=side * linear.slope,
-                doubt=_least(doubts),
+                doubt=_least_doubt(doubts),
                 by_process=None if len(norms) == 1 else wider,
-                even_doubt=_alike(doubts),
+                even_doubt=_have_equal_knowledge(doubts),
                 limit=names[side],
             )
             for side, room in sides
@@ -268,29 +271,29 @@ def _promise_rows(stack: Stack, gaussian: bool) -> list[Row]:
     return rows
 
 
-def _least(doubts: list[Surplus]) -> Surplus | None:
+def _least_doubt(doubts: list[Surplus]) -> Surplus | None:
     """The least that uncertain processes add, whichever process makes each part."""
     if not doubts:
         return None
-    own, shared, error = (_of_all(doubts, name) for name in ("own", "shared", "error"))
+    own, shared, error = (_process_coefficients(doubts, name) for name in ("own", "shared", "error"))
     return Surplus(
         np.min(own, axis=0), np.min(shared, axis=0), error=None if doubts[0].error is None else np.min(error, axis=0)
     )
 
 
-def _alike(doubts: list[Surplus]) -> bool:
+def _have_equal_knowledge(doubts: list[Surplus]) -> bool:
     """Whether the processes of every part are known alike."""
-    coefficients = (_of_all(doubts, name) for name in ("own", "shared", "error"))
+    coefficients = (_process_coefficients(doubts, name) for name in ("own", "shared", "error"))
     return all(np.allclose(values, values[:1], 1e-12, 0.0) for values in coefficients)
 
 
-def _of_all(doubts: list[Surplus], name: str) -> Array:
+def _process_coefficients(doubts: list[Surplus], name: str) -> Array:
     """Coefficients (w, parts) of every process; nothing where there are none."""
     coefficients = [value for doubt in doubts if (value := getattr(doubt, name)) is not None]
     return np.array(coefficients) if coefficients else np.zeros((1, 1))
 
 
-def _off_centre(measured: Measured) -> bool:
+def _is_off_centre(measured: Measured) -> bool:
     """Whether a machine makes a part off its mid-limit."""
     return any(offer.machine.mean for part in measured.parts for offer in part.machines)
 
@@ -316,16 +319,19 @@ def _kept_limits(measured: Measured, output: str, p: float) -> list[Row]:
     above, below = mechanism.upper - mechanism.centre, mechanism.centre - mechanism.lower
     sides = [(side, room) for side, room in ((1.0, above), (-1.0, below)) if np.isfinite(room)]
     if len(sides) < 2:
-        return [replace(_at(output, measured, p, side=side, most=room), limit=ENDS[side]) for side, room in sides]
+        return [
+            replace(_row_at_fraction(output, measured, p, side=side, most=room), limit=ENDS[side])
+            for side, room in sides
+        ]
     half, off = 0.5 * (above + below), 0.5 * (above - below)
-    middle = replace(_at(output, measured, 0.5 * (1.0 + p), most=half), limit="both limits")
-    moves = bool(np.any(law.mean)) or _off_centre(measured)
+    middle = replace(_row_at_fraction(output, measured, 0.5 * (1.0 + p), most=half), limit="both limits")
+    moves = bool(np.any(law.mean)) or _is_off_centre(measured)
     if not moves and abs(off) <= CENTRED * half:
         return [middle]
     lines = tangents(p) if moves and law.covariance is not None else ()
     rows = [
         replace(
-            _at(output, measured, p, 1.0 / room, side, half + side * off / room, z),
+            _row_at_fraction(output, measured, p, 1.0 / room, side, half + side * off / room, z),
             limit=f"{ENDS[side]}, tangent {at}" if at else ENDS[side],
         )
         for at, (z, room) in enumerate(((None, 1.0), *lines))

@@ -19,7 +19,7 @@ from tolevo.algorithms.run import Progress
 from tolevo.algorithms.search import SearchResult, search
 from tolevo.algorithms.settings import AlgorithmSettings, Budget
 from tolevo.errors import InputError
-from tolevo.files import sealed
+from tolevo.files import seal_content as sealed
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, PropagationSetting, Settings
 

@@ -26,12 +26,12 @@ from tolevo.algorithms.engine import (
     Space,
     crossover,
     crowding_distances,
-    different,
-    differential,
     mutate,
     survivors,
     tournament,
 )
+from tolevo.algorithms.engine import differential_evolution_trials as differential
+from tolevo.algorithms.engine import draw_other_rows as different
 from tolevo.algorithms.engine_of_pymoo import ArrayGDE3, ArrayNSGA2
 
 Array = NDArray[np.float64]

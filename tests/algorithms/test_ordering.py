@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from tolevo.algorithms.archive import PASSES, in_order, lowest_ranks_in_order, ranks
+from tolevo.algorithms.archive import PASSES, lowest_ranks_in_order, ranks
+from tolevo.algorithms.archive import lexicographic_order as in_order
 
 Array = NDArray[np.float64]
 TIED = st.sampled_from([-np.inf, -1.5, -0.0, 0.0, 1.0, 2.0, 1e300])

@@ -11,7 +11,8 @@ import pytest
 import tolevo
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
-from tolevo.models.cost_reading import dearer, times
+from tolevo.models.cost_reading import add_constant_cost as dearer
+from tolevo.models.cost_reading import times
 from tolevo.models.costs import CURVES, Table
 
 STACK = """

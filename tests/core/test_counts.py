@@ -25,11 +25,11 @@ from tolevo.section import (
     Need,
     Parameter,
     Section,
-    forced,
     is_forced,
     too_many,
     too_many_workers,
 )
+from tolevo.section import force_counts as forced
 
 RUN = """
 problem = "rv_backlash"

@@ -10,7 +10,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tolevo.files import csv_text, neutral, original, read_own_csv
+from tolevo.files import csv_text, read_own_csv
+from tolevo.files import neutralise_cell as neutral
+from tolevo.files import restore_cell as original
 from tolevo.tables import read_table, write
 
 FORMULAS = [

@@ -256,7 +256,7 @@ def test_every_byte_of_the_manifest_counts(out: Path) -> None:
 
 
 def test_a_newer_manifest_says_to_update(out: Path) -> None:
-    from tolevo.files import sealed_record
+    from tolevo.files import seal_record as sealed_record
 
     record = {"command": "run", "status": "done", "format": 2, "version": "9.1", "files": {}}
     (out / MANIFEST).write_text(json.dumps(sealed_record(record)), encoding="utf-8")

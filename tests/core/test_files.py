@@ -14,7 +14,7 @@ import tolevo
 from tolevo.cli import app
 from tolevo.errors import RunError
 from tolevo.files import content, unwritable, write_bytes, write_text, write_with
-from tolevo.section import forced
+from tolevo.section import force_counts as forced
 
 STACK = """
 problem = "stack"

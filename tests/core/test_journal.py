@@ -7,7 +7,10 @@ import time
 import numpy as np
 import pytest
 
-from tolevo.journal import Section, recalled, recalled_columns, recorded
+from tolevo.journal import Section
+from tolevo.journal import recall_arrays as recalled
+from tolevo.journal import recall_columns as recalled_columns
+from tolevo.journal import recording_steps as recorded
 
 
 def worked(calls: list[int], n: int) -> tuple[np.ndarray, ...]:

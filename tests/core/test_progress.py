@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tolevo.cli import describe_claims, describe_gap, ended_share, shown
+from tolevo.cli import describe_claims, describe_gap, ended_share
+from tolevo.cli import progress_reporter as shown
 from tolevo.commands.gap.plan import GapProgress
 from tolevo.commands.reproduce.claims import ClaimsProgress
 

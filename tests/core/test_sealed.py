@@ -10,7 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tolevo.files import loads, sealed, sealed_record, unsealed, unsealed_record
+from tolevo.files import loads
+from tolevo.files import seal_content as sealed
+from tolevo.files import seal_record as sealed_record
+from tolevo.files import unseal_content as unsealed
+from tolevo.files import unseal_record as unsealed_record
 
 
 def test_the_digest_is_sha256_of_what_stands_before_it() -> None:

@@ -5,20 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tolevo.units import (
-    ARCMIN,
-    COMMON,
-    MM,
-    RATES,
-    SUFFIXES,
-    UM,
-    converted,
-    looked_up,
-    split_unit,
-    to_unit,
-    unit_key,
-    unit_of,
-)
+from tolevo.units import ARCMIN, COMMON, MM, RATES, SUFFIXES, UM, converted, split_unit, to_unit, unit_key, unit_of
+from tolevo.units import look_up_unit as looked_up
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,8 @@ import pytest
 from tolevo.models.manipulator.effects import changed_errors
 from tolevo.models.manipulator.forward import _poses
 from tolevo.models.manipulator.geometry import Manipulator, TaskRing
-from tolevo.models.manipulator.pose import ManipulatorPose, _of_ring, _rows
+from tolevo.models.manipulator.pose import ManipulatorPose, _rows
+from tolevo.models.manipulator.pose import _ring_faults as _of_ring
 
 
 def test_both_ends_of_a_ring_are_named_where_both_are_wrong() -> None:

@@ -17,7 +17,8 @@ from tolevo.models.rv_reducer.contact.contact import LoadedContact, faults
 from tolevo.models.rv_reducer.contact.geometry import Axes, ContactGeometry, Nominal, PartErrors, displacements
 from tolevo.models.rv_reducer.geometry import RvGeometry, zero_backlash_pair
 from tolevo.models.rv_reducer.population.contact import touch
-from tolevo.models.rv_reducer.population.errors import Lattice, Scaled, Table, modified, part_errors, turn_lattice
+from tolevo.models.rv_reducer.population.errors import Lattice, Scaled, Table, part_errors, turn_lattice
+from tolevo.models.rv_reducer.population.errors import modified_geometry as modified
 from tolevo.models.rv_reducer.population.units import BaseSample, Profile, UnitDesign
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.units import ARCMIN, UM

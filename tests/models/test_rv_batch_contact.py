@@ -9,7 +9,8 @@ from tolevo.models.inputs import Normal
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.models.rv_reducer.contact import contact as performance
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
-from tolevo.models.rv_reducer.population.errors import modified, part_errors, turn_lattice
+from tolevo.models.rv_reducer.population.errors import modified_geometry as modified
+from tolevo.models.rv_reducer.population.errors import part_errors, turn_lattice
 from tolevo.models.rv_reducer.population.units import BaseSample
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.units import ARCMIN

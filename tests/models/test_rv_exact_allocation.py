@@ -17,7 +17,8 @@ from tolevo.models.rv_reducer.contact import contact as performance
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
 from tolevo.models.rv_reducer.population.contact import touch
-from tolevo.models.rv_reducer.population.errors import Lattice, Scaled, Table, modified, part_errors, turn_lattice
+from tolevo.models.rv_reducer.population.errors import Lattice, Scaled, Table, part_errors, turn_lattice
+from tolevo.models.rv_reducer.population.errors import modified_geometry as modified
 from tolevo.models.rv_reducer.population.units import ERRORS, BaseSample, UnitDesign
 from tolevo.units import ARCMIN
 

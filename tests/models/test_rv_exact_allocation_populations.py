@@ -23,12 +23,12 @@ from tolevo.models.rv_reducer.population.errors import (
     Lattice,
     Scaled,
     Table,
-    modified,
     nearest_prime,
     part_errors,
     spreads_evenly,
     turn_lattice,
 )
+from tolevo.models.rv_reducer.population.errors import modified_geometry as modified
 from tolevo.models.rv_reducer.population.units import BaseSample, UnitDesign
 from tolevo.units import ARCMIN
 

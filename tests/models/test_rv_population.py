@@ -16,7 +16,8 @@ from tolevo.models.rv_reducer.geometry import RvGeometry
 from tolevo.models.rv_reducer.population import errors as lattice_module
 from tolevo.models.rv_reducer.population import units as profile_module
 from tolevo.models.rv_reducer.population.contact import NAMES, Population, Slopes, Touch, Turn, pull_back, touch
-from tolevo.models.rv_reducer.population.errors import Lattice, Scaled, Table, modified, part_errors, turn_lattice
+from tolevo.models.rv_reducer.population.errors import Lattice, Scaled, Table, part_errors, turn_lattice
+from tolevo.models.rv_reducer.population.errors import modified_geometry as modified
 from tolevo.models.rv_reducer.population.measures import Conditions, Measure, Measures
 from tolevo.models.rv_reducer.population.units import ERRORS, BaseSample, Involute, UnitDesign
 from tolevo.models.rv_reducer.tighter_planet import TighterPlanet

@@ -14,7 +14,8 @@ from tolevo.models.rv_reducer.contact.contact import LoadedContact
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry, PartErrors
 from tolevo.models.rv_reducer.population.contact import NAMES, Slopes, touch
 from tolevo.models.rv_reducer.population.elastic import OUTPUTS, TE_POSITIONS, Elastic, Loading, elastic
-from tolevo.models.rv_reducer.population.errors import Lattice, Scaled, Table, modified, part_errors, turn_lattice
+from tolevo.models.rv_reducer.population.errors import Lattice, Scaled, Table, part_errors, turn_lattice
+from tolevo.models.rv_reducer.population.errors import modified_geometry as modified
 from tolevo.models.rv_reducer.population.units import BaseSample, UnitDesign
 from tolevo.models.rv_reducer.tighter_planet import TighterPlanet
 from tolevo.units import ARCMIN

@@ -12,7 +12,8 @@ from tolevo.models.rv_reducer.backlash import BacklashModel, stage_means
 from tolevo.models.rv_reducer.contact.contact import LoadedContact, backlash
 from tolevo.models.rv_reducer.contact.geometry import PartErrors
 from tolevo.models.rv_reducer.geometry import InvoluteStage
-from tolevo.models.rv_reducer.tighter_planet import TighterOf, TighterPlanet, tighter_of
+from tolevo.models.rv_reducer.tighter_planet import TighterOf, TighterPlanet
+from tolevo.models.rv_reducer.tighter_planet import tighter_planet_law as tighter_of
 from tolevo.section import Value
 from tolevo.units import ARCMIN, MM, UM
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from tolevo.models.inputs import Distribution, Normal, Triangular, Uniform
 from tolevo.models.propagation import ClippedSum, Convolution, Term
 from tolevo.models.rv_reducer import declared
-from tolevo.models.rv_reducer.batch import PART, Batch, Units, batch, drawn, summed, units
+from tolevo.models.rv_reducer.batch import PART, Batch, Units, batch, drawn, units
+from tolevo.models.rv_reducer.batch import sum_at_probabilities as summed
 from tolevo.units import ARCMIN
 
 Array = NDArray[np.float64]

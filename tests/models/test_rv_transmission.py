@@ -13,7 +13,8 @@ from tolevo.commands.simulate import Simulation, inputs_in, rows_of
 from tolevo.errors import InputError
 from tolevo.models.rv_reducer.contact.contact import OverloadWarning
 from tolevo.models.rv_reducer.contact.geometry import Mesh
-from tolevo.models.rv_reducer.dynamics import Oscillator, TabulatedMesh, Train, spectrum, steady_state, tabulated
+from tolevo.models.rv_reducer.dynamics import Oscillator, TabulatedMesh, Train, spectrum, steady_state
+from tolevo.models.rv_reducer.dynamics import tabulate_mesh as tabulated
 from tolevo.models.rv_reducer.lost_motion import CHANGES, LoadedUnit, RvLostMotion
 from tolevo.models.rv_reducer.lost_motion import unit_under_load as loaded_unit
 from tolevo.models.rv_reducer.transmission import RvTransmission

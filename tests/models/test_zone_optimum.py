@@ -10,7 +10,9 @@ import pytest
 from tolevo.models.propagation.sums import total_cumulants
 from tolevo.models.rv_reducer import declared
 from tolevo.models.rv_reducer.cycloid import LINEAR_ERRORS, EccentricityLaw, coefficients
-from tolevo.models.rv_reducer.tighter_planet import ERRORS, Stage, equal_shares, least, least_clipped
+from tolevo.models.rv_reducer.tighter_planet import ERRORS, Stage, equal_shares
+from tolevo.models.rv_reducer.tighter_planet import least_clipped_rotation as least_clipped
+from tolevo.models.rv_reducer.tighter_planet import least_rotation as least
 from tolevo.units import ARCMIN
 
 UNIT = 2.0 / 0.0507

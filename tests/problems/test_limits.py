@@ -21,7 +21,8 @@ from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.errors import Fault
-from tolevo.problems.limits import ROOM, Limit, loosened, overlap
+from tolevo.problems.limits import LIMIT_ROUNDING as ROOM
+from tolevo.problems.limits import Limit, loosened, overlap
 from tolevo.problems.settings import Bound, Settings
 from tolevo.problems.stack import Stack
 from tolevo.section import Section

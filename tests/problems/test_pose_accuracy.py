@@ -13,13 +13,14 @@ from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
-from tolevo.models.effects.measurements import Active, acting, changes_of, measurements_of, target_of
+from tolevo.models.effects.measurements import Active, changes_of, measurements_of, target_of
+from tolevo.models.effects.measurements import effect_actions as acting
 from tolevo.models.manipulator.effects import unit_effects
 from tolevo.models.manipulator.geometry import Manipulator, TaskRing
 from tolevo.models.manipulator.maps import SOURCES as ELEMENTARY
 from tolevo.models.manipulator.pose import ManipulatorPose
 from tolevo.models.manipulator.ring import quadrature
-from tolevo.problems.limits import ROOM
+from tolevo.problems.limits import LIMIT_ROUNDING as ROOM
 from tolevo.problems.pose_accuracy import PoseAccuracy
 from tolevo.problems.pose_accuracy.outputs import NINE, SOURCES
 from tolevo.problems.settings import Bound, Settings

@@ -13,7 +13,7 @@ from scipy import optimize, stats
 from tolevo.algorithms.exact.bounds import proof, row_limits
 from tolevo.algorithms.exact.choices import least_cost
 from tolevo.algorithms.exact.combination import Combination
-from tolevo.commands.run.promise import cheapest
+from tolevo.commands.run.promise import cheapest_design as cheapest
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.models.capability import Knowledge

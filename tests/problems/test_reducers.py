@@ -22,9 +22,9 @@ from tolevo.problems.nested_reducers import (
     block_of,
     curve_of_points,
     documents_reducer,
-    least,
     lower_bound,
 )
+from tolevo.problems.nested_reducers import least_cost_allocations as least
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, Settings, VariableSetting
 

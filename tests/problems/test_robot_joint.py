@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from tolevo.algorithms.exact.bounds import proof, restricted
+from tolevo.algorithms.exact.bounds import proof
+from tolevo.algorithms.exact.bounds import restrict_form as restricted
 from tolevo.algorithms.exact.choices import least_cost, search_vectors
 from tolevo.algorithms.exact.combination import Combination, Optimum
 from tolevo.algorithms.exact.programme import Programme

@@ -16,7 +16,8 @@ from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.models.inputs import Beta, Uniform
 from tolevo.problems.rv_backlash import RvBacklash
-from tolevo.problems.rv_backlash.form import Cell, quantiles_of, uniform_below
+from tolevo.problems.rv_backlash.form import Cell, quantiles_of
+from tolevo.problems.rv_backlash.form import uniform_bound as uniform_below
 from tolevo.problems.settings import Bound, Settings, VariableSetting
 
 PRINTED = {"reading": "printed"}

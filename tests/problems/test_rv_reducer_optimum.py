@@ -19,7 +19,8 @@ from tolevo.algorithms.settings import Budget
 from tolevo.models.rv_reducer.contact import contact as performance
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
-from tolevo.models.rv_reducer.population.errors import modified, part_errors, turn_lattice
+from tolevo.models.rv_reducer.population.errors import modified_geometry as modified
+from tolevo.models.rv_reducer.population.errors import part_errors, turn_lattice
 from tolevo.models.rv_reducer.population.units import BaseSample, UnitDesign
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.settings import Bound, Settings, VariableSetting

@@ -14,10 +14,12 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from tolevo.algorithms.exact.bounds import proof, restricted
+from tolevo.algorithms.exact.bounds import proof
+from tolevo.algorithms.exact.bounds import restrict_form as restricted
 from tolevo.algorithms.exact.choices import least_cost, search_vectors
 from tolevo.algorithms.exact.solver import exact_vectors
-from tolevo.models.serial_arm.kinematics import Chain, positions, singular
+from tolevo.models.serial_arm.kinematics import Chain, positions
+from tolevo.models.serial_arm.kinematics import singular_joints as singular
 from tolevo.problems.serial_arm import SerialArmAllocation
 from tolevo.problems.serial_arm.definition import Definition, shipped_arm
 from tolevo.problems.settings import PropagationSetting, Settings

@@ -15,7 +15,8 @@ from typer.testing import CliRunner
 
 import tolevo
 from tolevo.cli import app
-from tolevo.commands.run.promise import cheapest, expected_gain, next_parts, shadow_gain
+from tolevo.commands.run.promise import cheapest_design as cheapest
+from tolevo.commands.run.promise import expected_gain, next_parts, shadow_gain
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.problems.stack.promises import with_knowledge, with_statement

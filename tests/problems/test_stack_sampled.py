@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 import tolevo
-from tolevo.algorithms.exact.epsilon import _tightened
+from tolevo.algorithms.exact.epsilon import _tighten_to_limits as _tightened
 from tolevo.algorithms.exact.local import Branch
 from tolevo.algorithms.run import Run
 from tolevo.algorithms.search import search

@@ -124,7 +124,7 @@ def test_the_page_is_built_again_from_what_is_stored(result: ClaimsResult) -> No
     odd = np.array([np.nan, np.inf, -0.1])
     extra = replace(LINES, name="odd", values=(np.arange(3), odd, -odd, np.array(["", "a", "é"])))
     whole = replace(result, tables={**result.tables, "odd": extra})
-    again, bad = page_data.loaded(ClaimsResult, json.loads(page_data.dumped(whole)))
+    again, bad = page_data.load_result(ClaimsResult, json.loads(page_data.dump_result(whole)))
     assert not bad
     assert claims_page(again) == claims_page(whole)
     for one, other in zip(again.tables["odd"].values, extra.values, strict=True):

@@ -30,7 +30,8 @@ from tolevo.commands.gap.records import (
     Step,
 )
 from tolevo.page.drawing import as_png, as_svg
-from tolevo.page_data import dumped, loaded
+from tolevo.page_data import dump_result as dumped
+from tolevo.page_data import load_result as loaded
 from tolevo.records import Axis
 
 EVIL = '<script>alert("x")</script>'

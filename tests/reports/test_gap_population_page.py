@@ -11,7 +11,8 @@ from tests.reports.html import parsed
 from tests.reports.test_gap_page import result as of_page
 from tolevo.commands.gap.page import attribution_table, gap_page, population_table
 from tolevo.commands.gap.records import Attribution, GapResult, InputChange, PopulationLine
-from tolevo.page_data import dumped, loaded
+from tolevo.page_data import dump_result as dumped
+from tolevo.page_data import load_result as loaded
 
 NAN = float("nan")
 result = of_page

@@ -11,7 +11,7 @@ import pytest
 from tests.reports.html import parsed
 from tolevo.page import page
 from tolevo.page.document import shown, table
-from tolevo.page.explorer import thinned
+from tolevo.page.explorer import thin_points as thinned
 from tolevo.page.figures import front_figure, population_figure, turn_figure
 from tolevo.records import Axis, RunResult
 

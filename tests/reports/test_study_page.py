@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 from tests.reports.html import parsed
 from tolevo.commands.study.page import figures, study_page
 from tolevo.page.drawing import as_png, as_svg
-from tolevo.page_data import dumped, loaded
+from tolevo.page_data import dump_result as dumped
+from tolevo.page_data import load_result as loaded
 from tolevo.records import Recommendation, Response, StudyResult, Varied, Verdict
 
 EVIL = '<script>alert("x")</script>'

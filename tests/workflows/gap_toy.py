@@ -14,7 +14,7 @@ from tolevo.commands.gap.data import GapData
 from tolevo.commands.gap.fit import Fit, Fitter, Member, Space
 from tolevo.commands.gap.generic import Form, generic, groups_of
 from tolevo.commands.gap.library import Candidate
-from tolevo.commands.gap.linear import joined
+from tolevo.commands.gap.linear import join_groups as joined
 from tolevo.commands.gap.noise import Noise
 from tolevo.commands.gap.plan import GapSettings
 from tolevo.commands.gap.scan import Dictionary, Remaining, Thresholds

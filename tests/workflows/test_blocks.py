@@ -255,7 +255,7 @@ def test_parquet_read_in_batches_gives_the_same_bytes(tmp_path: Path, monkeypatc
         frame.iloc[part].to_parquet(folder / f"{at}.parquet", index=False)
     lines: list[str] = []
     tolevo.simulate(model, tmp_path / "p.parquet", tmp_path / "a.parquet")
-    monkeypatch.setattr(streamed, "LONG", 1000)
+    monkeypatch.setattr(streamed, "STREAMED_ROWS", 1000)
     found = tolevo.simulate(model, tmp_path / "p.parquet", tmp_path / "b.parquet", tell=lines.append, frame=False)
     tolevo.simulate(model, folder, tmp_path / "c.parquet", frame=False)
     contents = {(tmp_path / f"{name}.parquet").read_bytes() for name in "abc"}
@@ -268,7 +268,7 @@ def test_parquet_read_in_batches_gives_the_same_bytes(tmp_path: Path, monkeypatc
 def test_cells_of_a_long_table_are_looked_at_before_anything_is_computed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(streamed, "LONG", 1000)
+    monkeypatch.setattr(streamed, "STREAMED_ROWS", 1000)
     frame = points(150_000)
     frame.loc[140_000, "torque_Nm"] = np.nan
     frame.to_parquet(tmp_path / "p.parquet", index=False)

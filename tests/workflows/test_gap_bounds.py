@@ -10,13 +10,15 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from tolevo.commands.gap import result
-from tolevo.commands.gap.analysis import Analysis, analysed, without
+from tolevo.commands.gap.analysis import Analysis, analysed
+from tolevo.commands.gap.analysis import analysis_without_effect as without
 from tolevo.commands.gap.close import Corrected
 from tolevo.commands.gap.configuration import gap_plan, read_gap
 from tolevo.commands.gap.fit import Fit, Member
 from tolevo.commands.gap.read import read_data
-from tolevo.commands.gap.result import Ending, ended
-from tolevo.commands.gap.setup import prepared
+from tolevo.commands.gap.result import Ending
+from tolevo.commands.gap.result import finish_analysis as ended
+from tolevo.commands.gap.setup import prepare_setup as prepared
 
 SLIDE = """
 model = "table"

@@ -11,13 +11,15 @@ import pytest
 
 from tolevo.commands.gap.blocks import Trained, Training
 from tolevo.commands.gap.configuration import read_gap
-from tolevo.commands.gap.generic import stacked
+from tolevo.commands.gap.generic import stack_columns as stacked
 from tolevo.commands.gap.library import grid
-from tolevo.commands.gap.linear import Groups, basis, projected_out
+from tolevo.commands.gap.linear import Groups, basis
+from tolevo.commands.gap.linear import project_out as projected_out
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.scan import Thresholds, dictionary
 from tolevo.commands.gap.searching import noise_of, searching
-from tolevo.commands.gap.setup import Setup, prepared
+from tolevo.commands.gap.setup import Setup
+from tolevo.commands.gap.setup import prepare_setup as prepared
 from tolevo.models.effects.shapes import Shape
 
 ROWS = 60

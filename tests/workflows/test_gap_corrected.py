@@ -15,7 +15,8 @@ from typer.testing import CliRunner
 
 from tolevo.cli import app
 from tolevo.commands.gap.configuration import read_gap
-from tolevo.configuration.plugins import belongs, stranger
+from tolevo.configuration.plugins import foreign_model_message as stranger
+from tolevo.configuration.plugins import model_belongs as belongs
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.models.rv_reducer.batch import RvBatch

@@ -15,7 +15,8 @@ from tolevo.commands.gap.configuration import read_gap
 from tolevo.commands.gap.fit import Fit, Member
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.separations import separating
-from tolevo.commands.gap.setup import Setup, prepared
+from tolevo.commands.gap.setup import Setup
+from tolevo.commands.gap.setup import prepare_setup as prepared
 from tolevo.models.effects.effect import InsideSeveral
 
 pytestmark = pytest.mark.usefixtures("unrendered")

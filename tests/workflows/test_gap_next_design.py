@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tolevo.commands.gap.next_field import Contest, Predictions, exchanged
+from tolevo.commands.gap.next_field import Contest, Predictions
+from tolevo.commands.gap.next_field import exchange_design as exchanged
 from tolevo.commands.gap.separations import Duel
 from tolevo.section import Array
 

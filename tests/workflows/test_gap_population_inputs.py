@@ -15,7 +15,8 @@ from tolevo.commands.gap import gap
 from tolevo.commands.gap.configuration import read_gap
 from tolevo.commands.gap.gap import record
 from tolevo.commands.gap.input_changes import Tables, UnitLaw
-from tolevo.commands.gap.populations import Weighed, decided
+from tolevo.commands.gap.populations import Weighed
+from tolevo.commands.gap.populations import decide_changes as decided
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.records import GapResult
 from tolevo.models.rv_reducer.batch import RvBatch

@@ -6,17 +6,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tolevo.commands.gap.populations import (
-    Compared,
-    Look,
-    along,
-    batches,
-    between_lots,
-    looks_of,
-    rarely,
-    two_of,
-    unlike,
-)
+from tolevo.commands.gap.populations import Compared, Look, along, batches, between_lots, looks_of
+from tolevo.commands.gap.populations import rare_value as rarely
+from tolevo.commands.gap.populations import shape_distance as unlike
+from tolevo.commands.gap.populations import two_supplier_ratio as two_of
 from tolevo.commands.gap.records import PopulationLine
 from tolevo.models.effects.population import Law
 

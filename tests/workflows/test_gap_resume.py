@@ -15,7 +15,7 @@ from tolevo.commands.gap.plan import GapProgress
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.uncertainty import FILE, STEPS
 from tolevo.directory import KINDS, MANIFEST, UNFINISHED
-from tolevo.directory.standing import present
+from tolevo.directory.standing import present_files as present
 from tolevo.errors import InputError
 
 pytestmark = pytest.mark.usefixtures("unrendered")
@@ -100,7 +100,7 @@ def test_the_search_is_recalled(folder: Path, monkeypatch: pytest.MonkeyPatch) -
     def again(*arguments: object) -> None:
         raise AssertionError("simulated again")
 
-    monkeypatch.setattr(scan, "strongest", again)
+    monkeypatch.setattr(scan, "strongest_evidence", again)
     assert analysed(folder, "cut").status == "done"
     assert (folder / "cut" / "gap.json").read_bytes() == (folder / "whole" / "gap.json").read_bytes()
     assert analysed(folder, "cut", "settings.bootstrap=9").status == "done"

@@ -13,12 +13,12 @@ import pytest
 from tests.workflows.gap_toy import PENALTY, N, directions, member, squares_left, toy
 from tolevo.commands.gap import selection
 from tolevo.commands.gap.blocks import Improvement
-from tolevo.commands.gap.linear import joined
-from tolevo.commands.gap.scan import CHUNK, evidence, scan, strongest, thresholds
+from tolevo.commands.gap.linear import join_groups as joined
+from tolevo.commands.gap.scan import CHUNK, evidence, scan, thresholds
+from tolevo.commands.gap.scan import strongest_evidence as strongest
 from tolevo.commands.gap.selection import (
     AS_WELL,
     NO_FORM,
-    SMALL,
     TERM,
     UNITS,
     VISITED,
@@ -27,11 +27,12 @@ from tolevo.commands.gap.selection import (
     concluding,
     correlation,
     first_of_confounded,
-    masked,
     rivals,
     select,
     with_identified_by_likelihood,
 )
+from tolevo.commands.gap.selection import BELOW_PRACTICAL_LIMIT as SMALL
+from tolevo.commands.gap.selection import masked_pair as masked
 
 
 def test_names_are_the_best_of_all_subsets() -> None:
@@ -320,6 +321,6 @@ def test_a_selection_that_reaches_ever_new_sets_ends(monkeypatch: pytest.MonkeyP
     members = [member(one) for one in names]
     search = toy(members, dict(zip(names, directions(15).T, strict=True)), directions(15) @ np.full(15, 20.0))
     pairs = combinations(members, 2)
-    monkeypatch.setattr(selection, "_retested", lambda search, fit, *_: search.fitter.fit(next(pairs)))
+    monkeypatch.setattr(selection, "_retest_effects", lambda search, fit, *_: search.fitter.fit(next(pairs)))
     found = select(search)
     assert sum(step.action == "add" for step in found.steps) == VISITED * search.settings.effects_at_most

@@ -15,7 +15,7 @@ from tolevo.commands.gap.configuration import read_gap
 from tolevo.commands.gap.plan import GapPlan
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.records import GapResult
-from tolevo.commands.gap.result import of_weights
+from tolevo.commands.gap.result import variance_of_weights as of_weights
 from tolevo.errors import InputError
 
 pytestmark = pytest.mark.usefixtures("unrendered", "units_once")

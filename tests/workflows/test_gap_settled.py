@@ -20,10 +20,12 @@ from tolevo.commands.gap.analysis import analysed
 from tolevo.commands.gap.blocks import improvement
 from tolevo.commands.gap.configuration import read_gap
 from tolevo.commands.gap.generic import generic
-from tolevo.commands.gap.linear import basis, projected_out
+from tolevo.commands.gap.linear import basis
+from tolevo.commands.gap.linear import project_out as projected_out
 from tolevo.commands.gap.read import read_data
-from tolevo.commands.gap.result import Ending, ended
-from tolevo.commands.gap.setup import prepared
+from tolevo.commands.gap.result import Ending
+from tolevo.commands.gap.result import finish_analysis as ended
+from tolevo.commands.gap.setup import prepare_setup as prepared
 from tolevo.commands.gap.unresolved import term_of
 from tolevo.models.effects.unresolved import Unresolved
 

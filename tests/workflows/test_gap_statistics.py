@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tolevo.commands.gap.linear import basis, joined, products, projected_out
+from tolevo.commands.gap.linear import basis, products
+from tolevo.commands.gap.linear import join_groups as joined
+from tolevo.commands.gap.linear import project_out as projected_out
 from tolevo.commands.gap.noise import Noise, autocorrelation, outliers, size_follows, whiteness
 from tolevo.commands.gap.scan import evidence, thresholds
 

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from tolevo.cli import app
 from tolevo.commands.gap import gap
-from tolevo.commands.gap.analysis import _through
+from tolevo.commands.gap.analysis import _broken_line as _through
 from tolevo.commands.gap.configuration import gap_plan, read_gap
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.records import GapResult

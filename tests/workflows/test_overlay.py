@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 
 from tolevo.commands.run.proofs import distance_words
-from tolevo.commands.run.references import ABOVE, above, notes, with_distance
+from tolevo.commands.run.references import ABOVE, above, notes
+from tolevo.commands.run.references import add_distance as with_distance
 
 NAMES = ["cost", "backlash_arcmin"]
 

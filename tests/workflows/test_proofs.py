@@ -18,7 +18,8 @@ from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.cli import app
-from tolevo.commands.run.proofs import exact_front, informative
+from tolevo.commands.run.proofs import are_informative_bounds as informative
+from tolevo.commands.run.proofs import exact_front
 from tolevo.configuration.reader import read
 
 pytestmark = pytest.mark.usefixtures("unrendered")

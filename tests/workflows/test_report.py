@@ -14,7 +14,7 @@ from typer.testing import CliRunner, Result
 
 from tolevo.algorithms.archive import CURVE
 from tolevo.cli import app
-from tolevo.commands.comparison import compared
+from tolevo.commands.comparison import compare_runs as compared
 from tolevo.commands.study.storage import DATABASE, Database
 from tolevo.commands.study.trial import RunRecord
 from tolevo.directory import MANIFEST

@@ -28,7 +28,8 @@ from tolevo.cli import app
 from tolevo.commands.run.front import CHECKPOINT
 from tolevo.commands.run.references import SideSearch, documents, side_searches
 from tolevo.commands.run.run import Sides
-from tolevo.journal import Section, recorded
+from tolevo.journal import Section
+from tolevo.journal import recording_steps as recorded
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.stack import Stack
 
@@ -271,7 +272,7 @@ def test_exact_goes_on_from_what_it_has_solved(tmp_path: Path, monkeypatch: pyte
             return search(problem, Exact(points=8), Budget(), 0, report)
 
     monkeypatch.setattr(choices, "_least_cost", counted)
-    monkeypatch.setattr("tolevo.journal.LEAST", 0.0)  # however fast the processor is
+    monkeypatch.setattr("tolevo.journal.MIN_RECORDED_SECONDS", 0.0)  # however fast the processor is
     config = tmp_path / "c.toml"
     config.write_text(ALTERNATIVES, encoding="utf-8")
     problem = tolevo.read(config).problem

@@ -15,7 +15,8 @@ from tolevo.algorithms.ga import GA
 from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.settings import AlgorithmSettings, Budget
 from tolevo.commands.run import references
-from tolevo.commands.run.front import knee, with_references
+from tolevo.commands.run.front import join_references as with_references
+from tolevo.commands.run.front import knee
 from tolevo.commands.run.plan import RunOutcome, RunPlan
 from tolevo.commands.run.references import gains, relaxed_bounds
 from tolevo.commands.run.run import _texts, run

@@ -15,7 +15,7 @@ LEVELS = 7
 COST = "cost"
 
 
-def compared(runs: Mapping[str, RunResult]) -> tuple[Comparison | None, tuple[str, ...]]:
+def compare_runs(runs: Mapping[str, RunResult]) -> tuple[Comparison | None, tuple[str, ...]]:
     """The runs with the objectives of the first one, and remarks on the others.
 
     None where fewer than two remain.
@@ -41,7 +41,7 @@ def compared(runs: Mapping[str, RunResult]) -> tuple[Comparison | None, tuple[st
         objectives=first_run.objectives,
         runs=tuple(Compared(label, run.front, run.references) for label, run in alike.items()),
         table=_table(alike, names, ideal, nadir),
-        equal=_equal(alike, first_run.objectives),
+        equal=_cost_at_levels(alike, first_run.objectives),
         notes=(note, *remarks),
     )
     return result, tuple(remarks)
@@ -83,7 +83,7 @@ def _table(runs: Mapping[str, RunResult], names: list[str], ideal: np.ndarray, n
     return table
 
 
-def _equal(runs: Mapping[str, RunResult], objectives: tuple[Axis, ...]) -> pd.DataFrame:
+def _cost_at_levels(runs: Mapping[str, RunResult], objectives: tuple[Axis, ...]) -> pd.DataFrame:
     """Cost of the cheapest point at levels of the other objective that all runs reach."""
     others = [axis.name for axis in objectives if axis.name != COST]
     if len(others) != 1 or len(objectives) != 2:

@@ -7,9 +7,11 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from ..page.document import bullets, data, described, document, package_scripts, picture, remarked, section, table
+from ..page.document import bullets, data, described, document, package_scripts, picture, section, table
+from ..page.document import remarks_section as remarked
 from ..page.drawing import COLOURS, axis_label, new_axes, style_axes, words
-from ..page.explorer import MOST, thinned
+from ..page.explorer import MAX_POINTS as MOST
+from ..page.explorer import thin_points as thinned
 from ..records import Axis, Comparison
 
 __all__ = ["comparison_page"]
@@ -55,7 +57,7 @@ def comparison_figure(result: Comparison) -> Figure:
 # The page of several runs: a single HTML file that needs no network.
 
 
-EQUAL = (
+EQUAL_VALUE_TEXT = (
     "The cost of the cheapest point of every run at the same level of the other objective, for the "
     "levels that all runs reach."
 )
@@ -70,7 +72,7 @@ def comparison_page(result: Comparison, remarks: Sequence[str] = ()) -> str:
         *remarked(remarks),
         section("Fronts", _fronts(result)),
         section("Hypervolume", table(result.table)),
-        section("Cost at equal value", described(EQUAL, result.equal)),
+        section("Cost at equal value", described(EQUAL_VALUE_TEXT, result.equal)),
         section("Notes", bullets(result.notes)),
     )
     scripts = (package_scripts("common.js", "chart.js", "comparison.js"),)

@@ -10,7 +10,7 @@ import pandas as pd
 from .. import tables
 from ..blocks import ArrayRows, Computed
 from ..errors import nearest, raise_all
-from ..problems.settings import slip
+from ..problems.settings import unit_slip as slip
 from ..problems.tolerance_problem import ToleranceProblem
 from ..section import Array, Variable
 from ..units import unit_hint
@@ -67,9 +67,9 @@ def designs_in(
     for variable in problem.variables:
         if variable.name in frame:
             if variable.labels:
-                frame[variable.name], bad = _numbered(variable, frame[variable.name])
+                frame[variable.name], bad = _choice_numbers(variable, frame[variable.name])
             else:
-                bad = _outside(variable, frame[variable.name])
+                bad = _value_faults(variable, frame[variable.name])
             faults += tables.cell_faults(place, variable.name, bad)
     raise_all(faults)
     understood([*_slips(problem, frame), *table.lines(place), *fitted.notes, *unused])
@@ -78,15 +78,15 @@ def designs_in(
     for name, bad_rows in problem.misplaced(designs).items():
         bad = {frame.index[row]: reason for row, reason in bad_rows.items()}
         faults += tables.cell_faults(place, name, bad)
-    left = _beyond(problem, designs, frame.index)
+    left = _range_violations(problem, designs, frame.index)
     for name, rows in left.items() if searched else ():
         faults += tables.cell_faults(place, name, rows)
     raise_all(faults)
-    understood(_left(left))
+    understood(_range_notes(left))
     return designs
 
 
-def _beyond(problem: ToleranceProblem, designs: Array, index: pd.Index[Any]) -> dict[str, dict[object, str]]:
+def _range_violations(problem: ToleranceProblem, designs: Array, index: pd.Index[Any]) -> dict[str, dict[object, str]]:
     """Where full designs (n, all variables) leave what is searched: reasons by row, by variable."""
     reasons: dict[str, dict[object, str]] = {}
     ranges = {v.name: (low, high) for v, low, high in zip(problem.free, problem.xl, problem.xu, strict=True)}
@@ -105,7 +105,7 @@ def _beyond(problem: ToleranceProblem, designs: Array, index: pd.Index[Any]) -> 
     return reasons
 
 
-def _left(reasons: dict[str, dict[object, str]]) -> list[str]:
+def _range_notes(reasons: dict[str, dict[object, str]]) -> list[str]:
     """Which designs leave the ranges of the problem, a line per variable."""
     lines = []
     for name, rows in reasons.items():
@@ -129,7 +129,7 @@ def _slips(problem: ToleranceProblem, frame: pd.DataFrame) -> list[str]:
     return questions
 
 
-def _numbered(variable: Variable, column: pd.Series[str]) -> tuple[pd.Series[float], dict[object, str]]:
+def _choice_numbers(variable: Variable, column: pd.Series[str]) -> tuple[pd.Series[float], dict[object, str]]:
     """The numbers that the names of a choice stand for, and what is wrong with them, by row."""
     numbers = column.map({label: float(at) for at, label in enumerate(variable.labels)})
     valid = ", ".join(variable.labels)
@@ -141,7 +141,7 @@ def _numbered(variable: Variable, column: pd.Series[str]) -> tuple[pd.Series[flo
     return numbers, bad
 
 
-def _outside(variable: Variable, column: pd.Series[float]) -> dict[object, str]:
+def _value_faults(variable: Variable, column: pd.Series[float]) -> dict[object, str]:
     """What is wrong with the values of a variable, by row."""
     low, high, unit = variable.valid_low, variable.valid_high, f" {variable.unit}".rstrip()
     bad: dict[object, str] = {}

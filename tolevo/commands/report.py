@@ -21,16 +21,18 @@ from .. import page_data
 from ..algorithms.checkpoint import Checkpoint
 from ..directory import BUSY, KINDS, MANIFEST, Standing, seal_of, standing
 from ..directory.lock import Held, acquire
-from ..directory.standing import fits, present
+from ..directory.standing import fits
+from ..directory.standing import present_files as present
 from ..errors import Fault, InputError, raise_all, refuse
 from ..files import read_own_csv, read_record, write_bytes, write_text
-from ..page.document import renewed, unfinished_page
+from ..page.document import add_reload as renewed
+from ..page.document import unfinished_page
 from ..page.drawing import as_png, as_svg
 from ..page.page import figures as run_figures
 from ..page.page import page
 from ..records import Axis, Bars, RunResult, StudyResult
 from ..units import split_unit
-from .comparison import compared
+from .comparison import compare_runs as compared
 from .comparison_page import comparison_figure, comparison_page
 from .gap.records import GapResult
 from .gap.uncertainty import FILE as REPLICATES
@@ -97,7 +99,7 @@ def tables(folder: Path, here: Standing) -> dict[str, pd.DataFrame]:
     """
     if here.unfinished is not None and here.unfinished.retiring:
         return {}
-    builders = {"study": _responses, "reproduce": _checked, "gap": _replicates}
+    builders = {"study": _responses, "reproduce": _checked_claims, "gap": _replicates}
     return builders[here.command](folder) if here.command in builders else {}
 
 
@@ -112,7 +114,7 @@ def _responses(folder: Path) -> dict[str, pd.DataFrame]:
     return {"Medians so far, by point of the design": medians.reset_index()}
 
 
-def _checked(folder: Path) -> dict[str, pd.DataFrame]:
+def _checked_claims(folder: Path) -> dict[str, pd.DataFrame]:
     """Claims that have been checked, with their verdicts."""
     rows = []
     for name in present(folder, KINDS["reproduce"].state):
@@ -322,7 +324,7 @@ NEEDED = {
 
 def stored_run(stored: Stored) -> RunResult | None:
     """The result as far as it is there; None where nothing of it can be shown."""
-    summary = _typed(stored.record(SUMMARY), stored)
+    summary = _valid_summary(stored.record(SUMMARY), stored)
     if stored.unfinished:
         summary.setdefault("status", "unfinished")
     stored.newer(SUMMARY, summary.get("versions"), summary.get("format"), FORMAT)
@@ -337,13 +339,15 @@ def stored_run(stored: Stored) -> RunResult | None:
     objectives = tuple(axis for axis in objectives if axis.name in front or front.empty)
     references = stored.table("references.csv", [axis.name for axis in objectives])
     convergence = _convergence(stored)
-    if front.empty and _nothing(references) and _nothing(convergence):
+    if front.empty and _is_missing(references) and _is_missing(convergence):
         return None
     return RunResult(
         title=str(summary.get("title") or stored.folder.resolve().name),
         front=front,
-        references=_with(references, ("label", "feasible", "violated_limits"), "references.csv", stored),
-        convergence=_with(convergence, ("evaluations", "hypervolume", "feasible_fraction"), "convergence.csv", stored),
+        references=_table_with_columns(references, ("label", "feasible", "violated_limits"), "references.csv", stored),
+        convergence=_table_with_columns(
+            convergence, ("evaluations", "hypervolume", "feasible_fraction"), "convergence.csv", stored
+        ),
         summary=summary,
         objectives=objectives,
         variables=tuple(axis for axis in variables if axis.name in front),
@@ -377,16 +381,16 @@ def _convergence(stored: Stored) -> pd.DataFrame | None:
     return stored.table("convergence.csv", ("evaluations", "hypervolume"))
 
 
-def _nothing(table: pd.DataFrame | None) -> bool:
+def _is_missing(table: pd.DataFrame | None) -> bool:
     return table is None or table.empty
 
 
-def _with(table: pd.DataFrame | None, needed: tuple[str, ...], name: str, stored: Stored) -> pd.DataFrame:
+def _table_with_columns(table: pd.DataFrame | None, needed: tuple[str, ...], name: str, stored: Stored) -> pd.DataFrame:
     """The table, empty where there is none or a column is missing that the page reads."""
-    return pd.DataFrame() if table is None or _lacks(table, needed, name, stored) else table
+    return pd.DataFrame() if table is None or _lacks_column(table, needed, name, stored) else table
 
 
-def _lacks(table: pd.DataFrame, needed: tuple[str, ...], name: str, stored: Stored) -> bool:
+def _lacks_column(table: pd.DataFrame, needed: tuple[str, ...], name: str, stored: Stored) -> bool:
     """Whether a table lacks a column that the page reads, which is remarked."""
     missing = [column for column in needed if column not in table]
     if missing:
@@ -411,7 +415,7 @@ def _front(stored: Stored, names: list[str]) -> pd.DataFrame:
 
 def _overlays(stored: Stored, names: list[str]) -> dict[str, pd.DataFrame]:
     """Fronts of other algorithms by label."""
-    overlays = _with(stored.table(OVERLAYS, names, needed=False), ("label", *names), OVERLAYS, stored)
+    overlays = _table_with_columns(stored.table(OVERLAYS, names, needed=False), ("label", *names), OVERLAYS, stored)
     if overlays.empty:
         return {}
     groups = overlays.groupby(overlays["label"].astype(str), sort=False)
@@ -422,7 +426,7 @@ def _optional(stored: Stored, points: int) -> dict[str, pd.DataFrame | None]:
     tables: dict[str, pd.DataFrame | None] = {}
     for field, name in OPTIONAL.items():
         table = stored.table(name, needed=False)
-        if table is not None and _lacks(table, NEEDED.get(field, ()), name, stored):
+        if table is not None and _lacks_column(table, NEEDED.get(field, ()), name, stored):
             table = None
         if table is not None and "point" in table:
             rows = pd.to_numeric(table["point"], errors="coerce")
@@ -434,7 +438,7 @@ def _optional(stored: Stored, points: int) -> dict[str, pd.DataFrame | None]:
     return tables
 
 
-def _typed(summary: dict[str, Any], stored: Stored) -> dict[str, Any]:
+def _valid_summary(summary: dict[str, Any], stored: Stored) -> dict[str, Any]:
     """The summary without values of a type that a run does not write."""
     for name, kind in KINDS_OF_RUN.items():
         if name in summary and not isinstance(summary[name], kind):
@@ -453,10 +457,10 @@ def _axes(summary: Mapping[str, Any], configuration: str) -> tuple[tuple[Axis, .
         )
         for kind in ("objectives", "variables")
     ]
-    return named_axes[0] or _by_configuration(configuration), named_axes[1]
+    return named_axes[0] or _objectives_by_configuration(configuration), named_axes[1]
 
 
-def _by_configuration(configuration: str) -> tuple[Axis, ...]:
+def _objectives_by_configuration(configuration: str) -> tuple[Axis, ...]:
     try:
         names = tomllib.loads(configuration)["objectives"]["minimise"]
     except (tomllib.TOMLDecodeError, KeyError, TypeError):
@@ -503,8 +507,8 @@ def report(folders: Sequence[Path], out: Path | None = None, figures: Path | Non
     is not of one piece, or where the page would go into a directory that another process works in.
     """
     if len(folders) == 1:
-        return _single(folders[0], out, figures)
-    return _several(folders, out or Path(COMPARISON), figures)
+        return _build_page(folders[0], out, figures)
+    return _compare_folders(folders, out or Path(COMPARISON), figures)
 
 
 def _draw(drawn: Mapping[str, Figure], folder: Path | None) -> None:
@@ -515,7 +519,7 @@ def _draw(drawn: Mapping[str, Figure], folder: Path | None) -> None:
             write_bytes(folder / f"{name}.svg", as_svg(figure))
 
 
-def _single(folder: Path, out: Path | None, figures: Path | None, renew: bool = False) -> Report:
+def _build_page(folder: Path, out: Path | None, figures: Path | None, renew: bool = False) -> Report:
     stored = Stored(folder)
     raise_all(stored.standing.faults)
     kind = stored.standing.command
@@ -545,7 +549,7 @@ def watch(folder: Path, out: Path, on_page: Callable[[Report], None] | None = No
     """
     while True:
         try:
-            built = _single(folder, out, None, renew=True)
+            built = _build_page(folder, out, None, renew=True)
         except InputError:
             if not standing(folder).holders:
                 raise
@@ -600,7 +604,7 @@ def _from_page_data(stored: Stored, kind: str) -> Any:
     if not content:
         return None
     stored.newer(page_data.NAME, {"tolevo": content.get("version")}, content.get("format"), page_data.FORMAT)
-    result, bad = page_data.loaded(pages[kind].record, content)
+    result, bad = page_data.load_result(pages[kind].record, content)
     if bad:
         stored.remark(page_data.NAME, f"{', '.join(bad)} missing or not what was written: left out")
     return result
@@ -650,7 +654,7 @@ def _faults(folder: Path, kind: str, remarks: Sequence[str]) -> list[Fault]:
     return [*(Fault(f"{folder}/{name}", why) for name, why in split), Fault(str(folder), more)]
 
 
-def _several(folders: Sequence[Path], out: Path, figures: Path | None) -> Report:
+def _compare_folders(folders: Sequence[Path], out: Path, figures: Path | None) -> Report:
     runs: dict[str, RunResult] = {}
     remarks: list[str] = []
     held = [Stored(folder) for folder in folders]

@@ -159,7 +159,7 @@ def rows_of(frame: pd.DataFrame) -> FrameRows:
 # Operating points too many to be held at once: Parquet files that are read batch by batch.
 
 
-LONG = 1_000_000
+STREAMED_ROWS = 1_000_000
 """Rows from which on a file is read in batches."""
 FAULTS = 50
 """Faults after which a long table is not checked further."""
@@ -189,7 +189,7 @@ def streamed(
     names = pq.read_schema(files[0]).names
     known = [name for name in names if name in _known_columns(simulation)]
     taken = {name: name for name in known if name not in _outputs(simulation)}
-    count, digest = _checked(simulation, files, taken, path.name)
+    count, digest = _check_files(simulation, files, taken, path.name)
     unused = [name for name in names if name not in known]
     lines = [f"{path.name}: {count} rows; parquet, read in batches; columns {', '.join(taken)}"]
     understood([*lines, *([f"not used: {', '.join(unused)}"] if unused else [])])
@@ -207,7 +207,7 @@ def _files(path: Path) -> list[Path]:
     if path.suffix.lower() not in tables.PARQUET or not path.is_file():
         return []
     try:
-        return [path] if pq.read_metadata(path).num_rows > LONG else []
+        return [path] if pq.read_metadata(path).num_rows > STREAMED_ROWS else []
     except (OSError, pa.ArrowException):
         return []  # its faults are those of any table
 
@@ -245,7 +245,7 @@ def _outputs(simulation: Simulation) -> set[str]:
     return {output.name for output in simulation.model.outputs}
 
 
-def _checked(simulation: Simulation, files: list[Path], names: Mapping[str, str], place: str) -> tuple[int, str]:
+def _check_files(simulation: Simulation, files: list[Path], names: Mapping[str, str], place: str) -> tuple[int, str]:
     """How many rows there are, and their digest. Raises InputError with the faults of cells."""
     count, digest, faults = 0, hashlib.sha256(), list[Fault]()
     for columns in batches(files, names):

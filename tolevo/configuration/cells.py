@@ -13,7 +13,7 @@ from .. import tables
 from ..commands.gap.plan import ROLES
 from ..errors import nearest, raise_all, refuse
 from ..models.measurable import Role
-from ..models.serial_arm import MOST_JOINTS
+from ..models.serial_arm import MAX_JOINTS as MOST_JOINTS
 from ..section import Section, Variable, shown
 from ..tables import ColumnUse
 from ..units import fits
@@ -24,7 +24,7 @@ TURN = {"rx_deg": "deg", "ry_deg": "deg", "rz_deg": "deg"}
 JOINTS = {f"joint_{at}_deg": "deg" for at in range(1, MOST_JOINTS + 1)}
 
 
-def with_poses(top: Section, problem_class: ProblemClass | None, folder: Path) -> Section:
+def fill_poses(top: Section, problem_class: ProblemClass | None, folder: Path) -> Section:
     """The configuration with the rows of the file in the place of its name, where a problem has a
     `[cell]`; a faulty one stays.
     """
@@ -140,9 +140,9 @@ def _read_column(top: Section, known: Mapping[str, tuple[str, str]]) -> dict[str
     for key in section.all_keys():
         stated = section.take(key)
         if isinstance(stated, str):
-            use = _by_name(section, key, stated, known)
+            use = _column_by_name(section, key, stated, known)
         elif isinstance(stated, Mapping):
-            use = _by_role(section.section(key), known)
+            use = _column_by_role(section.section(key), known)
         else:
             text = f'must be a name of a column {_owner(known)} or {{ role = "..." }}'
             section.fault(key, f"{text}, got {shown(stated)}")
@@ -154,11 +154,11 @@ def _read_column(top: Section, known: Mapping[str, tuple[str, str]]) -> dict[str
 
 def resolved_columns(uses: Mapping[str, ColumnUse]) -> dict[str, Any]:
     """The `[columns]` table."""
-    written = {key: {"role": "ignore"} if not use.target else _written(use) for key, use in uses.items()}
+    written = {key: {"role": "ignore"} if not use.target else _column_entry(use) for key, use in uses.items()}
     return {"columns": written} if written else {}
 
 
-def _written(use: ColumnUse) -> dict[str, Any]:
+def _column_entry(use: ColumnUse) -> dict[str, Any]:
     sense = {"sense": use.sense} if use.sense != 1 else {}
     return {"of": use.target, **({"unit": use.unit} if use.unit else {}), **sense}
 
@@ -171,7 +171,7 @@ def _allowed_columns(kind: ModelClass) -> dict[str, tuple[str, str]]:
     return columns | {column.name: (column.role.value, column.unit) for column in kind.columns}
 
 
-def _by_name(section: Section, key: str, name: str, known: Mapping[str, tuple[str, str]]) -> ColumnUse | None:
+def _column_by_name(section: Section, key: str, name: str, known: Mapping[str, tuple[str, str]]) -> ColumnUse | None:
     """A column by its name."""
     if name == "ignore":
         return ColumnUse("")
@@ -186,7 +186,7 @@ def _owner(known: Mapping[str, tuple[str, str]]) -> str:
     return "of the problem" if all(role == VARIABLE for role, _ in known.values()) else "of the model"
 
 
-def _by_role(section: Section, known: Mapping[str, tuple[str, str]]) -> ColumnUse | None:
+def _column_by_role(section: Section, known: Mapping[str, tuple[str, str]]) -> ColumnUse | None:
     """A column by its role."""
     role, unit = section.text("role", ROLES), section.text("unit") or ""
     of, sense = section.text("of") or "", sign_of(section, "sense") or 1

@@ -105,7 +105,7 @@ def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configurat
     columns = read_columns(top)
     gear = read_gear(top)
     unknown = [Output(name, "", "") for name in top.section("columns").all_keys() if name not in columns]
-    columns = _turned(columns, read_sense(top, (*outputs_of(columns), *unknown)), top)
+    columns = _apply_senses(columns, read_sense(top, (*outputs_of(columns), *unknown)), top)
     if len(faults) > before:  # its effects cannot be checked without its columns
         top.finish()
         raise InputError(faults)
@@ -119,7 +119,7 @@ def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configurat
         "model": TABLE,
         **labels.stated(),
         "seed": seed,
-        "columns": {name: _written(column) for name, column in columns.items()},
+        "columns": {name: _column_table(column) for name, column in columns.items()},
         **resolved_gear(gear),
         **resolved_measurement(settings),
     }
@@ -148,7 +148,7 @@ def outputs_of(columns: Mapping[str, ColumnRole]) -> tuple[Output, ...]:
     return tuple(Output(n, c.unit, "measured") for n, c in columns.items() if c.role == "measured")
 
 
-def _turned(columns: dict[str, ColumnRole], sense: Mapping[str, int], top: Section) -> dict[str, ColumnRole]:
+def _apply_senses(columns: dict[str, ColumnRole], sense: Mapping[str, int], top: Section) -> dict[str, ColumnRole]:
     """The columns with the sense that `[sense]` gives of outputs."""
     for name in sense:
         if name in columns and columns[name].sense < 0:
@@ -156,7 +156,7 @@ def _turned(columns: dict[str, ColumnRole], sense: Mapping[str, int], top: Secti
     return {n: replace(c, sense=sense.get(n, c.sense)) for n, c in columns.items()}
 
 
-def _written(column: ColumnRole) -> dict[str, Any]:
+def _column_table(column: ColumnRole) -> dict[str, Any]:
     parts: dict[str, Any] = {"role": column.role, "unit": column.unit, "of": column.of}
     turned = {"sense": column.sense} if column.sense < 0 else {}
     return {key: value for key, value in parts.items() if value} | turned

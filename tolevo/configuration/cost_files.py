@@ -220,10 +220,10 @@ def tables_in(table: Mapping[str, Any], key: str) -> Iterator[tuple[int, Raw]]:
 def _fill_variables(filled: Filled, prices: Prices, faults: list[Fault]) -> None:
     """`[costs.NAME]` of the variables of a file; prices of machines into their tables."""
     costs, variables = filled.table.setdefault("costs", {}), filled.table.get("variables")
-    for name, rows in _by(prices, "variable", faults):
+    for name, rows in _rows_by_name(prices, "variable", faults):
         variable = variables.get(name) if isinstance(variables, dict) else None
         machines = {machine.get("name"): machine for _, machine in tables_in(variable or {}, "machine")}
-        for process, some in _grouped(rows, "process").items():
+        for process, some in _group_rows(rows, "process").items():
             if process is not None and process in machines:
                 _price(machines[process], process, some, prices.place, faults)
             elif process is not None:
@@ -240,7 +240,7 @@ def _fill_variables(filled: Filled, prices: Prices, faults: list[Fault]) -> None
 def _fill_parts(filled: Filled, prices: Prices, faults: list[Fault]) -> None:
     """Costs of parts of a stack."""
     parts = {part.get("name"): (at, part) for at, part in tables_in(filled.table, "part")}
-    for name, rows in _by(prices, "part", faults):
+    for name, rows in _rows_by_name(prices, "part", faults):
         if name not in parts:
             text = f'"{name}" of the file is not a part{nearest(name, map(str, parts))}'
             faults.append(Fault(prices.place, text))
@@ -249,9 +249,9 @@ def _fill_parts(filled: Filled, prices: Prices, faults: list[Fault]) -> None:
         _fill_part(filled, part, at, replace(prices, rows=rows), faults)
 
 
-def _by(prices: Prices, key: str, faults: list[Fault]) -> Iterator[tuple[str, list[Raw]]]:
+def _rows_by_name(prices: Prices, key: str, faults: list[Fault]) -> Iterator[tuple[str, list[Raw]]]:
     """Rows by variable or part."""
-    groups = _grouped(prices.rows, key)
+    groups = _group_rows(prices.rows, key)
     if None in groups:
         faults.append(Fault(prices.place, f"column {key} is missing or empty: it states what each cost is of"))
     for name, rows in groups.items():
@@ -259,7 +259,7 @@ def _by(prices: Prices, key: str, faults: list[Fault]) -> Iterator[tuple[str, li
             yield name, rows
 
 
-def _grouped(rows: list[Raw], key: str) -> dict[str | None, list[Raw]]:
+def _group_rows(rows: list[Raw], key: str) -> dict[str | None, list[Raw]]:
     groups: dict[str | None, list[Raw]] = {}
     for row in rows:
         groups.setdefault(row.get(key), []).append(row)
@@ -271,7 +271,7 @@ def _fill_part(filled: Filled, part: Raw, at: int, prices: Prices, faults: list[
     owners = {owner.get("name"): owner for key in ("process", "machine") for _, owner in tables_in(part, key)}
     machines = {machine.get("name") for _, machine in tables_in(part, "machine")}
     name, unit = str(part.get("name", at)), unit_of(filled.table, part)
-    for process, rows in _grouped(prices.rows, "process").items():
+    for process, rows in _group_rows(prices.rows, "process").items():
         of_owner = replace(prices, rows=rows)
         if process is None:
             _fill_table(filled, part, f"part[{at}]", name, of_owner, faults, unit)
@@ -398,7 +398,7 @@ REVISED = {"nominal": "nominal sizes", "made_to": "limits", "lower": "limits", "
 """What files of one characteristic must have in common."""
 
 
-def with_files(table: Raw, folder: Path, faults: list[Fault]) -> Filled:
+def fill_files(table: Raw, folder: Path, faults: list[Fault]) -> Filled:
     """The tables of a run with the contents of the files that they name, relative to `folder`:
     costs and measured parts. Faults are added to `faults`.
     """
@@ -431,7 +431,7 @@ def fill_measured(filled: Filled, folder: Path, faults: list[Fault]) -> None:
             contents = [_read(folder / name, wanted, options, place, faults) for name in names]
             read = [(values, name) for values, name in zip(contents, names, strict=True) if values is not None]
             filled.notes += [note for values, _ in read for note in values.pop("notes", ())]
-            sample = together([values for values, _ in read], [name for _, name in read], place, faults)
+            sample = join_characteristics([values for values, _ in read], [name for _, name in read], place, faults)
             if len(faults) > before:
                 measured["values"] = None  # no further faults are reported for them
                 continue
@@ -479,7 +479,7 @@ def _nine_digit_text(value: Any) -> str:
     return f"{value:.9g}" if isinstance(value, float) else str(value)
 
 
-def together(characteristics: list[Raw], names: Sequence[str], place: str, faults: list[Fault]) -> Raw:
+def join_characteristics(characteristics: list[Raw], names: Sequence[str], place: str, faults: list[Fault]) -> Raw:
     """The values of several files of one characteristic, in their order, a file without
     lots being one lot. Files of different revisions of the drawing, or units, are a fault.
     """
@@ -518,13 +518,13 @@ class MeasuredFile:
 
     def characteristic(self, wanted: Any) -> Raw:
         """The characteristic that is wanted, or the only one; raises InputError without it."""
-        return self.values(_chosen(self.place, wanted, dict(self.names), list(self.labels)))
+        return self.values(_choose_characteristic(self.place, wanted, dict(self.names), list(self.labels)))
 
 
 def opened_parts(path: Path, options: tables.ReadOptions) -> MeasuredFile:
     """A file of measured parts. Raises InputError where it is not there, or cannot be read."""
     if path.suffix.lower() in SUFFIXES:
-        return _of_aqdef(path, options)
+        return _open_aqdef(path, options)
     table = tables.opened_whole(path, path.name, options)
     names = {name: name for name in table.columns.names}
     names |= {table.headers.get(name, name): name for name in table.columns.names}
@@ -564,7 +564,7 @@ def _numbers(table: tables.Table, name: str, place: str) -> list[float]:
     return numbers
 
 
-def _of_aqdef(path: Path, options: tables.ReadOptions) -> MeasuredFile:
+def _open_aqdef(path: Path, options: tables.ReadOptions) -> MeasuredFile:
     read = tables.read_aqdef(path, options.encoding, times=False)
     known = {name: c for name, c in zip(tables.names_of_characteristics(read), read, strict=True) if not c.attributive}
     keys = [(key, name) for name, c in known.items() for key in {c.number, c.name, c.label, name} if key]
@@ -595,20 +595,22 @@ def _values(characteristic: tables.Characteristic, place: str) -> Raw:
     return values | (limits if len(limits) == 1 else {})
 
 
-def _chosen(place: str, wanted: Any, names: dict[str, str], labels: list[str]) -> str:
+def _choose_characteristic(place: str, wanted: Any, names: dict[str, str], labels: list[str]) -> str:
     """The characteristic that is wanted, or the only one there is."""
     if wanted is None and len(labels) == 1:
         return labels[0]
     if not labels:
-        raise refuse(place, f"has no column of measured values; it has {_listed(list(dict.fromkeys(names.values())))}")
+        raise refuse(
+            place, f"has no column of measured values; it has {_list_labels(list(dict.fromkeys(names.values())))}"
+        )
     if wanted is None:
         text = f"has {len(labels)} characteristics: state which one is meant, characteristic = ..."
-        raise refuse(place, f"{text}; it has {_listed(labels)}")
+        raise refuse(place, f"{text}; it has {_list_labels(labels)}")
     if str(wanted) not in names:
         text = f'has no characteristic "{wanted}"{nearest(str(wanted), names)}'
-        raise refuse(place, f"{text}; it has {_listed(labels)}")
+        raise refuse(place, f"{text}; it has {_list_labels(labels)}")
     return names[str(wanted)]
 
 
-def _listed(labels: list[str]) -> str:
+def _list_labels(labels: list[str]) -> str:
     return ", ".join(labels[:LISTED]) + (f", ... ({len(labels)} in all)" if len(labels) > LISTED else "")

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import nearest
-from ..models.cost_reading import EXTRAS, dearer, name_of, read_curve, read_extras, times
+from ..models.cost_reading import EXTRAS, name_of, read_curve, read_extras, times
+from ..models.cost_reading import add_constant_cost as dearer
 from ..models.costs import CostCurve, Table
 from ..problems.settings import Money, VariableSetting
 from ..section import POSITIVE, Section, Variable
@@ -36,7 +37,7 @@ def _read(section: Section, default: CostCurve) -> CostCurve | None:
     return None if curve is None else dearer(curve, more)
 
 
-def narrowed(
+def narrow_setting(
     variable: Variable, setting: VariableSetting | None, curve: CostCurve | None
 ) -> tuple[VariableSetting | None, str]:
     """The setting within the tolerances that a table of costs spans, and a note for the user."""
@@ -109,7 +110,7 @@ def read_money(
     """
     section, currency = top.section("costs"), read_currency(top)
     scale = section.number("scale_assumed", within=POSITIVE)
-    listed = _listed(section, costs)
+    listed = _read_assumed(section, costs)
     curves = dict(costs)
     assumed = tuple(name for name in defaults if name not in costs)
     if scale is not None and "currency" not in top:
@@ -124,7 +125,7 @@ def read_money(
     return Money(currency, (*listed, *assumed), scale if currency else None), curves
 
 
-def _listed(section: Section, costs: Mapping[str, CostCurve]) -> tuple[str, ...]:
+def _read_assumed(section: Section, costs: Mapping[str, CostCurve]) -> tuple[str, ...]:
     """`assumed = ["pin_radius_um"]`: stated curves that are nevertheless assumptions."""
     names = section.names("assumed") if section.take("assumed") != [] else []
     for name in names or ():

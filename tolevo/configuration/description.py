@@ -24,7 +24,7 @@ def describe(configuration: Configuration) -> str:
     """TOML that can be run as it stands, with variables, assumptions and warnings as comments."""
     problem = configuration.problem
     if problem is None:
-        return _commented(configuration.toml(), _effects(configuration))
+        return _append_comments(configuration.toml(), _effects(configuration))
     settings = configuration.settings.variables
     statement = problem.declaration.model_statement
     lines = ["Model", f"  {statement}", ""] if statement else []
@@ -39,10 +39,10 @@ def describe(configuration: Configuration) -> str:
     ]
     if warnings := problem.cautions():
         lines += ["", "Warnings", *(f"  {warning}" for warning in warnings)]
-    return _commented(configuration.toml(), lines)
+    return _append_comments(configuration.toml(), lines)
 
 
-def _commented(toml: str, lines: list[str]) -> str:
+def _append_comments(toml: str, lines: list[str]) -> str:
     comments = "\n".join(f"# {line}".rstrip() for line in lines)
     return f"{toml}\n{comments}" if lines else toml
 
@@ -102,7 +102,7 @@ def describe_plan(plan: StudyPlan) -> str:
         lines.append(f"{text}; `tolevo study` reads all of them before it begins")
     if plan.warnings:
         lines += ["", "Warnings", *(f"  {warning}" for warning in plan.warnings)]
-    return _commented(settings.configuration, lines)
+    return _append_comments(settings.configuration, lines)
 
 
 # `tolevo check`: a configuration of any kind, validated, and the text that states all of it.

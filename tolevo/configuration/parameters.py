@@ -126,12 +126,12 @@ def read_variable(section: Section, variable: Variable, parameters: Mapping[str,
     zone = _zone(section, variable)
     if zone is not None:
         value, mid = zone.half_width, zone.mid
-        _outside(section, variable, "limits", value)
+        _is_outside(section, variable, "limits", value)
     elif "value" in section and ("low" in section or "high" in section):
         section.fault("", "give either value or low and high, not both")
     elif "value" not in section:
         _order(section, variable, low, high)
-    mid = _agreed(section, variable, mid, parameters)
+    mid = _agree_on_mid_limit(section, variable, mid, parameters)
     law = _distribution(section, variable)
     middle = variable.mid if mid is None else mid
     sample = read_measured(section, variable, middle, value)
@@ -139,7 +139,7 @@ def read_variable(section: Section, variable: Variable, parameters: Mapping[str,
         law, mid = sample.distribution, middle
     elif sample is not None:
         value = sample.knowledge.std
-        _outside(section, variable, "measured", value)
+        _is_outside(section, variable, "measured", value)
     setting = VariableSetting(value, low, high, law, mid, sample)
     section.finish()
     return None if setting == VariableSetting() else setting
@@ -152,10 +152,10 @@ def mid_parameter(variable: str) -> str:
 
 def _bound(section: Section, variable: Variable, key: str) -> float | None:
     number = section.number(key, variable.unit)
-    return None if number is None or _outside(section, variable, key, number) else number
+    return None if number is None or _is_outside(section, variable, key, number) else number
 
 
-def _outside(section: Section, variable: Variable, key: str, number: float) -> bool:
+def _is_outside(section: Section, variable: Variable, key: str, number: float) -> bool:
     least = max(variable.valid_low, 0.0) if variable.kind in TOLERANCES else variable.valid_low
     complaint = Range(least, variable.valid_high).complaint(number)
     if variable.integer and not number.is_integer():
@@ -202,7 +202,9 @@ def _zone(section: Section, variable: Variable) -> Zone | None:
     return zone
 
 
-def _agreed(section: Section, variable: Variable, mid: float | None, parameters: Mapping[str, Value]) -> float | None:
+def _agree_on_mid_limit(
+    section: Section, variable: Variable, mid: float | None, parameters: Mapping[str, Value]
+) -> float | None:
     """The mid-limit; `[parameters]` may state it as well, or instead."""
     name = mid_parameter(variable.name)
     parameter = parameters.get(name)
@@ -354,7 +356,7 @@ def _values(section: Section, effect: Effect, target: Target) -> dict[str, float
         if number is None:
             section.take(key)
             close = nearest(key, (parameter.name for parameter in declared))
-            section.fault(key, f"is not a parameter of {effect.name}{close}; {_listed(declared)}")
+            section.fault(key, f"is not a parameter of {effect.name}{close}; {_list_parameters(declared)}")
         elif number.name in values:
             section.fault(key, f"is given twice: as {number.name} and as {number.stem}")
         elif value is not None:
@@ -367,7 +369,7 @@ def _values(section: Section, effect: Effect, target: Target) -> dict[str, float
     for name in missing:
         section.fault(name, f"is missing: {effect.name} needs it")
     if not values and not missing:
-        section.fault("", f"{effect.name} does nothing without parameters; {_listed(declared)}")
+        section.fault("", f"{effect.name} does nothing without parameters; {_list_parameters(declared)}")
     return values if values and not missing else None
 
 
@@ -384,7 +386,7 @@ def _value(section: Section, key: str, number: EffectParameter) -> float | None:
     return converted
 
 
-def _listed(declared: Iterable[EffectParameter]) -> str:
+def _list_parameters(declared: Iterable[EffectParameter]) -> str:
     return f"it takes {', '.join(p.name for p in declared) or 'a parameter per lot: offset_<lot>_...'}"
 
 
@@ -414,7 +416,7 @@ def read_gear(top: Section) -> Gear | None:
     section = top.section(GEAR)
     kind = section.text("kind", TEETH)
     if "orders" in section:
-        return _of_orders(section, kind)
+        return _gear_by_orders(section, kind)
     if kind is None:
         if "kind" not in section:
             text = f"is missing: state one of {', '.join(TEETH)} with its tooth numbers"
@@ -422,10 +424,10 @@ def read_gear(top: Section) -> Gear | None:
         section.accept({name for names in TEETH.values() for name in names})
         section.finish()
         return None
-    return _of_teeth(section, kind)
+    return _gear_by_teeth(section, kind)
 
 
-def _of_orders(section: Section, kind: str | None) -> Gear | None:
+def _gear_by_orders(section: Section, kind: str | None) -> Gear | None:
     """A gear by its orders, named after their causes."""
     inner = section.section("orders")
     numbers = {name: inner.number(name, "", POSITIVE) for name in inner.all_keys()}
@@ -441,7 +443,7 @@ def _of_orders(section: Section, kind: str | None) -> Gear | None:
     return Gear(DECLARED, orders) if orders and len(orders) == len(numbers) else None
 
 
-def _of_teeth(section: Section, kind: str) -> Gear | None:
+def _gear_by_teeth(section: Section, kind: str) -> Gear | None:
     """A gear of a kind that has all its tooth numbers."""
     names = TEETH[kind]
     counts = {name: section.integer(name, Range(low=1, high=100_000), None) for name in names}
@@ -467,13 +469,13 @@ def check_gear(top: Section, model: ModelClass | None, name: str) -> None:
     model_gear = model.gear_of(parameters if isinstance(parameters, Mapping) else {})
     if model_gear is None:
         top.fault(GEAR, f"has no effect: nothing that acts in {name} follows the orders of a gear; leave it out")
-    elif not _agree(model_gear, gear):
+    elif not _have_equal_orders(model_gear, gear):
         orders = ", ".join(f"{what} {order:g}" for what, order in model_gear.orders.items())
         text = f"contradicts {name}, whose parameters give {orders}; leave it out"
         top.fault(GEAR, f"{text}, or set the model's own tooth numbers in [parameters]")
 
 
-def _agree(first: Gear, second: Gear) -> bool:
+def _have_equal_orders(first: Gear, second: Gear) -> bool:
     """Whether the orders that both gears have are equal."""
     both = set(first.orders) & set(second.orders)
     return bool(both) and all(abs(first.orders[n] - second.orders[n]) < 1e-6 for n in both)

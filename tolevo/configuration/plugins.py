@@ -93,14 +93,14 @@ def problem_of(top: Section) -> ProblemClass | None:
     return top.attempt(partial(plain_kind, loaded), lambda fault: ("problem", fault.message))
 
 
-def belongs(problem: str, problem_model: str, model: str, measured: ModelClass) -> bool:
+def model_belongs(problem: str, problem_model: str, model: str, measured: ModelClass) -> bool:
     """Whether a correction of the model named `model` applies to `problem`, whose own model is
     `problem_model`.
     """
     return problem_model == model or problem in measured.corrects
 
 
-def stranger(problem: str, model: str, measured: ModelClass) -> str:
+def foreign_model_message(problem: str, model: str, measured: ModelClass) -> str:
     """The message for a problem that a model does not belong to."""
     corrected = " or ".join(f'"{name}"' for name in measured.corrects)
     reason = f"it corrects {corrected}" if corrected else "it corrects none (`simulate` takes it)"

@@ -17,16 +17,22 @@ from ..problems.declaration import Declaration
 from ..problems.settings import METHODS, Bound, PropagationSetting, Settings, VariableSetting, unit_slips
 from ..problems.tolerance_problem import ToleranceProblem
 from ..section import POSITIVE, SAMPLES, Kind, Output, Range, Section, Value, Variable, completed
-from .cells import Nested, read_design_columns, read_model_columns, with_poses
+from .cells import Nested, read_design_columns, read_model_columns
+from .cells import fill_poses as with_poses
 from .configuration import TABLE, Configuration, read_table_model, table_model
-from .cost_files import with_files
-from .costs import check_ends, narrowed, read_costs, read_money, unknown
+from .cost_files import fill_files as with_files
+from .costs import check_ends, read_costs, read_money, unknown
+from .costs import narrow_setting as narrowed
 from .parameters import mid_parameter, read_effects, read_parameters, read_unresolved, read_variable
-from .plugins import ModelClass, belongs, load_named, problem_of, read_labels, read_sense, read_zero, stranger
-from .reducers import with_reducers
+from .plugins import ModelClass, load_named, problem_of, read_labels, read_sense, read_zero
+from .plugins import foreign_model_message as stranger
+from .plugins import model_belongs as belongs
+from .reducers import fill_reducers as with_reducers
 from .resolved import complete_tables, resolved_limits, resolved_measurement, resolved_variables
 from .search import read_search, resolved_algorithm
-from .source import Source, Table, folder_of, overridden, with_choices
+from .source import Source, Table, folder_of
+from .source import override_source as overridden
+from .source import replace_algorithm as with_choices
 
 # `[objectives]`, `[limits]` and `[propagation]`.
 
@@ -370,7 +376,7 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
             top.section("variables").fault(variable, "a model needs a value, not a range")
     top.finish()
     raise_all(faults)
-    complete = {v.name: _at_document(v, variables.get(v.name, VariableSetting())) for v in kind.variables}
+    complete = {v.name: _fill_document_values(v, variables.get(v.name, VariableSetting())) for v in kind.variables}
     settings = Settings(
         parameters=completed(kind.parameters, parameters),
         variables=complete,
@@ -392,7 +398,7 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
     return Configuration(model_name=name, settings=settings, resolved=resolved)
 
 
-def _at_document(variable: Any, setting: VariableSetting) -> VariableSetting:
+def _fill_document_values(variable: Any, setting: VariableSetting) -> VariableSetting:
     """The setting with the document's value and mid-limit where none is given."""
     value = variable.document if setting.value is None else setting.value
     return replace(setting, value=value, low=None, high=None, mid=variable.mid if setting.mid is None else setting.mid)
@@ -432,7 +438,7 @@ def arguments_of(configuration: Configuration) -> dict[str, Any]:
     }
 
 
-def rebuilt(configuration: Configuration, parameters: Mapping[str, Any]) -> Any:
+def rebuild_model(configuration: Configuration, parameters: Mapping[str, Any]) -> Any:
     """The model with some of its parameters changed; those of tables have dotted names, and a
     mid-limit is that of its variable as well.
     """

@@ -17,7 +17,7 @@ from .source import load
 if TYPE_CHECKING:
     from ..problems.nested_reducers import Nested
 
-KEPT = ("problem", "parameters", "variables", "costs", "propagation", "objectives", "limits")
+NESTED_TABLES = ("problem", "parameters", "variables", "costs", "propagation", "objectives", "limits")
 """The tables of a run configuration that mean its reducer."""
 POINTS = ("rms_arcmin", "cost")
 """Columns of a table of prices."""
@@ -27,14 +27,14 @@ EXPECTED = (
 )
 
 
-def with_reducers(top: Section, problem_class: ProblemClass | None, folder: Path) -> Section:
+def fill_reducers(top: Section, problem_class: ProblemClass | None, folder: Path) -> Section:
     """The configuration with the reducers in the place of `[reducers]`, for a problem that nests
     them; a faulty one is left as it is written.
     """
     if problem_class is None:
         return top
     if rows := problem_class.declaration.reducers_in:
-        return _with_rows(top, rows, folder)
+        return _fill_row_reducers(top, rows, folder)
     keys = problem_class.declaration.reducers
     if not keys or "reducers" not in top:
         return top
@@ -42,7 +42,7 @@ def with_reducers(top: Section, problem_class: ProblemClass | None, folder: Path
     return top if reducers is None else top.having("reducers", reducers)
 
 
-def _with_rows(top: Section, key: str, folder: Path) -> Section:
+def _fill_row_reducers(top: Section, key: str, folder: Path) -> Section:
     """The same for a problem whose `[[joint]]` or other tables each name a reducer (`run`)."""
     known: dict[str, Nested] = {}
     rows = []
@@ -76,25 +76,25 @@ def read_reducer(section: Section, key: str, folder: Path) -> Nested | None:
     value = section.take(key)
     if isinstance(value, Mapping):
         if "problem" in value:
-            return _of_tables(section, key, dict(value), f"{value['problem']} of this configuration", folder)
-        return _of_points(section.section(key))
+            return _reducer_by_tables(section, key, dict(value), f"{value['problem']} of this configuration", folder)
+        return _reducer_by_points(section.section(key))
     if not isinstance(value, str):
         section.fault(key, f"must be a string or a table: {EXPECTED}")
         return None
     path = folder / value
     if is_folder(path):
-        return _of_run(section, key, path, value)
+        return _reducer_by_run(section, key, path, value)
     if path.suffix == ".csv":
-        return _of_file(section, key, path, value)
+        return _reducer_by_file(section, key, path, value)
     faults: list[Fault] = []
     table = load(path, faults)
     if table is None:
         section.fault(key, "; ".join(f"{fault.place} {fault.message}" for fault in faults))
         return None
-    return _of_tables(section, key, table, value, path.parent)
+    return _reducer_by_tables(section, key, table, value, path.parent)
 
 
-def _of_tables(section: Section, key: str, table: dict[str, Any], source: str, folder: Path) -> Nested | None:
+def _reducer_by_tables(section: Section, key: str, table: dict[str, Any], source: str, folder: Path) -> Nested | None:
     """A reducer by the tables of a run configuration, whose files are looked for in `folder`."""
     from ..problems.nested_reducers import Nested, block_of
     from ..problems.rv_backlash import RvBacklash
@@ -123,10 +123,10 @@ def _of_tables(section: Section, key: str, table: dict[str, Any], source: str, f
     if isinstance(block, str):
         section.fault(key, f"{source} cannot be nested: {block}")
         return None
-    return Nested(source, {name: configuration.resolved[name] for name in KEPT}, problem)
+    return Nested(source, {name: configuration.resolved[name] for name in NESTED_TABLES}, problem)
 
 
-def _of_run(section: Section, key: str, folder: Path, source: str) -> Nested | None:
+def _reducer_by_run(section: Section, key: str, folder: Path, source: str) -> Nested | None:
     """A reducer by the directory of a finished run."""
     if faults := not_whole(folder):
         section.fault(key, "; ".join(map(str, faults)))
@@ -136,7 +136,7 @@ def _of_run(section: Section, key: str, folder: Path, source: str) -> Nested | N
         section.fault(key, f"{source} holds no finished run of a reducer (config.toml, front.csv)")
         return None
     if table.get("problem") != "rv_reducer":
-        return _of_tables(section, key, table, f"the run {source}", folder)
+        return _reducer_by_tables(section, key, table, f"the run {source}", folder)
     frame = read_own_csv(front)
     parts = ["backlash_rms_arcmin_mean", "backlash_rms_arcmin_std", "cost"]
     if missing := [name for name in parts if name not in frame]:
@@ -144,10 +144,10 @@ def _of_run(section: Section, key: str, folder: Path, source: str) -> Nested | N
         return None
     mean, std = (frame[name].to_numpy(dtype=float) for name in parts[:2])
     rms = (mean**2 + std**2) ** 0.5
-    return _pointed(section, key, rms.tolist(), frame["cost"].tolist(), f"the run {source}")
+    return _check_points(section, key, rms.tolist(), frame["cost"].tolist(), f"the run {source}")
 
 
-def _of_file(section: Section, key: str, path: Path, source: str) -> Nested | None:
+def _reducer_by_file(section: Section, key: str, path: Path, source: str) -> Nested | None:
     if not is_file(path):
         section.fault(key, f"{source} does not exist")
         return None
@@ -157,10 +157,10 @@ def _of_file(section: Section, key: str, path: Path, source: str) -> Nested | No
     except (InputError, KeyError, ValueError) as error:
         section.fault(key, f"{source} must have numbers in the columns rms_arcmin and cost: {error}")
         return None
-    return _pointed(section, key, rms, cost, source)
+    return _check_points(section, key, rms, cost, source)
 
 
-def _of_points(section: Section) -> Nested | None:
+def _reducer_by_points(section: Section) -> Nested | None:
     """A reducer by a table of prices in the configuration."""
     columns = [section.numbers(name) for name in POINTS]
     for name in POINTS:
@@ -170,10 +170,10 @@ def _of_points(section: Section) -> Nested | None:
     section.finish()
     if columns[0] is None or columns[1] is None:
         return None
-    return _pointed(section, "", list(columns[0]), list(columns[1]), source)
+    return _check_points(section, "", list(columns[0]), list(columns[1]), source)
 
 
-def _pointed(section: Section, key: str, rms: list[float], cost: list[float], source: str) -> Nested | None:
+def _check_points(section: Section, key: str, rms: list[float], cost: list[float], source: str) -> Nested | None:
     """Checked points of cost over rms backlash."""
     text = ""
     if len(rms) != len(cost) or len(rms) < 3:

@@ -67,13 +67,13 @@ def _tables(problem: ToleranceProblem) -> dict[str, Any]:
     settings = problem.settings
     return {
         "parameters": dict(settings.parameters),
-        "variables": _with_machines(problem),
+        "variables": _variable_tables(problem),
         "costs": {name: curve_table(curve) for name, curve in settings.costs.items()},
         "propagation": asdict(settings.propagation),
     }
 
 
-def _with_machines(problem: ToleranceProblem) -> dict[str, Any]:
+def _variable_tables(problem: ToleranceProblem) -> dict[str, Any]:
     """The `[variables]` tables, machines included; keys that machines determine are left out."""
     settings = problem.settings
     resolved = resolved_variables(settings.variables, problem.variables)

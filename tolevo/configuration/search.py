@@ -17,7 +17,7 @@ from ..section import BLOCK_ROWS, EVALUATIONS, GENERATIONS, PLAIN, POINTS, POSIT
 from .plugins import load_named
 from .source import EXECUTION, Source, parsed_tables
 
-MOST_BY_DEFAULT = 2
+MAX_DEFAULT_OBJECTIVES = 2
 """Objectives up to which a problem's own algorithm is the default."""
 DEFAULT_GENERATIONS = 200
 """Budget of a run whose configuration states none."""
@@ -33,9 +33,9 @@ def read_search(section: Section, objectives: int, default: str) -> dict[str, An
 
 
 def read_algorithm(section: Section, objectives: int, default: str = "") -> tuple[str, AlgorithmSettings | None]:
-    """Name and instance of the algorithm; by default see `by_default`."""
-    name = by_default(section.all_keys(), objectives, default)
-    kind = None if _refused(section) else load_named(section, "name", "algorithms", name)
+    """Name and instance of the algorithm; by default see `default_algorithm`."""
+    name = default_algorithm(section.all_keys(), objectives, default)
+    kind = None if _is_refused(section) else load_named(section, "name", "algorithms", name)
     name = section.take("name") or name
     section.accept(["engine"])
     if kind is None or "points" not in {field.name for field in fields(kind)}:
@@ -53,13 +53,13 @@ def read_algorithm(section: Section, objectives: int, default: str = "") -> tupl
     return name, algorithm
 
 
-def by_default(stated: Iterable[str], objectives: int, problem_default: str) -> str:
+def default_algorithm(stated: Iterable[str], objectives: int, problem_default: str) -> str:
     """The problem's own algorithm, where it has one for so many objectives; else NSGA-II or the GA.
 
     NSGA-II or the GA are also chosen where the `stated` keys of `[algorithm]` are theirs alone.
     """
     evolution = "ga" if objectives == 1 else "nsga2"
-    if not problem_default or objectives > MOST_BY_DEFAULT:
+    if not problem_default or objectives > MAX_DEFAULT_OBJECTIVES:
         return evolution
     keys, evolution_keys = (_keys(name) for name in (problem_default, evolution))
     relevant = set(stated) & (evolution_keys | {"generations", "engine"})
@@ -71,7 +71,7 @@ def _keys(name: str) -> set[str]:
     return {field.name for field in fields(registry.load("algorithms", name))}
 
 
-def _refused(section: Section) -> bool:
+def _is_refused(section: Section) -> bool:
     """Whether the name is one of pymoo's that are not offered, with a fault that says why."""
     name = section.take("name")
     if not isinstance(name, str) or name not in REFUSED or name in registry.names("algorithms"):

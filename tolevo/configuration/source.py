@@ -25,11 +25,11 @@ from .resolved import complete_tables
 # Objects in the place of names: a problem or an algorithm in a dictionary of a configuration.
 
 
-KEPT = (*(field.name for field in fields(Budget)), "engine")
+BUDGET_AND_ENGINE_KEYS = (*(field.name for field in fields(Budget)), "engine")
 """Keys of `[algorithm]` that are not of the algorithm."""
 
 
-def with_names(tables: Mapping[str, Any]) -> dict[str, Any]:
+def replace_objects(tables: Mapping[str, Any]) -> dict[str, Any]:
     """The tables with names and settings in the place of objects.
 
     A problem of this suite becomes the tables that describe it, which the other given tables
@@ -40,7 +40,7 @@ def with_names(tables: Mapping[str, Any]) -> dict[str, Any]:
         described["problem"] = Named.of(problem.pymoo_problem)
     elif isinstance(problem, ToleranceProblem):
         stated = {key: value for key, value in described.items() if key != "problem"}
-        merge(described := _described(problem), stated, whole=True)
+        merge(described := _tables_of_problem(problem), stated, whole=True)
     elif problem is not None and not isinstance(problem, str):
         described["problem"] = Named.of(problem)
     if isinstance(algorithm := described.get("algorithm"), AlgorithmSettings):
@@ -54,18 +54,18 @@ def algorithm_table(algorithm: AlgorithmSettings) -> dict[str, Any]:
     return {"name": registry.name_of("algorithms", type(algorithm)), **settings}
 
 
-def _described(problem: ToleranceProblem) -> dict[str, Any]:
+def _tables_of_problem(problem: ToleranceProblem) -> dict[str, Any]:
     """The tables that make a problem again, as a file has them."""
     name = registry.name_of("problems", type(problem))
     return tomllib.loads(tomli_w.dumps(complete_tables(problem, name, problem.declaration.model)))
 
 
-def with_choices(table: dict[str, Any], algorithm: AlgorithmSettings | None, seed: int | None) -> dict[str, Any]:
+def replace_algorithm(table: dict[str, Any], algorithm: AlgorithmSettings | None, seed: int | None) -> dict[str, Any]:
     """The tables with another algorithm and seed, where they are given; budget and engine stay."""
     chosen: dict[str, Any] = {} if seed is None else {"seed": seed}
     if algorithm is not None:
         stated = table.get("algorithm", {})
-        kept = {key: stated[key] for key in KEPT if isinstance(stated, dict) and key in stated}
+        kept = {key: stated[key] for key in BUDGET_AND_ENGINE_KEYS if isinstance(stated, dict) and key in stated}
         chosen["algorithm"] = algorithm_table(algorithm) | kept
     return table | chosen
 
@@ -94,7 +94,7 @@ def folder_of(source: Source) -> Path:
     return source.parent if isinstance(source, Path) else Path()
 
 
-def overridden(source: Source, overrides: Sequence[str], faults: list[Fault]) -> Table:
+def override_source(source: Source, overrides: Sequence[str], faults: list[Fault]) -> Table:
     """The tables of a configuration with `key=value` overrides; a bad one is added to `faults`.
 
     Raises InputError where a file cannot be read.
@@ -111,7 +111,7 @@ def load(source: Source, faults: list[Fault]) -> Table | None:
 
     The table `[execution]`, of where to compute, is left out.
     """
-    table = _loaded(source, faults)
+    table = _load_source(source, faults)
     if table is not None:
         table.pop(EXECUTION, None)
     return table
@@ -119,8 +119,8 @@ def load(source: Source, faults: list[Fault]) -> Table | None:
 
 def parsed_tables(source: Source, overrides: Sequence[str]) -> Table:
     """All tables of a configuration, with overrides; empty where it cannot be read."""
-    table = _loaded(source, []) or {}
-    _merged(table, overrides, [])
+    table = _load_source(source, []) or {}
+    _merge_settings(table, overrides, [])
     return table
 
 
@@ -132,14 +132,14 @@ def at_hand(source: Source) -> Source:
     if not isinstance(source, Path) or not is_pipe(source):
         return source
     faults: list[Fault] = []
-    table = _loaded(source, faults)
+    table = _load_source(source, faults)
     raise_all(faults)
     return table or {}
 
 
-def _loaded(source: Source, faults: list[Fault]) -> Table | None:
+def _load_source(source: Source, faults: list[Fault]) -> Table | None:
     if not isinstance(source, Path):
-        return deepcopy(with_names(source))
+        return deepcopy(replace_objects(source))
     place = str(source)
     try:
         text = content(source, CONFIGURATION, pipe=True).decode("utf-8-sig")
@@ -149,14 +149,14 @@ def _loaded(source: Source, faults: list[Fault]) -> Table | None:
         message = str(error)
     else:
         if text.strip():
-            return _parsed(text, place, faults)
+            return _parse_text(text, place, faults)
         message = "is empty: a configuration must state at least a problem or a model"
     faults.append(Fault(place, message))
     return None
 
 
-def _parsed(text: str, place: str, faults: list[Fault]) -> Table | None:
-    if complaint := _too_long(text):
+def _parse_text(text: str, place: str, faults: list[Fault]) -> Table | None:
+    if complaint := _parse_effort_fault(text):
         faults.append(Fault(place, complaint))
         return None
     table, before = deepcopy(_tables(text)), len(faults)
@@ -177,7 +177,7 @@ def _tables(text: str) -> Table | str:
         return reason if len(reason) <= SHOWN else f"{reason[:SHOWN]}..."
 
 
-def _too_long(text: str) -> str:
+def _parse_effort_fault(text: str) -> str:
     """Why a text would take long to parse: too many tables, or names of too many parts."""
     if is_forced():
         return ""
@@ -218,11 +218,11 @@ def override(table: Table, settings: Sequence[str], faults: list[Fault]) -> None
 
     Settings of `[execution]`, of where to compute, are left out.
     """
-    _merged(table, settings, faults)
+    _merge_settings(table, settings, faults)
     table.pop(EXECUTION, None)
 
 
-def _merged(table: Table, settings: Sequence[str], faults: list[Fault]) -> None:
+def _merge_settings(table: Table, settings: Sequence[str], faults: list[Fault]) -> None:
     for setting in settings:
         key, sign, value = setting.partition("=")
         parsed = _setting(key.strip(), value.strip()) if sign else None

@@ -9,8 +9,11 @@ directory is that of an unfinished result; and marks the set of files that it ha
 from __future__ import annotations
 
 from .lock import LOCK, holders
-from .ownership import BUSY, OCCUPIED, Ownership, busy_faults, owned
-from .standing import KINDS, MANIFEST, UNFINISHED, Standing, kind_of, not_whole, occupied, seal_of, standing
+from .ownership import BUSY, OCCUPIED, Ownership, busy_faults
+from .ownership import own_folder as owned
+from .standing import KINDS, MANIFEST, UNFINISHED, Standing, kind_of, seal_of, standing
+from .standing import incompleteness as not_whole
+from .standing import is_occupied as occupied
 
 __all__ = [
     "BUSY",

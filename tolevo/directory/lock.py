@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 LOCK = ".tolevo-lock"
-OTHER = "another process"
+UNKNOWN_HOLDER = "another process"
 PATIENCE = 0.3
 """Time [s] within which another process has finished testing the lock."""
 STEP = 0.02
@@ -74,7 +74,7 @@ def acquire(folder: Path, command: str) -> Lock:
     until = time.monotonic() + PATIENCE
     while (handle := hold(folder / LOCK)) is None:
         if time.monotonic() >= until:
-            raise Held(holders(folder) or OTHER)
+            raise Held(holders(folder) or UNKNOWN_HOLDER)
         time.sleep(STEP)
     return Lock(folder / LOCK, handle, command)
 
@@ -122,14 +122,14 @@ def holders(folder: Path) -> str:
     """The processes that work in a directory, in words; empty where there are none."""
     if not is_held(folder / LOCK):
         return ""
-    return " and ".join(map(_words, _entries(folder))) or OTHER
+    return " and ".join(map(_words, _entries(folder))) or UNKNOWN_HOLDER
 
 
 def _entries(folder: Path) -> list[dict[str, Any]]:
     """What the living holders have signed with."""
     with suppress(OSError, ValueError):
         lines = (folder / LOCK).read_text(encoding="utf-8").splitlines()
-        return [entry for entry in map(json.loads, lines) if _alive(entry)]
+        return [entry for entry in map(json.loads, lines) if _may_be_alive(entry)]
     return []
 
 
@@ -141,7 +141,7 @@ def _flock(handle: int) -> bool:
     return True
 
 
-def _alive(entry: dict[str, Any]) -> bool:
+def _may_be_alive(entry: dict[str, Any]) -> bool:
     """Whether the process may live; of another machine nothing is known."""
     if entry["host"] != socket.gethostname():
         return True

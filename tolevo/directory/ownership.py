@@ -19,17 +19,17 @@ from .standing import (
     Unfinished,
     fits,
     folders,
-    irregular,
     is_output_file,
     kinds_in,
-    occupied,
-    present,
     read_unfinished,
     standing,
     sweep,
     write_manifest,
     write_unfinished,
 )
+from .standing import irregular_file_faults as irregular
+from .standing import is_occupied as occupied
+from .standing import present_files as present
 
 BUSY = "is in use by {}: wait for it, end it, or name another directory"
 OCCUPIED = "{} is not empty; name another directory, or add --overwrite or --resume"
@@ -131,7 +131,7 @@ class Ownership:
         """Release the directory; a directory that was made and not used is removed."""
         self._lock.release()
         if not self.begun:
-            _unmade(self._made)
+            _remove_made_folders(self._made)
 
     def unwritten(self, path: object, reason: str, remedy: str) -> TolevoError:
         """The error where a file cannot be written: why, what is kept, and how to continue."""
@@ -145,7 +145,7 @@ class Ownership:
 
 
 @contextmanager
-def owned(
+def own_folder(
     folder: Path, command: str, resume: bool = False, overwrite: bool = True, apart: Sequence[str] = ()
 ) -> Iterator[Ownership]:
     """Hold the directory of a result for a `tolevo <command>`, made where there is none.
@@ -158,14 +158,14 @@ def owned(
     raise_all(irregular(folder))
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
-        lock = _taken(folder, command)
+        lock = _take_folder(folder, command)
     except OSError as error:
-        _unmade(made)
+        _remove_made_folders(made)
         if (why := cause(error)) is None:
             raise
         raise refuse("--out", UNCHANGED.format(error.filename or folder, *why)) from error
     except InputError:
-        _unmade(made)
+        _remove_made_folders(made)
         raise
     held = Ownership(folder, command, lock, made)
     try:
@@ -181,7 +181,7 @@ def owned(
         held.release()
 
 
-def _taken(folder: Path, command: str) -> Lock:
+def _take_folder(folder: Path, command: str) -> Lock:
     while True:
         folder.mkdir(parents=True, exist_ok=True)
         try:
@@ -199,7 +199,7 @@ def _mark(folder: Path) -> Unfinished | None:
     return None
 
 
-def _unmade(made: Sequence[Path]) -> None:
+def _remove_made_folders(made: Sequence[Path]) -> None:
     for path in made:
         with suppress(OSError):
             path.rmdir()

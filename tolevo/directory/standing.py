@@ -14,7 +14,8 @@ from os.path import lexists
 from pathlib import Path
 
 from ..errors import Fault
-from ..files import PART, is_file, is_folder, not_a_file, read_record, write_record
+from ..files import PART, is_file, is_folder, read_record, write_record
+from ..files import file_obstacle as not_a_file
 from .lock import LOCK, holders
 
 
@@ -34,7 +35,7 @@ class Kind:
     saved: str
 
 
-def _drawn(*stems: str) -> tuple[str, ...]:
+def _figure_files(*stems: str) -> tuple[str, ...]:
     return tuple(f"{stem}.{ending}" for stem in stems for ending in ("png", "svg"))
 
 
@@ -54,7 +55,7 @@ KINDS: Mapping[str, Kind] = {
             "page.json",
             "gap.json",
         ),
-        pages=(PAGE, *_drawn("residuals_*", "spectrum_*", "distribution_*", "path", "next_measurement")),
+        pages=(PAGE, *_figure_files("residuals_*", "spectrum_*", "distribution_*", "path", "next_measurement")),
         saved="the search as it was saved last, and every replicate that had ended",
     ),
     "study": Kind(
@@ -73,14 +74,14 @@ KINDS: Mapping[str, Kind] = {
             "page.json",
             "study.json",
         ),
-        pages=(PAGE, *_drawn("course_*", "response_*", "sensitivity")),
+        pages=(PAGE, *_figure_files("course_*", "response_*", "sensitivity")),
         saved="every run that had ended",
     ),
     "reproduce": Kind(
         marks=("claims.csv", "claims.json"),
         state=("checked/*.json",),
         files=("checked/*.json", "claims.csv", "claims.json", "tables/*.csv", "page.json"),
-        pages=(PAGE, *_drawn("figures/*")),
+        pages=(PAGE, *_figure_files("figures/*")),
         saved="every claim that had been checked",
     ),
     "run": Kind(
@@ -122,14 +123,14 @@ KINDS: Mapping[str, Kind] = {
             "failed.csv",
             "summary.json",
         ),
-        pages=(PAGE, *_drawn("front")),
+        pages=(PAGE, *_figure_files("front")),
         saved="the search as it was saved last",
     ),
 }
 """By command, the most specific first: a directory may hold more than one result."""
 
 
-def present(folder: Path, patterns: Iterable[str]) -> list[str]:
+def present_files(folder: Path, patterns: Iterable[str]) -> list[str]:
     """Names of the files in a directory that fit one of the patterns, in their order."""
     matches = (sorted(folder.glob(pattern)) for pattern in patterns)
     files = (path for path in chain.from_iterable(matches) if path.is_file() or path.is_symlink())
@@ -138,12 +139,12 @@ def present(folder: Path, patterns: Iterable[str]) -> list[str]:
 
 def kinds_in(folder: Path) -> list[str]:
     """Commands whose results or states a directory holds, by their characteristic files."""
-    return [name for name, kind in KINDS.items() if present(folder, (*kind.marks, *kind.state))]
+    return [name for name, kind in KINDS.items() if present_files(folder, (*kind.marks, *kind.state))]
 
 
 def kind_of(folder: Path) -> str:
     """The command whose result a directory holds, empty where it holds none."""
-    return next((name for name, kind in KINDS.items() if present(folder, kind.marks)), "")
+    return next((name for name, kind in KINDS.items() if present_files(folder, kind.marks)), "")
 
 
 def folders(folder: Path) -> list[Path]:
@@ -211,7 +212,7 @@ class Manifest:
 
 def write_manifest(folder: Path, command: str, status: str) -> None:
     """Mark what `command` has written as complete; the same files give the same bytes."""
-    names = present(folder, KINDS[command].files)
+    names = present_files(folder, KINDS[command].files)
     record = {
         "command": command,
         "status": status,
@@ -238,10 +239,10 @@ def read_manifest(folder: Path) -> Manifest | None:
         raise ValueError(f"it is not the manifest of a result ({error!r})") from error
 
 
-def strangers(folder: Path, manifest: Manifest, apart: Iterable[str] = ()) -> list[Fault]:
+def foreign_file_faults(folder: Path, manifest: Manifest, apart: Iterable[str] = ()) -> list[Fault]:
     """A fault for every file that does not belong to the result, except those in `apart`."""
     faults = []
-    for name in present(folder, KINDS[manifest.command].files):
+    for name in present_files(folder, KINDS[manifest.command].files):
         text = ""
         if name not in manifest.files:
             text = f"does not belong to this result ({MANIFEST} does not list it): move it away"
@@ -286,13 +287,13 @@ def read_unfinished(folder: Path) -> Unfinished | None:
     if record is None:
         return None
     try:
-        names = tuple(name for name in map(str, record["retiring"]) if _inside(name))
+        names = tuple(name for name in map(str, record["retiring"]) if _is_in_folder(name))
         return Unfinished(str(record["command"]), str(record["token"]), names)
     except (KeyError, TypeError) as error:
         raise ValueError(f"it is not the mark of a result ({error!r})") from error
 
 
-def _inside(name: str) -> bool:
+def _is_in_folder(name: str) -> bool:
     """Whether it is the name of a result in the directory itself; other files are not removed."""
     path = Path(name)
     return not path.is_absolute() and ".." not in path.parts and is_output_file(path.name)
@@ -333,7 +334,7 @@ class Standing:
 
 def standing(folder: Path, apart: Iterable[str] = ()) -> Standing:
     """The state of a directory; the files in `apart` check themselves and are not tested."""
-    if strange := irregular(folder):
+    if strange := irregular_file_faults(folder):
         return Standing(faults=tuple(strange))
     busy, seal = holders(folder), seal_of(folder)
     faults: list[Fault] = []
@@ -350,14 +351,14 @@ def standing(folder: Path, apart: Iterable[str] = ()) -> Standing:
     mark = manifest or unfinished
     missing: tuple[str, ...] = ()
     if manifest is not None:
-        faults += strangers(folder, manifest, tuple(apart))
-        there = set(present(folder, KINDS[manifest.command].files))
+        faults += foreign_file_faults(folder, manifest, tuple(apart))
+        there = set(present_files(folder, KINDS[manifest.command].files))
         missing = tuple(name for name in manifest.files if name not in there)
     command = mark.command if mark is not None else kind_of(folder)
     return Standing(command, manifest, unfinished, tuple(faults), missing, busy, seal)
 
 
-def irregular(folder: Path) -> list[Fault]:
+def irregular_file_faults(folder: Path) -> list[Fault]:
     """A fault for every name of a result in a directory that is a device, a pipe, or another thing
     than a file.
     """
@@ -370,7 +371,7 @@ def irregular(folder: Path) -> list[Fault]:
     return faults
 
 
-def not_whole(folder: Path) -> tuple[Fault, ...]:
+def incompleteness(folder: Path) -> tuple[Fault, ...]:
     """Why a result must not be read: it is unfinished, or its files do not belong together."""
     here = standing(folder)
     if here.unfinished is None:
@@ -392,7 +393,7 @@ def seal_of(folder: Path) -> bytes:
     return b"\0".join(marks)
 
 
-def occupied(folder: Path) -> bool:
+def is_occupied(folder: Path) -> bool:
     """Whether a directory holds anything, the traces of killed processes aside."""
     return is_folder(folder) and any(not is_trace(path.name) for path in folder.iterdir())
 

@@ -306,7 +306,7 @@ def document(title: str, parts: Iterable[str], scripts: Sequence[Script] = (), h
     )
 
 
-def renewed(text: str) -> str:
+def add_reload(text: str) -> str:
     """A page that the browser loads again by itself, because its result is being computed."""
     return text.replace("<title>", f'<meta http-equiv="refresh" content="{RENEWED}">\n<title>', 1)
 
@@ -332,7 +332,7 @@ def bullets(notes: Sequence[str]) -> str:
     return "<ul>\n" + "\n".join(f"<li>{escape(note)}</li>" for note in notes) + "\n</ul>"
 
 
-def folded(title: str, body: str) -> str:
+def folded_section(title: str, body: str) -> str:
     """A part that opens on a click on its title; `body` is HTML."""
     return f"<details><summary>{escape(title)}</summary>\n{body}</details>"
 
@@ -342,7 +342,7 @@ def about(summary: Mapping[str, Any]) -> str:
     return "".join(f"<p>{escape(line)}</p>\n" for line in mechanism_lines(summary))
 
 
-def remarked(remarks: Sequence[str]) -> tuple[str, ...]:
+def remarks_section(remarks: Sequence[str]) -> tuple[str, ...]:
     """The section on what was wrong with the files that a page is built from, if anything was."""
     return (section("What is wrong with the files", bullets(remarks)),) if remarks else ()
 
@@ -352,7 +352,7 @@ def remarked(remarks: Sequence[str]) -> tuple[str, ...]:
 
 CARDS, CELLS = 14, 1500
 """Columns and cells up to which a table becomes cards on a narrow screen; others are scrolled."""
-WHOLE = 1e4
+MIN_WHOLE_NUMBER = 1e4
 """From here on a number is shown without decimals."""
 
 
@@ -371,7 +371,7 @@ def _number(value: Real) -> str:
     number = float(value)
     if np.isnan(number):
         return ""
-    if isinstance(value, Integral) or (abs(number) >= WHOLE and not isinf(number)):
+    if isinstance(value, Integral) or (abs(number) >= MIN_WHOLE_NUMBER and not isinf(number)):
         return f"{number:.0f}"
     return f"{number:.4g}"
 
@@ -452,7 +452,7 @@ def unfinished_page(
     """What `tolevo <command>` has saved so far: `facts` in sentences, and `tables` by title."""
     message = f"This result of `tolevo {command}` is unfinished."
     body = (
-        *remarked(remarks),
+        *remarks_section(remarks),
         section("Unfinished", f"<p>{escape(message)}</p>\n{bullets(facts)}"),
         *(section(name, table(frame)) for name, frame in tables.items()),
     )

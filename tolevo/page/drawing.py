@@ -64,14 +64,14 @@ def words(name: Any) -> str:
     return split_unit(str(name))[0].replace("_", " ")
 
 
-def with_unit(text: str, unit: str) -> str:
+def label_with_unit(text: str, unit: str) -> str:
     """A label with its unit in brackets, where it has one."""
     return f"{text} [{unit}]" if unit else text
 
 
 def axis_label(axis: Axis) -> str:
     """`backlash_arcmin` in arcmin as "backlash [arcmin]"."""
-    return with_unit(words(axis.name), axis.unit)
+    return label_with_unit(words(axis.name), axis.unit)
 
 
 def style_axes(axes: Axes, legend: bool = False) -> None:
@@ -104,7 +104,7 @@ def flags(table: pd.DataFrame, column: str) -> list[bool]:
 
 def as_png(figure: Figure) -> bytes:
     """The figure as PNG, the same bytes every time."""
-    with _fixed(figure):
+    with _fixed_settings(figure):
         buffer = BytesIO()
         canvas: Any = FigureCanvasAgg(figure)
         canvas.print_png(buffer, metadata={"Software": None}, pil_kwargs=COMPRESSION)
@@ -114,7 +114,7 @@ def as_png(figure: Figure) -> bytes:
 def as_svg(figure: Figure) -> bytes:
     """The figure as SVG, the same bytes every time; drawn once, for its file and for its page."""
     if figure not in _AS_SVG:
-        with _fixed(figure):
+        with _fixed_settings(figure):
             buffer = StringIO()
             canvas: Any = FigureCanvasSVG(figure)
             canvas.print_svg(buffer, metadata=NO_METADATA)
@@ -123,7 +123,7 @@ def as_svg(figure: Figure) -> bytes:
 
 
 @contextmanager
-def _fixed(figure: Figure) -> Iterator[None]:
+def _fixed_settings(figure: Figure) -> Iterator[None]:
     """The settings with which every file of the figure is drawn; afterwards the figure has its
     canvas and its dots per inch back.
 
@@ -133,7 +133,7 @@ def _fixed(figure: Figure) -> Iterator[None]:
         # A letter that the font lacks becomes a box; the page's tables still have it.
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
         canvas, dots = figure.canvas, figure.dpi
-        _laid_out(figure)
+        _lay_out_panels(figure)
         figure.set_dpi(DOTS_PER_INCH)
         try:
             yield
@@ -142,7 +142,7 @@ def _fixed(figure: Figure) -> Iterator[None]:
             figure.set_dpi(dots)
 
 
-def _laid_out(figure: Figure) -> None:
+def _lay_out_panels(figure: Figure) -> None:
     """Place the panels, once for all kinds of files: it takes half as long as drawing them."""
     engine = figure.get_layout_engine()
     if engine is not None:
@@ -164,7 +164,7 @@ def bars_figure(bars: Bars) -> Figure:
     axes.barh(places, bars.values, color="#1f5fa8", height=0.7)
     axes.set_yticks(places, [label.replace("_", " ") for label in bars.labels], fontsize="small")
     axes.invert_yaxis()
-    axes.set_xlabel(with_unit(bars.title, bars.unit))
+    axes.set_xlabel(label_with_unit(bars.title, bars.unit))
     style_axes(axes)
     return figure
 

@@ -65,7 +65,7 @@ def units_of(result: RunResult) -> dict[str, str]:
     )
 
 
-def informative(result: RunResult) -> bool:
+def has_informative_bounds(result: RunResult) -> bool:
     """Whether the bounds of the points are informative."""
     return NOT_INFORMATIVE not in str(result.answers.get("proof", ""))
 
@@ -104,7 +104,7 @@ def limits_of(result: RunResult, kept: pd.DataFrame) -> list[dict[str, Any]]:
     if not isinstance(table, Mapping):
         return []
     limits = []
-    for name, bound in _flat(table).items():
+    for name, bound in _flatten_limits(table).items():
         if name in kept:
             side = "min" if name.endswith("yield_percent") else "max"
             ends: Mapping[str, object] = bound if isinstance(bound, Mapping) else {side: bound}
@@ -113,12 +113,12 @@ def limits_of(result: RunResult, kept: pd.DataFrame) -> list[dict[str, Any]]:
     return limits
 
 
-def _flat(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
+def _flatten_limits(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
     """The limits by the full name of their output: those of a requirement are a table of their own."""
     limits: dict[str, Any] = {}
     for key, bound in table.items():
         if isinstance(bound, Mapping) and not {"min", "max"} & set(bound):
-            limits |= _flat(bound, f"{above}{key}.")
+            limits |= _flatten_limits(bound, f"{above}{key}.")
         else:
             limits[f"{above}{key}"] = bound
     return limits
@@ -188,25 +188,25 @@ def _column_law(result: RunResult, kept: pd.DataFrame) -> dict[str, Any] | None:
                     "label": words(axis.name),
                     "unit": axis.unit,
                     "low": None,
-                    "high": _upper(result),
+                    "high": _backlash_limit(result),
                     "mean": kept[mean].tolist(),
                     "deviation": kept[deviation].tolist(),
                 }
     return None
 
 
-def _upper(result: RunResult) -> float | None:
+def _backlash_limit(result: RunResult) -> float | None:
     """`[parameters] backlash_limit_arcmin`, by which the yield of a reducer is defined."""
     parameters = configured(result.configuration).get("parameters")
     value = parameters.get("backlash_limit_arcmin") if isinstance(parameters, Mapping) else None
     return float(value) if isinstance(value, int | float) else None
 
 
-MOST = 5000
+MAX_POINTS = 5000
 """Points on a page at most."""
-OTHERS = 400
+MAX_OTHER_POINTS = 400
 """Points of any other front on a page at most."""
-ROOM = 620_000
+MAX_CONTENT_CHARACTERS = 620_000
 """Characters of the points at most, so that a page stays below 1.5 MB."""
 SHARED = 250
 """Points with contributions and prices on a page at most; others show those of the nearest."""
@@ -233,7 +233,7 @@ SKELETON = """<section id="work" class="work" aria-label="Front and selected all
 </section>"""
 
 
-def interactive(result: RunResult) -> bool:
+def has_front(result: RunResult) -> bool:
     """Whether the run has a front to show."""
     return bool(len(result.front) and result.objectives)
 
@@ -245,17 +245,17 @@ def scripts() -> tuple[Any, ...]:
 
 def explorer(result: RunResult) -> str:
     """The part of the page that the scripts fill."""
-    content = content_of(result, MOST)
+    content = content_of(result, MAX_POINTS)
     text = data(content)
-    if len(text) > ROOM:
-        content = content_of(result, max(1, int(len(content["rows"]) * ROOM / len(text))))
+    if len(text) > MAX_CONTENT_CHARACTERS:
+        content = content_of(result, max(1, int(len(content["rows"]) * MAX_CONTENT_CHARACTERS / len(text))))
         text = data(content)
     count, whole = len(content["rows"]), len(result.front)
     rule = f"All {whole} points."
     if count != whole:
         rule = (
             f"{count} of {whole} points: every choice, and others evenly along the front "
-            f"(at most {MOST}, and as many as fit into {ROOM // 1000} kB); front.csv has all."
+            f"(at most {MAX_POINTS}, and as many as fit into {MAX_CONTENT_CHARACTERS // 1000} kB); front.csv has all."
         )
     return SKELETON.format(rule=escape(rule)) + "\n" + text
 
@@ -264,7 +264,7 @@ def content_of(result: RunResult, most: int) -> dict[str, Any]:
     """The data that the scripts read, with at most `most` points in addition to the chosen ones."""
     names = [axis.name for axis in result.objectives]
     front = result.front.reset_index(drop=True)
-    rows = thinned(front, names, _chosen_rows(result), most)
+    rows = thin_points(front, names, _chosen_rows(result), most)
     kept = front.iloc[rows]
     variables = [axis for axis in result.variables if axis.name in front]
     relaxed = {} if result.relaxed is None else dict(iter(result.relaxed.groupby("label", sort=False)))
@@ -278,9 +278,9 @@ def content_of(result: RunResult, most: int) -> dict[str, Any]:
         "gap": _column(kept, "gap_percent"),
         "references": _references(result, names, variables),
         "choices": _choices(result),
-        "rounded": _rounded(result),
+        "rounded": _rounded_values(result),
         "unit": unit_of_cost(result.summary),
-        "informative": informative(result),
+        "informative": has_informative_bounds(result),
         "tolerances": tolerance_records(result),
         "limits": limits_of(result, kept),
         "prices": _prices(result.prices),
@@ -288,7 +288,9 @@ def content_of(result: RunResult, most: int) -> dict[str, Any]:
         "law": law_of(result, kept),
         "whole": len(front),
         "changes": _changes(result),
-        "changed": [{"label": words(name), "unit": units_of(result).get(name, "")} for name in _changed(result)],
+        "changed": [
+            {"label": words(name), "unit": units_of(result).get(name, "")} for name in _changed_requirements(result)
+        ],
         "orders": _orders(result),
         "relaxed": _fronts_of(relaxed, names, most),
         "contributions": _contributions(result.contributions, result),
@@ -298,7 +300,7 @@ def content_of(result: RunResult, most: int) -> dict[str, Any]:
     }
 
 
-def thinned(front: pd.DataFrame, names: list[str], always: list[int], most: int) -> NDArray[np.int64]:
+def thin_points(front: pd.DataFrame, names: list[str], always: list[int], most: int) -> NDArray[np.int64]:
     """Rows of at most `most` points, evenly in the order of the objectives, and those of `always`.
 
     In the order of the first objective.
@@ -338,7 +340,7 @@ def _choices(result: RunResult) -> list[dict[str, Any]]:
     ]
 
 
-def _changed(result: RunResult) -> list[str]:
+def _changed_requirements(result: RunResult) -> list[str]:
     """The requirements whose change by single steps is known."""
     columns = [] if result.changes is None else map(str, result.changes)
     return [name.removeprefix("change_") for name in columns if name.startswith("change_")]
@@ -346,7 +348,7 @@ def _changed(result: RunResult) -> list[str]:
 
 def _changes(result: RunResult) -> list[dict[str, Any]]:
     """The single steps that were tried at chosen points."""
-    names = _changed(result)
+    names = _changed_requirements(result)
     records = [] if result.changes is None else result.changes.to_dict("records")
     return [
         {
@@ -376,7 +378,7 @@ def _chosen_rows(result: RunResult) -> list[int]:
     return [int(choice["row"]) for choice in _choices(result)]
 
 
-def _rounded(result: RunResult) -> dict[str, dict[str, Any]]:
+def _rounded_values(result: RunResult) -> dict[str, dict[str, Any]]:
     """The rounded values to order, by row of the front and variable."""
     rounded: dict[str, dict[str, Any]] = {}
     if result.allocation is not None:
@@ -400,7 +402,7 @@ def _references(result: RunResult, names: list[str], variables: list[Axis]) -> l
     ]
 
 
-def _by_output(table: pd.DataFrame) -> Iterator[tuple[Any, pd.DataFrame]]:
+def _rows_by_output(table: pd.DataFrame) -> Iterator[tuple[Any, pd.DataFrame]]:
     """At most `SHARED` rows of a table for every output, evenly."""
     for output, rows in table.groupby("output", sort=False):
         yield output, rows.iloc[np.unique(np.linspace(0, len(rows) - 1, SHARED).astype(int))]
@@ -422,7 +424,7 @@ def _contributions(contributions: pd.DataFrame | None, result: RunResult) -> lis
             "along": some["along"].tolist(),
             "shares": [some[name].round(3).tolist() for name in names],
         }
-        for output, some in _by_output(contributions)
+        for output, some in _rows_by_output(contributions)
     ]
 
 
@@ -436,7 +438,7 @@ def _prices(prices: pd.DataFrame | None) -> list[dict[str, Any]]:
     return [
         {"output": output, "unit": text if isinstance(text := some["unit"].iloc[0], str) else ""}
         | {key: some[name].tolist() for key, name in columns.items()}
-        for output, some in _by_output(prices)
+        for output, some in _rows_by_output(prices)
     ]
 
 
@@ -454,7 +456,7 @@ def _fronts_of(fronts: Mapping[Any, pd.DataFrame], names: list[str], most: int) 
         if front.empty or any(name not in front for name in names):
             continue
         points = front.reset_index(drop=True)
-        kept = points.iloc[thinned(points, names, [], min(most, OTHERS))]
+        kept = points.iloc[thin_points(points, names, [], min(most, MAX_OTHER_POINTS))]
         aims = [kept[name].tolist() for name in names]
         listed.append({"label": f"{label}, {len(front)} points", "aims": aims})
     return listed

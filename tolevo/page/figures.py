@@ -170,7 +170,7 @@ def tolerances_figure(result: RunResult) -> Figure | None:
     kept = [
         axis
         for axis in result.variables
-        if _positive(row, axis.name) and (reference is None or _positive(reference, axis.name))
+        if _has_positive_value(row, axis.name) and (reference is None or _has_positive_value(reference, axis.name))
     ]
     if not kept:
         return None
@@ -200,7 +200,7 @@ def _reference(result: RunResult) -> Any:
     return None if result.references.empty else result.references.iloc[0]
 
 
-def _positive(row: Any, name: str) -> bool:
+def _has_positive_value(row: Any, name: str) -> bool:
     value = pd.to_numeric(row.get(name), errors="coerce")
     return bool(value > 0.0)
 

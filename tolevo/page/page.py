@@ -16,9 +16,13 @@ from ..records import SECTIONS, Bars, RunResult, model_lines, unit_of_cost
 from ..registry import PLUGIN_FAULTS, origin
 from ..section import Array
 from ..units import split_unit
-from .document import about, bullets, chosen, described, document, folded, picture, remarked, section, shown, table
-from .drawing import COLOURS, bars_figure, flags, new_figure, style_axes, with_unit
-from .explorer import configured, explorer, interactive, scripts
+from .document import about, bullets, chosen, described, document, picture, section, shown, table
+from .document import folded_section as folded
+from .document import remarks_section as remarked
+from .drawing import COLOURS, bars_figure, flags, new_figure, style_axes
+from .drawing import label_with_unit as with_unit
+from .explorer import configured, explorer, scripts
+from .explorer import has_front as interactive
 from .figures import (
     RATIO,
     contributions_figure,
@@ -98,13 +102,13 @@ def machine_sections(summary: Mapping[str, Any]) -> tuple[str, ...]:
         "largest). The shares are listed below."
     )
     body = f"<figure>{_drawing(stored, caption)}<figcaption>{escape(caption)}</figcaption></figure>"
-    return (section("Where the error is made", body + _listed(stored["parts"])),)
+    return (section("Where the error is made", body + _list_shares(stored["parts"])),)
 
 
 def _drawing(stored: Mapping[str, Any], caption: str) -> str:
     parts: Sequence[Mapping[str, Any]] = stored["parts"]
-    lines = [_projected(part["points"]) for part in parts]
-    poses = _projected(stored["poses"])
+    lines = [_project_points(part["points"]) for part in parts]
+    poses = _project_points(stored["poses"])
     points = np.vstack([*lines, poses])
     low, high = points.min(axis=0), points.max(axis=0)
     scale = float(np.min((np.array([WIDTH, HEIGHT]) - 2.0 * EDGE) / np.maximum(high - low, 1e-9)))
@@ -121,7 +125,7 @@ def _drawing(stored: Mapping[str, Any], caption: str) -> str:
     )
 
 
-def _projected(points: Sequence[Sequence[float]]) -> Array:
+def _project_points(points: Sequence[Sequence[float]]) -> Array:
     """Points (n, 3) [mm] projected as the eye sees them (n, 2), y down."""
     x, y, z = np.array(points, dtype=float).reshape(-1, 3).T
     azimuth, elevation = VIEW
@@ -157,7 +161,7 @@ def _colour(share: float) -> str:
     return f"#{red:02x}{green:02x}{blue:02x}"
 
 
-def _listed(parts: Sequence[Mapping[str, Any]]) -> str:
+def _list_shares(parts: Sequence[Mapping[str, Any]]) -> str:
     """The shares as text, the largest first, for readers who cannot rely on colours."""
     ranked = sorted((part for part in parts if float(part["share"]) >= 0.05), key=lambda part: -float(part["share"]))
     words = ", ".join(f"{escape(str(part['name']))} {float(part['share']):.3g} %" for part in ranked)
@@ -330,11 +334,11 @@ def requirement_sections(result: RunResult) -> tuple[str, ...]:
     if result.requirements is None or result.drivers is None:
         return ()
     binding = [float(value) > 0.0 for value in result.requirements["multiplier_cost_per_unit"]]
-    parts = described(RELAXED, result.requirements, binding), described(DRIVEN, _short(result.drivers))
+    parts = described(RELAXED, result.requirements, binding), described(DRIVEN, _short_drivers(result.drivers))
     return (section("Requirements", "\n".join(parts)),)
 
 
-def _short(drivers: pd.DataFrame) -> pd.DataFrame:
+def _short_drivers(drivers: pd.DataFrame) -> pd.DataFrame:
     """The table of drivers without requirements that limit no tolerance."""
     idle = [name for name in drivers if str(name).endswith("_percent") and not (drivers[name] != 0.0).any()]
     return drivers.drop(columns=idle)
@@ -412,7 +416,7 @@ def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
         *requirement_sections(result),
         *choice_sections(result),
         *plugin_sections(result),
-        section("Effects", _moved(result.moved)) if result.moved is not None else "",
+        section("Effects", _moves_table(result.moved)) if result.moved is not None else "",
         section("References", _references(result)) if len(result.references) else "",
         section("Points of the front", folded("Table", _points(result))) if len(result.front) else "",
         section("Convergence", _convergence(result.convergence)) if len(result.convergence) > 1 else "",
@@ -476,7 +480,7 @@ def _references(result: RunResult) -> str:
     return f"{described(GAINS, short)}\n{full}"
 
 
-def _moved(moved: pd.DataFrame) -> str:
+def _moves_table(moved: pd.DataFrame) -> str:
     marked = [label == "after" for label in moved["allocation"]] if len(moved) else []
     return described(MOVED, moved, marked)
 

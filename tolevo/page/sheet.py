@@ -185,7 +185,7 @@ def allocation_sheet(result: RunResult) -> bytes | None:
     sheets = {"Summary": together}
     for at, order in enumerate(allocations):
         sheets[str(together["sheet"].iloc[at])] = order.table
-    sheets["Allocation"] = _without_repetitions(result.allocation, allocations)
+    sheets["Allocation"] = _drop_repetitions(result.allocation, allocations)
     sheets["Choices"] = result.choices
     more = {"Promise": result.promise, "Next parts": result.next_parts, "Capability": result.capability}
     sheets |= {title: frame for title, frame in more.items() if frame is not None}
@@ -195,7 +195,7 @@ def allocation_sheet(result: RunResult) -> bytes | None:
     return workbook(sheets)
 
 
-def _without_repetitions(allocation: pd.DataFrame, allocations: list[Order]) -> pd.DataFrame:
+def _drop_repetitions(allocation: pd.DataFrame, allocations: list[Order]) -> pd.DataFrame:
     """The table of allocations without those that equal an earlier one, with all their rules."""
     if not allocations or "choice" not in allocation:
         return allocation

@@ -5,8 +5,14 @@ The index of a table is the line number in its file (the row number in a Parquet
 """
 
 from .aqdef import Characteristic, names_of_characteristics, read_aqdef
-from .header import ColumnUse, Fitted, Tell, fitted, silent, without_unused
-from .reading import PARQUET, SHOWN, cell_faults, columns_of, opened, opened_whole, parsed, read_table, table_of, write
+from .header import ColumnUse, Fitted, Tell
+from .header import discard_lines as silent
+from .header import drop_unused as without_unused
+from .header import fit_columns as fitted
+from .reading import PARQUET, SHOWN, cell_faults, columns_of, read_table, table_of, write
+from .reading import open_or_raise as opened_whole
+from .reading import open_table as opened
+from .reading import parse_columns as parsed
 from .record import AS_DETECTED, KEYS, NO_OPTIONS, Dialect, ReadOptions, Table
 from .signs import is_missing
 

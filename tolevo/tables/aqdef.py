@@ -11,11 +11,11 @@ from pathlib import Path
 
 from .. import files
 from ..errors import Fault, InputError, raise_all, refuse
-from ..units import shortened
+from ..units import shorten_text as shortened
 from .header import known_unit
 from .record import Columns, Dialect, ReadOptions, Table
 from .signs import moment
-from .text import decoded
+from .text import decode_text as decoded
 
 __all__ = ["SUFFIXES", "Characteristic", "names_of_characteristics", "read_aqdef"]
 
@@ -34,7 +34,7 @@ COUNTS = ("K0020", "K0021", "", *COMPACT[1:])
 ATTRIBUTIVE = ("1", "5", "6")
 FIRST = ("K0001", "K0021")
 """Keys that begin a value."""
-MOST = 2_000_000
+MAX_VALUES = 2_000_000
 """Values that are read of a file."""
 _KEY = re.compile(r"(K\d{4})(?:/(\d{0,9})(?:/(\d{1,9}))?)?(?:[ \t]+(.*))?")
 
@@ -86,8 +86,8 @@ class Content:
                 self._key(at, stripped)
             elif stripped:
                 self._compact(at, line.rstrip("\r\n\x1a"))
-            if len(self._begun) > MOST:
-                self.fault(at, f"the file has more than {MOST:,} values: split it")
+            if len(self._begun) > MAX_VALUES:
+                self.fault(at, f"the file has more than {MAX_VALUES:,} values: split it")
                 return
 
     def _key(self, at: int, line: str) -> None:
@@ -233,10 +233,10 @@ SUFFIXES = (".dfq", ".dfd", ".dfx")
 PARTNERS = {".dfd": ".dfx", ".dfx": ".dfd"}
 INVALID = (255, 256)
 """Attributes (K0002) of values that are not valid."""
-NEAR = 1e-9
+LIMIT_TOLERANCE = 1e-9
 """Relative distance of two statements of one limit at most."""
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?")
-LONGEST = 60
+MAX_NUMBER_CHARACTERS = 60
 """Characters of a number at most, and of a cell that a fault repeats."""
 
 
@@ -265,7 +265,7 @@ def characteristics(
     content.place = place
     _check(content)
     measured = [_characteristic(content, index) for index in sorted(content.characteristics)]
-    _twice(measured, content)
+    _repeated_characteristic(measured, content)
     return measured, content.faults, content.time_faults
 
 
@@ -352,7 +352,7 @@ def _limit(
         return stated
     # Decimals of the file, not of a sum of doubles: 25 - 0.004.
     by_deviation = round(nominal + off, 12)
-    if stated is not None and not math.isclose(stated, by_deviation, rel_tol=NEAR, abs_tol=1e-12):
+    if stated is not None and not math.isclose(stated, by_deviation, rel_tol=LIMIT_TOLERANCE, abs_tol=1e-12):
         text = (
             f"{absolute} is {stated:.10g}, but the nominal {nominal:.10g} with the deviation "
             f"{deviation} {off:.10g} is {by_deviation:.10g}"
@@ -385,7 +385,7 @@ def _fill(characteristic: Characteristic, raw: Raw, content: Content, place: str
         content.time_faults.append(Fault(f"{place}: K0004", f"times in two formats: {listed}"))
 
 
-def _twice(described: list[Characteristic], content: Content) -> None:
+def _repeated_characteristic(described: list[Characteristic], content: Content) -> None:
     """A characteristic of one part that is described twice."""
     first_index: dict[tuple[str, str, str, str], int] = {}
     for index, characteristic in zip(sorted(content.characteristics), described, strict=True):
@@ -400,7 +400,9 @@ def _number(text: str, place: str, faults: list[Fault]) -> float | None:
     """A number of a Q-DAS file, whose comma or point is decimal: the format groups no thousands."""
     if not text:
         return None
-    number = float(text.replace(",", ".")) if len(text) <= LONGEST and _NUMBER.fullmatch(text) else math.nan
+    number = (
+        float(text.replace(",", ".")) if len(text) <= MAX_NUMBER_CHARACTERS and _NUMBER.fullmatch(text) else math.nan
+    )
     if math.isfinite(number):
         return number
     faults.append(Fault(place, f'must be a number, got "{shortened(text)}"'))
@@ -410,7 +412,7 @@ def _number(text: str, place: str, faults: list[Fault]) -> float | None:
 def _read_integer(text: str, place: str, faults: list[Fault]) -> int | None:
     if not text:
         return None
-    if not text.isdecimal() or len(text) > LONGEST:
+    if not text.isdecimal() or len(text) > MAX_NUMBER_CHARACTERS:
         faults.append(Fault(place, f'must be a whole number, got "{shortened(text)}"'))
         return None
     return int(text)
@@ -435,7 +437,7 @@ def table_of_aqdef(path: Path, place: str, options: ReadOptions) -> tuple[Table 
     if not rows:
         faults.append(Fault(place, "holds no values"))
     named = dict(zip(names, measured, strict=True))
-    columns = {name: _padded(characteristic.values, rows) for name, characteristic in named.items()}
+    columns = {name: _pad_cells(characteristic.values, rows) for name, characteristic in named.items()}
     first = measured[0]
     times = [] if of_times else [t.isoformat(" ") if t else "" for t in first.times]
     extra = {"time": times, "batch": first.batches}
@@ -463,6 +465,6 @@ def names_of_characteristics(measured: list[Characteristic]) -> list[str]:
     return names if len(set(names)) == len(names) else [form[-1] for form in forms]
 
 
-def _padded(values: list[float | None], rows: int) -> list[object]:
+def _pad_cells(values: list[float | None], rows: int) -> list[object]:
     cells: list[object] = ["" if value is None else value for value in values]
     return cells + [""] * (rows - len(values))

@@ -106,36 +106,36 @@ class Layout:
     faults: list[Fault] = field(default_factory=list)
 
 
-def laid_out(rows: list[Row], place: str) -> Layout:
+def find_layout(rows: list[Row], place: str) -> Layout:
     """The layout of rows that are not empty."""
-    count = _usual(rows)
-    numeric = _numeric(rows, count)
+    count = _usual_cell_count(rows)
+    numeric = _numeric_columns(rows, count)
     first = _first_measurement(rows, count, numeric)
     names = [at for at in range(first) if _is_header(rows[at][1], count)]
     if not names:
-        return _without_names(rows, count, place)
-    at, units = _chosen(rows, names, first)
+        return _layout_without_names(rows, count, place)
+    at, units = _choose_name_rows(rows, names, first)
     layout = Layout(rows[at], rows[units] if units is not None else None)
     if faults := _rivals(rows, names, at, numeric, place):
         layout.faults = faults
     layout.body = rows[(at if units is None else units) + 1 :]
     if at:
-        layout.notes.append(f"{at} lines above the column names are left out: {_listed(rows[:at])}")
-    _without_summaries(layout, numeric)
+        layout.notes.append(f"{at} lines above the column names are left out: {_list_cells(rows[:at])}")
+    _drop_summaries(layout, numeric)
     return layout
 
 
-def _usual(rows: list[Row]) -> int:
+def _usual_cell_count(rows: list[Row]) -> int:
     """The number of cells that most of the lower half of the rows have."""
     lower = rows[len(rows) // 2 :][-SAMPLE:]
-    return Counter(len(_trimmed(row)) for _, row in lower).most_common(1)[0][0]
+    return Counter(len(_trim_row(row)) for _, row in lower).most_common(1)[0][0]
 
 
-def _trimmed(row: list[str]) -> list[str]:
+def _trim_row(row: list[str]) -> list[str]:
     return row[: max((at for at, cell in enumerate(row, 1) if cell), default=0)]
 
 
-def _numeric(rows: list[Row], count: int) -> list[int]:
+def _numeric_columns(rows: list[Row], count: int) -> list[int]:
     """Columns that hold numbers or dates in most of the last rows."""
     lower = [row for _, row in rows[1:][-SAMPLE:] if len(row) >= count]
     lower = lower[len(lower) // 2 :]
@@ -183,11 +183,11 @@ def is_unit_row(row: list[str], numeric: list[int]) -> bool:
 
 def _is_header(row: list[str], count: int) -> bool:
     """Whether a row can be that of the names: text in every cell but empty columns at the end."""
-    names = _trimmed(row)
+    names = _trim_row(row)
     return len(names) >= max(count, 1) and not any(_is_measurement(cell) for cell in names)
 
 
-def _chosen(rows: list[Row], names: list[int], first: int) -> tuple[int, int | None]:
+def _choose_name_rows(rows: list[Row], names: list[int], first: int) -> tuple[int, int | None]:
     """The row of names, and that of units below it: the last ones before the measurements."""
     last = names[-1]
     cells = rows[last][1]
@@ -213,7 +213,7 @@ def _rivals(rows: list[Row], names: list[int], at: int, numeric: list[int], plac
     return [Fault(place, text)]
 
 
-def _without_names(rows: list[Row], count: int, place: str) -> Layout:
+def _layout_without_names(rows: list[Row], count: int, place: str) -> Layout:
     """The first full row as names, with what is wrong with them."""
     at = next((at for at, (_, row) in enumerate(rows) if len(row) >= count), 0)
     names = rows[at][1]
@@ -234,21 +234,21 @@ def _without_names(rows: list[Row], count: int, place: str) -> Layout:
     return layout
 
 
-def _without_summaries(layout: Layout, numeric: list[int]) -> None:
+def _drop_summaries(layout: Layout, numeric: list[int]) -> None:
     """Leave out rows of limits below the names, and of means or an end mark below the data."""
     body = layout.body
     first = next((at for at, row in enumerate(body) if not _names_summary(row[1])), len(body))
     end = next((at for at in range(len(body), first, -1) if not _names_summary(body[at - 1][1])), first)
     dropped, layout.body = body[:first] + body[end:], body[first:end]
     if dropped:
-        layout.notes.append(f"{len(dropped)} rows that hold no measurement are left out: {_listed(dropped)}")
+        layout.notes.append(f"{len(dropped)} rows that hold no measurement are left out: {_list_cells(dropped)}")
 
 
 def _names_summary(row: list[str]) -> bool:
     return is_summary(next((cell for cell in row if cell), ""))
 
 
-def _listed(rows: list[Row]) -> str:
+def _list_cells(rows: list[Row]) -> str:
     """The first cells of some rows."""
     shown = [f'line {line} "{next((c for c in row if c), "")}"' for line, row in rows[:5]]
     return ", ".join(shown) + (", ..." if len(rows) > 5 else "")
@@ -264,7 +264,7 @@ Tell = Callable[[Iterable[str]], None]
 """Takes the notes on how a table was read, line by line."""
 
 
-def silent(lines: Iterable[str]) -> None:
+def discard_lines(lines: Iterable[str]) -> None:
     """Discard the lines."""
 
 
@@ -288,7 +288,9 @@ class Fitted:
     faults: tuple[Fault, ...] = ()
 
 
-def fitted(table: Table, place: str, known: Mapping[str, str], uses: Mapping[str, ColumnUse] | None = None) -> Fitted:
+def fit_columns(
+    table: Table, place: str, known: Mapping[str, str], uses: Mapping[str, ColumnUse] | None = None
+) -> Fitted:
     """The table with its columns named and in units as `known` (unit by name) has them.
 
     `uses` states what columns of the file are; a column whose name and unit are those of a known
@@ -307,7 +309,7 @@ def fitted(table: Table, place: str, known: Mapping[str, str], uses: Mapping[str
                 faults.append(Fault(f'columns."{key}"', f"{place} has no such column{nearest(key, spelt)}"))
         else:
             names[name] = use.target
-            cells[name], wrong = _used(cells[name], table.units.get(name, ""), use, known)
+            cells[name], wrong = _mapped_cells(cells[name], table.units.get(name, ""), use, known)
             faults += [Fault(f'columns."{key}"', text) for text in wrong]
     free = {name: unit for name, unit in known.items() if name not in names.values()}
     for wanted, unit in free.items():
@@ -316,12 +318,12 @@ def fitted(table: Table, place: str, known: Mapping[str, str], uses: Mapping[str
             if wrong_unit := _contradiction(table.units.get(name, ""), wanted, unit):
                 faults.append(Fault(f"{place}: column {table.headers.get(name, name)}", wrong_unit))
     for wanted, unit in free.items():
-        name = _alike(table, wanted, unit, names)
+        name = _similar_column(table, wanted, unit, names)
         if wanted not in names.values() and name is not None:
             names[name] = wanted
-            cells[name] = _in_unit(cells[name], table.units[name], unit, 1)
+            cells[name] = _convert_cells(cells[name], table.units[name], unit, 1)
             notes.append(f'"{table.headers[name]}" is read as {wanted}')
-    names |= _of_aqdef(table, names, free)
+    names |= _aqdef_columns(table, names, free)
     for name, target in names.items():
         if known.get(target) == "s":
             cells[name], interpretations, wrong = _clock(cells[name])
@@ -339,7 +341,7 @@ def fitted(table: Table, place: str, known: Mapping[str, str], uses: Mapping[str
     return Fitted(pd.DataFrame(kept, index=table.cells.index), tuple(notes), tuple(faults))
 
 
-def _of_aqdef(table: Table, names: Mapping[str, str], free: Mapping[str, str]) -> dict[str, str]:
+def _aqdef_columns(table: Table, names: Mapping[str, str], free: Mapping[str, str]) -> dict[str, str]:
     """Times and batches of a Q-DAS file that no `[columns]` entry maps."""
     if table.dialect.kind != AQDEF:
         return {}
@@ -365,7 +367,7 @@ def _clock(cells: pd.Series[Any]) -> tuple[pd.Series[Any], list[str], list[str]]
     return pd.Series(elapsed, index=cells.index), [f"seconds since {since}"], []
 
 
-def without_unused(cells: pd.DataFrame, known: Sequence[str]) -> tuple[pd.DataFrame, list[str]]:
+def drop_unused(cells: pd.DataFrame, known: Sequence[str]) -> tuple[pd.DataFrame, list[str]]:
     """The columns that are known, or whose names may be slips of one that is missing; a note."""
     free = [name for name in known if name not in cells]
     unused = [str(n) for n in cells if n not in known and not nearest(str(n), free)]
@@ -375,7 +377,7 @@ def without_unused(cells: pd.DataFrame, known: Sequence[str]) -> tuple[pd.DataFr
     return cells.drop(columns=unused), [f"not used: {listed}"]
 
 
-def _used(
+def _mapped_cells(
     cells: pd.Series[Any], stated: str, use: ColumnUse, known: Mapping[str, str]
 ) -> tuple[pd.Series[Any], list[str]]:
     """The cells of a column that is mapped, in the unit of its target."""
@@ -385,7 +387,7 @@ def _used(
     source_unit = use.unit or stated
     if source_unit and unit and not fits(source_unit, unit):
         return cells, [f'"{source_unit}" cannot be stated in {unit}, the unit of {use.target}']
-    return _in_unit(cells, source_unit or unit, unit, use.sense), []
+    return _convert_cells(cells, source_unit or unit, unit, use.sense), []
 
 
 def _contradiction(stated: str, name: str, unit: str) -> str:
@@ -404,7 +406,7 @@ def _is_same_unit(unit: str, stated: str) -> bool:
     return bool(np.allclose(converted(probes, unit, stated), probes, rtol=1e-12, atol=0.0))
 
 
-def _alike(table: Table, wanted: str, unit: str, names: Mapping[str, str]) -> str | None:
+def _similar_column(table: Table, wanted: str, unit: str, names: Mapping[str, str]) -> str | None:
     """A column whose name is that of `wanted` without its unit, and whose unit fits."""
     stem = split_unit(wanted)[0].casefold()
     for name, stated in table.units.items():
@@ -414,7 +416,7 @@ def _alike(table: Table, wanted: str, unit: str, names: Mapping[str, str]) -> st
     return None
 
 
-def _in_unit(cells: pd.Series[Any], source_unit: str, unit: str, sense: int) -> pd.Series[Any]:
+def _convert_cells(cells: pd.Series[Any], source_unit: str, unit: str, sense: int) -> pd.Series[Any]:
     """Cells of numbers in another unit and sense; cells that are not numbers stay as they are."""
     if sense == 1 and (source_unit == unit or not source_unit or not unit or _is_same_unit(source_unit, unit)):
         return cells

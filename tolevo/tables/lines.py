@@ -17,8 +17,9 @@ from pyarrow import csv as arrow
 from ..errors import refuse
 from .header import Row
 from .record import NAMES, Dialect, ReadOptions
-from .signs import DECIMAL, MISSING, OTHER, PROBES, THOUSANDS, Evidence, Notation, is_date, is_missing, notation
-from .text import decoded
+from .signs import DECIMAL, MISSING, PROBES, THOUSANDS, Evidence, Notation, is_date, is_missing, notation
+from .signs import OTHER_DECIMAL_SIGN as OTHER
+from .text import decode_text as decoded
 
 SAMPLE = 200
 """Lines that are looked at."""
@@ -50,38 +51,38 @@ def separator(lines: list[str], place: str, stated: str | None) -> Separator:
     if first:
         return Separator(first["sign"], '"', 1)
     sample = [line for line in lines[: 2 * SAMPLE] if line.strip()][:SAMPLE]
-    scores = {sign: _clean(sample, sign) for sign in CANDIDATES}
+    scores = {sign: _clean_cell_fraction(sample, sign) for sign in CANDIDATES}
     fitting = [sign for sign, score in scores.items() if score >= CLEAN]
     if len(fitting) == 1:
-        return _confirmed(sample, fitting[0], scores[fitting[0]], place)
+        return _confirm_delimiter(sample, fitting[0], scores[fitting[0]], place)
     if fitting:
-        raise _unknown(place, fitting)
-    if _single(sample):
+        raise _unknown_separator(place, fitting)
+    if _is_single_column(sample):
         return Separator("")
-    if _clean(sample, SPACE) >= CLEAN:
+    if _clean_cell_fraction(sample, SPACE) >= CLEAN:
         return Separator(SPACE)
     in_header = [sign for sign in CANDIDATES if sample and sign in sample[0]]
     if len(in_header) == 1:  # rows of many lengths: each is reported
         return Separator(in_header[0])
-    raise _unknown(place, list(CANDIDATES))
+    raise _unknown_separator(place, list(CANDIDATES))
 
 
-def _confirmed(sample: list[str], sign: str, score: float, place: str) -> Separator:
+def _confirm_delimiter(sample: list[str], sign: str, score: float, place: str) -> Separator:
     """The delimiter where the detector agrees, or where nothing speaks against it."""
     detected, quote = sign, '"'
     if score < 1.0 or any("'" in line for line in sample[:DETECTED]):
-        detected, quote = _detected(sample)
+        detected, quote = _detect_dialect(sample)
     if detected != sign and score < 1.0:
-        raise _unknown(place, [sign, detected])
+        raise _unknown_separator(place, [sign, detected])
     for candidate in CANDIDATES:
-        if candidate != sign and _as_often(sample, candidate):
-            raise _unknown(place, [sign, candidate])
+        if candidate != sign and _is_equally_frequent(sample, candidate):
+            raise _unknown_separator(place, [sign, candidate])
     if sign == "," and _names_a_unit(sample):
-        raise _unknown(place, [",", ""])
+        raise _unknown_separator(place, [",", ""])
     return Separator(sign, quote)
 
 
-def _detected(sample: list[str]) -> tuple[str, str]:
+def _detect_dialect(sample: list[str]) -> tuple[str, str]:
     """Delimiter and quote in the detector's opinion; it takes long, and so does its import."""
     from clevercsv import Detector
 
@@ -94,7 +95,7 @@ def _detected(sample: list[str]) -> tuple[str, str]:
     return dialect.delimiter or "", "'" if dialect.quotechar == "'" else '"'
 
 
-def _as_often(sample: list[str], sign: str) -> bool:
+def _is_equally_frequent(sample: list[str], sign: str) -> bool:
     """Whether a sign stands as often in the names as in every row, so that it can separate them."""
     if re.search(rf"\d{re.escape(sign)}\d", sample[0]):
         return False  # the first row is one of numbers
@@ -109,7 +110,7 @@ def _names_a_unit(sample: list[str]) -> bool:
     return bool(name and _UNIT.fullmatch(unit)) and all(re.fullmatch(r"-?\d+,\d+", row.strip()) for row in rows)
 
 
-def _single(sample: list[str]) -> bool:
+def _is_single_column(sample: list[str]) -> bool:
     """Whether lines are one column: each a value, none with a delimiter but a decimal comma."""
     if any(sign in sample[0] for sign in CANDIDATES):
         return False
@@ -119,7 +120,7 @@ def _single(sample: list[str]) -> bool:
     return all(notation(value) or is_date(value) or not any(sign in value for sign in CANDIDATES) for value in values)
 
 
-def _clean(sample: list[str], sign: str) -> float:
+def _clean_cell_fraction(sample: list[str], sign: str) -> float:
     """The fraction of cells without another delimiter in rows that are separated by `sign`; 0 where
     the rows are of many lengths or have no names above them.
     """
@@ -156,7 +157,7 @@ def _is_value(cell: str, sign: str) -> bool:
     return not any(candidate in cell for candidate in CANDIDATES if candidate != sign)
 
 
-def _unknown(place: str, fitting: list[str]) -> Exception:
+def _unknown_separator(place: str, fitting: list[str]) -> Exception:
     names = " or ".join(dict.fromkeys(NAMES.get(sign, sign) for sign in fitting))
     remedy = "state --delimiter (comma, semicolon, tab, pipe, space)"
     return refuse(place, f"its columns can be separated by {names}, and the file does not show which: {remedy}")
@@ -168,11 +169,11 @@ def _unknown(place: str, fitting: list[str]) -> Exception:
 # instead, with the same result.
 
 
-LEAST = 300_000
+MIN_BULK_CHARACTERS = 300_000
 """Characters of a file that is long."""
 ENDS = 400
 """Lines at each end that the layout comes from."""
-_WIDE = "\u00a0\u2007\u202f\u3000"
+_WIDE_SPACES = "\u00a0\u2007\u202f\u3000"
 """Spaces beyond ASCII."""
 _LABEL = r"^[+-]?0[0-9]+$|^[+-]?[0-9]{16,}$"
 _GROUPED = {d: rf"^[+-]?(?:[0-9]+|[1-9][0-9]{{0,2}}(?:\{o}[0-9]{{3}})+)(?:\{d}[0-9]*)?$" for d, o in OTHER.items()}
@@ -196,8 +197,8 @@ class Bulk:
 
     def columns(self, first: int, last: int, count: int) -> list[pa.Array] | None:
         """The cells of the lines `first` to `last`, by column; None where a row is not whole."""
-        start = _before(self.text, first, self.breaks)
-        end = _before(self.text, last + 1, self.breaks)
+        start = _line_start(self.text, first, self.breaks)
+        end = _line_start(self.text, last + 1, self.breaks)
         body = self.text[start:end].encode()
         if _has_empty_rows(body, self.delimiter.encode() * (count - 1)):
             return None
@@ -214,21 +215,21 @@ class Bulk:
         if table.num_rows != last - first + 1:
             return None
         arrays = [column.combine_chunks() for column in table.columns]
-        wide = any(space in self.text for space in _WIDE)
+        wide = any(space in self.text for space in _WIDE_SPACES)
         trimmed = pc.utf8_trim_whitespace if wide else pc.ascii_trim_whitespace
         return [trimmed(array) for array in arrays]
 
     def ends(self) -> list[str]:
         """Lines of both ends, those of the middle left out."""
-        head = self.text[: _before(self.text, ENDS + 1, self.breaks)].split("\n")[:-1]
+        head = self.text[: _line_start(self.text, ENDS + 1, self.breaks)].split("\n")[:-1]
         total = self.breaks + (not self.text.endswith("\n"))
-        tail = self.text[_from_end(self.text, ENDS) :].removesuffix("\n").split("\n")
+        tail = self.text[_start_of_last_lines(self.text, ENDS) :].removesuffix("\n").split("\n")
         return [*head, *([""] * (total - len(head) - len(tail))), *tail]
 
 
 def bulk_of(text: str, delimiter: str, quote: str, skipped: int) -> Bulk | None:
     """A long file of plain rows; None of any other."""
-    if len(text) < LEAST or quote != '"' or delimiter in ("", " ") or not delimiter.isascii():
+    if len(text) < MIN_BULK_CHARACTERS or quote != '"' or delimiter in ("", " ") or not delimiter.isascii():
         return None
     if f'{delimiter} "' in text:  # a space before a quote: Arrow takes it for a part of the cell
         return None
@@ -252,7 +253,7 @@ def _has_empty_rows(body: bytes, hollow: bytes) -> bool:
     return any(ending in body for ending in (b"\n\n", b"\n\r\n", b"\n%b\n" % hollow, b"\n%b\r" % hollow))
 
 
-def _before(text: str, line: int, total: int) -> int:
+def _line_start(text: str, line: int, total: int) -> int:
     """Where a line begins, or the end of the text, which has `total` line breaks."""
     if line - 1 > total:
         return len(text)
@@ -267,7 +268,7 @@ def _before(text: str, line: int, total: int) -> int:
     return at
 
 
-def _from_end(text: str, lines: int) -> int:
+def _start_of_last_lines(text: str, lines: int) -> int:
     """Where the last lines begin."""
     at = len(text) - text.endswith("\n")
     for _ in range(lines):
@@ -275,7 +276,7 @@ def _from_end(text: str, lines: int) -> int:
     return at + 1
 
 
-def proven(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None] | None:
+def prove_column(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None] | None:
     """What the cells of a column prove, and its numbers; None where they must be read one by one.
 
     The cells are then numbers or marks of missing values (NaN), with a sign that is decimal in at
@@ -307,7 +308,7 @@ def _without_signs(cells: pa.Array, probes: list[Notation], evidence: Evidence) 
     if not signs:
         return cells
     if len(signs) == 1:
-        if (at := _decisive(cells, probes)) is None:
+        if (at := _decisive_cell(cells, probes)) is None:
             return None
         (evidence.point if signs == ["."] else evidence.comma)[DECIMAL] = at
         return cells if signs == ["."] else pc.replace_substring(cells, ",", ".")
@@ -333,7 +334,7 @@ def _all(matches: pa.Array) -> bool:
     return bool(pc.all(matches).as_py())
 
 
-def _decisive(cells: pa.Array, probes: list[Notation]) -> int | None:
+def _decisive_cell(cells: pa.Array, probes: list[Notation]) -> int | None:
     """A cell whose sign can only be decimal; None where there is none."""
     if any(DECIMAL in (probe.point, probe.comma) for probe in probes):
         return 0
@@ -370,7 +371,7 @@ def rows_of(text: str, form: Separator, place: str) -> list[Row]:
     for _ in range(form.skipped):
         stream.readline()
     if form.delimiter in ("", " "):
-        return _by_spaces(stream, form.skipped, form.delimiter)
+        return _rows_by_spaces(stream, form.skipped, form.delimiter)
     reader = csv.reader(stream, delimiter=form.delimiter, quotechar=form.quote, skipinitialspace=True, strict=True)
     skipped = form.skipped
     try:
@@ -380,7 +381,7 @@ def rows_of(text: str, form: Separator, place: str) -> list[Row]:
     return [row for row in rows if any(row[1])]
 
 
-def _by_spaces(stream: io.StringIO, skipped: int, delimiter: str) -> list[Row]:
+def _rows_by_spaces(stream: io.StringIO, skipped: int, delimiter: str) -> list[Row]:
     """Rows whose cells are separated by runs of spaces, or that are one cell each."""
     rows = []
     for at, line in enumerate(stream, skipped + 1):

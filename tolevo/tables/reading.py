@@ -17,12 +17,16 @@ from numpy.typing import NDArray
 
 from .. import files
 from ..errors import Fault, InputError, nearest, raise_all, refuse
-from ..files import clear_parts, csv_text, original, write_bytes, write_text
+from ..files import clear_parts, csv_text, write_bytes, write_text
+from ..files import restore_cell as original
 from ..section import is_forced
-from ..units import converted, fits, shortened
+from ..units import converted, fits
+from ..units import shorten_text as shortened
 from .aqdef import SUFFIXES
-from .header import Layout, Row, laid_out, names_of, split_header, unit_of_cell
-from .lines import Bulk, Separator, proven, rows_of, rows_of_text
+from .header import Layout, Row, names_of, split_header, unit_of_cell
+from .header import find_layout as laid_out
+from .lines import Bulk, Separator, rows_of, rows_of_text
+from .lines import prove_column as proven
 from .record import AS_DETECTED, Columns, Dialect, ReadOptions, Table
 from .signs import Evidence, canonical, decide, evidence, is_label
 
@@ -30,12 +34,12 @@ SHOWN = 100
 """Bad rows of a table, or bad cells of one column, that are listed; the rest is counted."""
 
 
-def assembled(
+def assemble_table(
     rows: list[Row], dialect: Dialect, place: str, options: ReadOptions, bulk: Bulk | None = None
 ) -> tuple[Table | None, list[Fault]]:
     """The table in the rows of a file, which are not empty; for a long file, in its bulk."""
     layout = laid_out(rows, place)
-    header, body = _squared(layout)
+    header, body = _trim_layout(layout)
     faults = [*layout.faults, *_form_faults(header, body, place)]
     whole = [row for row in body if len(row[1]) == len(header)] if faults else body
     lines = [at for at, _ in whole]
@@ -44,7 +48,7 @@ def assembled(
         arrays = None if faults else bulk.columns(lines[0], lines[-1], len(header))
         if arrays is None:
             separator = Separator(dialect.delimiter, dialect.quote, bulk.skipped)
-            return assembled(rows_of(bulk.text, separator, place), dialect, place, options)
+            return assemble_table(rows_of(bulk.text, separator, place), dialect, place, options)
         columns, lines = arrays, list(range(lines[0], lines[-1] + 1))
     columns = columns or [[] for _ in header]
     cells_of: dict[str, Any] = {}
@@ -52,7 +56,9 @@ def assembled(
         cells_of.setdefault(name, cells)
     proofs, numbers = _proofs(cells_of)
     delimiter = dialect.delimiter if dialect.kind == "csv" else ""
-    signs, doubts = decide(proofs, options.decimal, delimiter, place, partial(_near, options, _units(layout, header)))
+    signs, doubts = decide(
+        proofs, options.decimal, delimiter, place, partial(_is_near_nominal, options, _units(layout, header))
+    )
     plain = {n: _canonical_cells(cells, proofs[n], signs.get(n)) for n, cells in cells_of.items()}
     return _table(layout, dialect, header, plain, proofs, signs, lines, numbers), faults + doubts
 
@@ -128,7 +134,7 @@ def _units(layout: Layout, header: list[str]) -> dict[str, str]:
     return units
 
 
-def _near(options: ReadOptions, units: Mapping[str, str], column: str, value: float) -> bool:
+def _is_near_nominal(options: ReadOptions, units: Mapping[str, str], column: str, value: float) -> bool:
     """Whether a value is between half and twice the nominal size of its column, where that is known."""
     name = split_header(column)[0]
     sizes = options.sizes
@@ -141,7 +147,7 @@ def _near(options: ReadOptions, units: Mapping[str, str], column: str, value: fl
     return 0.5 <= value / nominal <= 2.0 if nominal else False
 
 
-def _squared(layout: Layout) -> tuple[list[str], list[Row]]:
+def _trim_layout(layout: Layout) -> tuple[list[str], list[Row]]:
     """The names and the rows without cells at the end that are empty in every row."""
     header = [original(name.removeprefix("#").strip() if at == 0 else name) for at, name in enumerate(layout.header[1])]
     body = layout.body
@@ -189,7 +195,7 @@ WORKBOOKS = (".xlsx", ".xlsm")
 EMPTY = "is empty; it needs a line of column names and one row or more below it"
 COLUMNS = 5000
 """Columns of a table at most."""
-OLD = b"\xd0\xcf\x11\xe0"
+XLS_SIGNATURE = b"\xd0\xcf\x11\xe0"
 """How workbooks before XLSX begin."""
 
 
@@ -202,28 +208,28 @@ def read_table(
     file it names the option that decides.
     """
     path = Path(path)
-    return opened_whole(path, path.name, ReadOptions(encoding, delimiter, decimal))
+    return open_or_raise(path, path.name, ReadOptions(encoding, delimiter, decimal))
 
 
-def opened_whole(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> Table:
+def open_or_raise(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> Table:
     """The table in a file, which faults call `place`. Raises InputError with every fault."""
-    table, faults = opened(path, place, options)
+    table, faults = open_table(path, place, options)
     raise_all(faults)
     assert table is not None
     return table
 
 
-def opened(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> tuple[Table | None, list[Fault]]:
-    """`opened_whole` that returns the faults, with what can be read nevertheless.
+def open_table(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> tuple[Table | None, list[Fault]]:
+    """`open_or_raise` that returns the faults, with what can be read nevertheless.
 
     Rows of another length are then left out, and all but the first of columns with one name; None
     where not even the column names are known.
     """
-    table, faults = _opened(path, place, options)
+    table, faults = _open_by_suffix(path, place, options)
     return table, list(map(options.worded, faults))
 
 
-def _opened(path: Path, place: str, options: ReadOptions) -> tuple[Table | None, list[Fault]]:
+def _open_by_suffix(path: Path, place: str, options: ReadOptions) -> tuple[Table | None, list[Fault]]:
     if faults := options.faults():
         return None, faults
     try:
@@ -246,7 +252,7 @@ def _opened(path: Path, place: str, options: ReadOptions) -> tuple[Table | None,
         if (most := max(len(cells) for _, cells in rows)) > COLUMNS and not is_forced():
             text = f"has {most} columns, {COLUMNS} are the most that are read: leave some out, or add --force"
             raise refuse(place, text)
-        return assembled(rows, dialect, place, options, bulk)
+        return assemble_table(rows, dialect, place, options, bulk)
     except InputError as error:
         return None, list(error.faults)
 
@@ -258,7 +264,7 @@ def _content(path: Path, place: str) -> bytes:
         raise refuse(place, str(error)) from None
     if not content.strip():
         raise refuse(place, EMPTY)
-    if content.startswith(OLD):
+    if content.startswith(XLS_SIGNATURE):
         raise refuse(place, "is a workbook of the old format (.xls); save it as .xlsx or CSV")
     return content
 
@@ -318,7 +324,7 @@ def columns_of(path: Path) -> list[str]:
         return []
 
 
-def parsed(
+def parse_columns(
     frame: pd.DataFrame, place: str, needed: Iterable[str], optional: Iterable[str] = (), text: Iterable[str] = ()
 ) -> tuple[pd.DataFrame, list[Fault]]:
     """The table with its columns as float64, those in `text` as they are, and a fault for every

@@ -15,8 +15,9 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from ..errors import Fault
-from ..files import originals
-from .signs import typed_column, whole_if_so
+from ..files import restore_cells as originals
+from .signs import integers_if_whole as whole_if_so
+from .signs import typed_column
 
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "\\t": "\t", "pipe": "|", "bar": "|", "space": " "}
 """Words for a delimiter, as a command line is typed."""

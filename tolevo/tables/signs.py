@@ -61,7 +61,7 @@ _NUMBER = re.compile(
     r"(?:\d{1,3}(?:[ \u00a0\u202f\u2009'’]\d{3})+|[\d.,]*\d|\d+[.,])(?:[.,]\d+)?)"
     r"(?P<exponent>[eE][+\-−]?\d+)?"
 )
-LONGEST = 400
+MAX_NUMBER_CHARACTERS = 400
 """Characters of a number at most: a double written out has 330."""
 _GROUPS = re.compile(r"[ \u00a0\u202f\u2009'’]")
 _GROUPED = {sign: re.compile(rf"[1-9]\d{{0,2}}(?:{re.escape(sign)}\d{{3}})+") for sign in (".", ",")}
@@ -78,12 +78,12 @@ class Notation:
 
 
 PLAIN = Notation()
-OTHER = {".": ",", ",": "."}
+OTHER_DECIMAL_SIGN = {".": ",", ",": "."}
 
 
 def notation(cell: str) -> Notation | None:
     """How a cell writes a number; None where it is none in any notation."""
-    match = _NUMBER.fullmatch(cell) if len(cell) <= LONGEST else None
+    match = _NUMBER.fullmatch(cell) if len(cell) <= MAX_NUMBER_CHARACTERS else None
     if match is None:
         return None
     mantissa = match["mantissa"]
@@ -92,13 +92,13 @@ def notation(cell: str) -> Notation | None:
     if not points and not commas:
         return Notation(group=spaced[0]) if spaced else PLAIN
     if spaced or match["exponent"]:
-        return _sure(mantissa, points, commas, spaced[0] if spaced else "")
+        return _certain_notation(mantissa, points, commas, spaced[0] if spaced else "")
     if points and commas:
         return _notation_of_both_signs(mantissa)
     return _single_sign(mantissa, "." if points else ",", points + commas)
 
 
-def _sure(mantissa: str, points: int, commas: int, group: str) -> Notation | None:
+def _certain_notation(mantissa: str, points: int, commas: int, group: str) -> Notation | None:
     """Notation with spaces between groups of digits, or with an exponent: a sign is decimal."""
     if points + commas != 1:
         return None
@@ -109,7 +109,7 @@ def _notation_of_both_signs(mantissa: str) -> Notation | None:
     """The sign that comes last is decimal, the other groups thousands."""
     last = max(".", ",", key=mantissa.rfind)
     whole, _, fraction = mantissa.rpartition(last)
-    if not fraction.isdigit() or not _GROUPED[OTHER[last]].fullmatch(whole):
+    if not fraction.isdigit() or not _GROUPED[OTHER_DECIMAL_SIGN[last]].fullmatch(whole):
         return None
     return Notation(DECIMAL, THOUSANDS) if last == "." else Notation(THOUSANDS, DECIMAL)
 
@@ -127,14 +127,14 @@ def _single_sign(mantissa: str, sign: str, count: int) -> Notation | None:
 
 def canonical_number(cell: str, decimal: str) -> str | None:
     """The number in plain notation where `decimal` is its decimal sign; None where it is none."""
-    match = _NUMBER.fullmatch(cell) if len(cell) <= LONGEST else None
+    match = _NUMBER.fullmatch(cell) if len(cell) <= MAX_NUMBER_CHARACTERS else None
     signs = notation(cell) if match else None
     if match is None or signs is None:
         return None
     roles = {".": signs.point, ",": signs.comma}
-    if roles[decimal] == THOUSANDS or roles[OTHER[decimal]] == DECIMAL:
+    if roles[decimal] == THOUSANDS or roles[OTHER_DECIMAL_SIGN[decimal]] == DECIMAL:
         return None
-    return _GROUPS.sub("", cell).replace(OTHER[decimal], "").replace(decimal, ".").replace("−", "-")
+    return _GROUPS.sub("", cell).replace(OTHER_DECIMAL_SIGN[decimal], "").replace(decimal, ".").replace("−", "-")
 
 
 # The decimal sign of every column of a file: what its numbers prove, and what must be stated.
@@ -255,16 +255,18 @@ def decide(
             possible = votes or of_file
             if len(possible) == 1 and not proof.doubtful(min(possible)):
                 signs[name] = min(possible)
-            elif (sign := _by_size(name, proof.doubt, near)) and sign in (votes or sign):
+            elif (sign := _sign_by_size(name, proof.doubt, near)) and sign in (votes or sign):
                 signs[name] = sign
             else:
                 doubted.append(name)
-    return signs, faults + [_doubt(name, numeric[name].doubt, place) for name in doubted]
+    return signs, faults + [_doubtful_sign_fault(name, numeric[name].doubt, place) for name in doubted]
 
 
-def _by_size(column: str, cell: str, near: Callable[[str, float], bool]) -> str:
+def _sign_by_size(column: str, cell: str, near: Callable[[str, float], bool]) -> str:
     """The decimal sign by which a cell in doubt is near the nominal size, empty where none or both are."""
-    fitting = [sign for sign in OTHER if (text := canonical_number(cell, sign)) and near(column, float(text))]
+    fitting = [
+        sign for sign in OTHER_DECIMAL_SIGN if (text := canonical_number(cell, sign)) and near(column, float(text))
+    ]
     return fitting[0] if len(fitting) == 1 else ""
 
 
@@ -282,12 +284,12 @@ def _signs_as_stated(numeric: Mapping[str, Evidence], stated: str, place: str) -
             f'its numbers have decimal signs that are not "{stated}": state another --decimal',
         )
         for name, proof in numeric.items()
-        if proof.votes() == {OTHER[stated]}
+        if proof.votes() == {OTHER_DECIMAL_SIGN[stated]}
     ]
     return dict.fromkeys(numeric, stated), faults
 
 
-def _doubt(name: str, cell: str, place: str) -> Fault:
+def _doubtful_sign_fault(name: str, cell: str, place: str) -> Fault:
     decimal, grouped = cell.replace(",", "."), cell.replace(",", "").replace(".", "")
     text = f'"{cell}" can be {decimal} or {grouped}, and nothing in the file decides'
     return Fault(f"{place}: column {name}", f"{text}: state --decimal . or --decimal ,")
@@ -324,11 +326,11 @@ def moment(text: str, forms: Sequence[str] = (POINTS, SLASHES, ISO)) -> tuple[da
 
     A time with its zone (Z, +01:00) is in that zone. Raises ValueError where it is none.
     """
-    time, _, name = _parsed(text, forms)
+    time, _, name = _parse_time(text, forms)
     return time, name
 
 
-def _parsed(text: str, forms: Sequence[str]) -> tuple[datetime, float, str]:
+def _parse_time(text: str, forms: Sequence[str]) -> tuple[datetime, float, str]:
     """The time to whole microseconds, the rest in seconds, and the name of the format."""
     for name in forms:
         if match := _FORMS[name].fullmatch(text.strip()):
@@ -366,7 +368,7 @@ def seconds(texts: Sequence[str]) -> tuple[list[float], datetime]:
     """
     filled = [text for text in texts if text]
     fitting = [name for name in _FORMS if all(_fits(text, name) for text in filled)]
-    examples = {_parsed(text, fitting or tuple(_FORMS))[2]: text for text in reversed(filled)}
+    examples = {_parse_time(text, fitting or tuple(_FORMS))[2]: text for text in reversed(filled)}
     if not fitting or len(examples) > 1:
         listed = " and ".join(f'{name} ("{text}")' for name, text in examples.items())
         raise ValueError(f"has times in two formats: {listed}")
@@ -375,7 +377,7 @@ def seconds(texts: Sequence[str]) -> tuple[list[float], datetime]:
             f'has dates such as "{filled[0]}" that can be read with the day or the '
             "month first: write them as 2026-12-31 or 31.12.2026"
         )
-    times = [_parsed(text, fitting[:1])[:2] if text else None for text in texts]
+    times = [_parse_time(text, fitting[:1])[:2] if text else None for text in texts]
     start, rest = min(time for time in times if time is not None)
     return [(time[0] - start).total_seconds() + (time[1] - rest) if time else float("nan") for time in times], start
 
@@ -395,7 +397,7 @@ LONGEST_NUMBER = 15
 """Digits of a whole number that a double holds; longer ones are serial numbers."""
 
 
-def whole_if_so(values: NDArray[np.float64], whole_numbers: bool = True) -> NDArray[Any]:
+def integers_if_whole(values: NDArray[np.float64], whole_numbers: bool = True) -> NDArray[Any]:
     """Numbers, as integers where all are whole and may be; None where one is missing."""
     bad = np.isnan(values)
     if bad.any():
@@ -426,7 +428,7 @@ def typed_column(cells: NDArray[Any], numeric: bool) -> NDArray[Any]:
         numbers = cells.astype(float)
     except ValueError:
         numbers = np.array([_value(cell) for cell in cells])
-    return whole_if_so(np.where(np.isfinite(numbers), numbers, math.nan), False)
+    return integers_if_whole(np.where(np.isfinite(numbers), numbers, math.nan), False)
 
 
 def _is_whole(cell: Any) -> bool:

@@ -33,28 +33,28 @@ _CONTROLS = bytes([*range(9), 0x0B, 0x0C, *range(0x0E, 0x20), 0x7F])
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 
 
-def decoded(content: bytes, place: str, stated: str | None = None, allowed: str = "") -> tuple[str, str]:
+def decode_text(content: bytes, place: str, stated: str | None = None, allowed: str = "") -> tuple[str, str]:
     """The text of a file and its encoding. Raises InputError where it is ambiguous.
 
     Control characters are faults, except those `allowed`.
     """
-    encoding = stated or _marked(content) or _utf_without_mark(content) or _legacy(content, place)
+    encoding = stated or _marked_encoding(content) or _utf_without_mark(content) or _decode_legacy(content, place)
     try:
-        text = content.decode(_quick(content, encoding))
+        text = content.decode(_fast_encoding(content, encoding))
     except (UnicodeDecodeError, UnicodeError) as error:
         at = f" (byte {error.start})" if isinstance(error, UnicodeDecodeError) else ""
         raise refuse(
             "--encoding" if stated else place, f"{place} is not {encoding}{at}; state another encoding"
         ) from error
     text = text.removeprefix("\ufeff")
-    stray = _stray(content, text, allowed)
+    stray = _stray_control_character(content, text, allowed)
     if stray:
         what = "zero bytes" if stray == "\0" else f"the control character {stray!r}"
         raise refuse(place, f"is not text in {encoding} (it holds {what}); state --encoding if it is text")
-    return text, "utf-8" if encoding == "utf-8-sig" and not _marked(content) else encoding
+    return text, "utf-8" if encoding == "utf-8-sig" and not _marked_encoding(content) else encoding
 
 
-def _marked(content: bytes) -> str | None:
+def _marked_encoding(content: bytes) -> str | None:
     """The encoding of a byte order mark."""
     return next((name for mark, name in BOMS if content.startswith(mark)), None)
 
@@ -73,12 +73,12 @@ def _utf_without_mark(content: bytes) -> str | None:
     return "utf-8"
 
 
-def _legacy(content: bytes, place: str) -> str:
+def _decode_legacy(content: bytes, place: str) -> str:
     """An encoding of one or two bytes per character."""
     # Few tables come so far: the detector takes longer to import than most take to be read.
     import chardet
 
-    lines = _beyond_ascii(content)
+    lines = _lines_beyond_ascii(content)
     detected = chardet.detect(lines[:SAMPLE])
     name, language = str(detected["encoding"] or "").lower(), str(detected.get("language") or "")
     kind = western(lines)
@@ -92,14 +92,14 @@ def _legacy(content: bytes, place: str) -> str:
     raise refuse(place, f"the encoding cannot be determined: {_decodings(lines)}; state --encoding")
 
 
-def _quick(content: bytes, encoding: str) -> str:
+def _fast_encoding(content: bytes, encoding: str) -> str:
     """ISO 8859-1 for cp1252 where both are the same: it is decoded ten times as fast."""
     if encoding == "cp1252" and len(content.translate(None, _NOT_ISO)) == len(content):
         return "latin-1"
     return encoding
 
 
-def _beyond_ascii(content: bytes) -> bytes:
+def _lines_beyond_ascii(content: bytes) -> bytes:
     """The lines that hold more than ASCII."""
     lines = []
     start = 0
@@ -112,7 +112,7 @@ def _beyond_ascii(content: bytes) -> bytes:
     return b"\n".join(lines)
 
 
-def _stray(content: bytes, text: str, allowed: str) -> str | None:
+def _stray_control_character(content: bytes, text: str, allowed: str) -> str | None:
     """The first control character that is not allowed."""
     if len(content.translate(None, _CONTROLS)) == len(content):
         return None
@@ -152,7 +152,7 @@ _SYMBOL = re.compile(
 )
 _GERMAN = re.compile(r"(?:[A-ZÄÖÜ]?[a-zäöüß]+)+|[A-ZÄÖÜ]{2,}|[ÄÖÜ][A-Za-z]+")
 _TWO_HIGH = re.compile(r"[^\x00-\x7f]{2}")
-_SAFE = re.compile(r"[A-Za-zäöüßÄÖÜéíóúÉÍÓÚ]+")
+_UNAMBIGUOUS_WORD = re.compile(r"[A-Za-zäöüßÄÖÜéíóúÉÍÓÚ]+")
 """Letters that Central European text (cp1250) has at the same bytes: both decode alike."""
 _LATIN = re.compile(
     r"(?:[A-Za-zäöüßÄÖÜéíóúÉÍÓÚáñåæøÅÆØ]"
@@ -170,18 +170,18 @@ def western(content: bytes) -> str:
         text = content.decode("cp1252")
     except UnicodeDecodeError:
         return NO
-    ratings = {_rated(token) for token in set(_TOKEN.findall(text))}
+    ratings = {_rate_word(token) for token in set(_TOKEN.findall(text))}
     return NO if NO in ratings else UNSURE if UNSURE in ratings else SURE
 
 
-def _rated(token: str) -> str:
+def _rate_word(token: str) -> str:
     """One word with a letter or sign that is not ASCII."""
     if _SYMBOL.fullmatch(token):
         return SURE
     pairs = [pair for pair in _TWO_HIGH.findall(token) if pair not in ("äß", "öß", "üß")]
     if len(token) < 2 or pairs or token.startswith("ß") or _DOS.fullmatch(token):
         return NO
-    if _SAFE.fullmatch(token) and (_GERMAN.fullmatch(token) or re.search("[éíóúÉÍÓÚ]", token)):
+    if _UNAMBIGUOUS_WORD.fullmatch(token) and (_GERMAN.fullmatch(token) or re.search("[éíóúÉÍÓÚ]", token)):
         return SURE
     return UNSURE if _LATIN.fullmatch(token) else NO
 
@@ -193,7 +193,7 @@ def _rated(token: str) -> str:
 # the detector must agree, or a word must confirm one encoding alone.
 
 
-COMMON = 0.9
+MIN_COMMON_FRACTION = 0.9
 """Least fraction of characters of the first level in a text."""
 _SPELLINGS = {
     "gb18030": "gb18030 gbk gb2312 hz",
@@ -236,7 +236,7 @@ def _text(content: bytes, name: str) -> str | None:
         return None
     letters = [character for character in text if not character.isascii() and not _is_sign(character)]
     common = sum(_is_common(letter, name) for letter in letters)
-    return text if letters and common >= COMMON * len(letters) else None
+    return text if letters and common >= MIN_COMMON_FRACTION * len(letters) else None
 
 
 def _is_sign(character: str) -> bool:

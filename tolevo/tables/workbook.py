@@ -15,7 +15,7 @@ from .header import Row
 from .record import Dialect
 from .signs import Exact
 
-LARGEST = 32 * 1024 * 1024
+MAX_WORKBOOK_BYTES = 32 * 1024 * 1024
 """Bytes of a workbook without its compression: some 700,000 cells."""
 
 
@@ -37,8 +37,9 @@ def _has_formulas(content: bytes, place: str) -> bool:
     """Whether a sheet has formulas. Raises InputError where the workbook is too large."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         parts = [part for part in archive.infolist() if part.filename.endswith(".xml")]
-        if (size := sum(part.file_size for part in parts)) > LARGEST:
-            text = f"has {size / 1e6:.0f} MB of cells, {LARGEST / 1e6:.0f} MB at most: save the table as CSV or Parquet"
+        if (size := sum(part.file_size for part in parts)) > MAX_WORKBOOK_BYTES:
+            most = f"{MAX_WORKBOOK_BYTES / 1e6:.0f} MB at most"
+            text = f"has {size / 1e6:.0f} MB of cells, {most}: save the table as CSV or Parquet"
             raise refuse(place, text)
         sheets = [part for part in parts if part.filename.startswith("xl/worksheets/")]
         return any(b"<f" in archive.read(part) for part in sheets)
@@ -58,7 +59,7 @@ def _rows_of_only_sheet(content: bytes, place: str, formulas: bool) -> tuple[lis
     title, rows = next(iter(tables.items()))
     if formulas:
         stated = load_workbook(io.BytesIO(content), read_only=True, data_only=False)[title]
-        _computed(dict(rows), stated, place)
+        _refuse_missing_values(dict(rows), stated, place)
     return rows, Dialect("xlsx", sheet=title)
 
 
@@ -83,7 +84,7 @@ def _cell(value: Any) -> str:
     return str(value).strip()
 
 
-def _computed(rows: Mapping[int, list[str]], stated: Any, place: str) -> None:
+def _refuse_missing_values(rows: Mapping[int, list[str]], stated: Any, place: str) -> None:
     """Refuse formulas without a stored value: what they come to is not known."""
     stated.reset_dimensions()
     blank = [

@@ -8,7 +8,7 @@ _CATALOGUE = "catalogue of the RV-40E-121"
 _B = "document B"
 
 
-def _assumed(name: str, default: float, unit: str, meaning: str, source: str) -> Parameter:
+def _assumed_parameter(name: str, default: float, unit: str, meaning: str, source: str) -> Parameter:
     return Parameter(name, default, unit, meaning, source, assumed=True, low=0.0, high=1e9, open_low=True)
 
 
@@ -17,14 +17,14 @@ def _torque(name: str, default: float, meaning: str) -> Parameter:
 
 
 PARAMETERS: tuple[Parameter, ...] = (
-    _assumed(
+    _assumed_parameter(
         "normal_stiffness_N_per_mm",
         2e5,
         "N_per_mm",
         "normal stiffness of one pin contact",
         "linear; loads 5.4 pins of a disc at 412 N m",
     ),
-    _assumed(
+    _assumed_parameter(
         "series_stiffness_Nm_per_arcmin",
         58.5,
         "Nm_per_arcmin",

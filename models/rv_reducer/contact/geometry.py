@@ -433,9 +433,9 @@ def gaps(
     """
     displacement, axes = displacements(geometry, errors), Axes.at(geometry, angles)
     phi, shift = geometry.phase(angles), displacement.shift[:, None, :, None]
-    pins = _relative(geometry, displacement, axes, phi)
+    pins = _relative_displacement(geometry, displacement, axes, phi)
     nominal = Nominal.at(geometry, phi) if nominal is None else nominal
-    gap = _exact(geometry, phi, pins, shift) if exact else nominal.displaced(pins, shift)
+    gap = _exact_gap(geometry, phi, pins, shift) if exact else nominal.displaced(pins, shift)
     turn, play = displacement.turn(axes), displacement.play[:, None]
     return Gaps(gap + displacement.across[:, None], nominal.lever, turn, play)
 
@@ -445,7 +445,7 @@ def teeth(geometry: ContactGeometry, axes: Axes) -> Complex:
     return unit(geometry.pin_angles) * axes.disc.conj()[:, :, None]
 
 
-def _relative(geometry: ContactGeometry, displacement: Displacements, axes: Axes, phi: Array) -> Complex:
+def _relative_displacement(geometry: ContactGeometry, displacement: Displacements, axes: Axes, phi: Array) -> Complex:
     """Displacement of each pin's centre against its tooth, in the pin's axes."""
     relative = displacement.pins[:, None] - displacement.centre(axes)[..., None]
     relative *= unit(-geometry.pin_angles)
@@ -462,7 +462,7 @@ def _pins(geometry: ContactGeometry, full: Mapping[str, Array]) -> Complex:
     return placed * unit(full["tangential_position"] / radius) - radius
 
 
-def _exact(geometry: ContactGeometry, phi: Array, displacement: Complex, shift: Array) -> Array:
+def _exact_gap(geometry: ContactGeometry, phi: Array, displacement: Complex, shift: Array) -> Array:
     pin = nominal_pin(geometry, phi) + displacement
     at = curve(geometry, phi, foot(geometry, phi, pin, shift), shift)
     normal = -1j * at.first / np.abs(at.first)
@@ -474,7 +474,7 @@ def _exact(geometry: ContactGeometry, phi: Array, displacement: Complex, shift: 
 
 _ARMLESS = 1e-9
 """Lever arms [m] below this do not count: such a pin pushes through the disc's centre."""
-_FAR = 1e3
+_UNREACHABLE_ROTATION = 1e3
 """A rotation [rad] at which such a pin would come to bear."""
 _NUDGE = 1e-6
 """Step [rad] out of a rotation at which nothing bears."""
@@ -500,7 +500,7 @@ class Discs:
     def of(cls, gaps: Gaps, stiffness: Array, compliance: Array) -> Self:
         """Discs with the normal stiffness [N/m] of pins and the compliance [rad/(N m)] behind."""
         arm = np.where(np.abs(gaps.lever) > _ARMLESS, gaps.lever, 0.0)
-        bare = np.where(arm == 0.0, _FAR, gaps.gap / np.where(arm == 0.0, 1.0, arm))
+        bare = np.where(arm == 0.0, _UNREACHABLE_ROTATION, gaps.gap / np.where(arm == 0.0, 1.0, arm))
         order = np.argsort(bare, axis=-1)
         bare = np.take_along_axis(bare, order, -1)
         arm, gap, stiff = (
@@ -511,7 +511,7 @@ class Discs:
         behind = compliance[..., None]
         slope = slope / (1.0 + slope * behind)
         knots = bare + torque * behind
-        low, high = _without_torque(knots, torque, slope, arm)
+        low, high = _torque_free_bounds(knots, torque, slope, arm)
         return cls(knots, torque, slope[..., 1:], slope[..., 0], low, high)
 
     def at(self, rotation: Array) -> tuple[Array, Array]:
@@ -539,7 +539,7 @@ def _sums(values: Array, arm: Array) -> Array:
     return after + before
 
 
-def _without_torque(knots: Array, torque: Array, slope: Array, arm: Array) -> tuple[Array, Array]:
+def _torque_free_bounds(knots: Array, torque: Array, slope: Array, arm: Array) -> tuple[Array, Array]:
     """Bounds of the rotations without torque; both the same where pins of both flanks bear."""
     high = np.min(np.where(arm > 0.0, knots, np.inf), axis=-1)
     low = np.max(np.where(arm < 0.0, knots, -np.inf), axis=-1)
@@ -644,7 +644,7 @@ class Mesh:
 
     def _newton(self, applied: Array, start: Array) -> Array:
         at = start.copy()
-        low, high = np.full_like(at, -_FAR), np.full_like(at, _FAR)
+        low, high = np.full_like(at, -_UNREACHABLE_ROTATION), np.full_like(at, _UNREACHABLE_ROTATION)
         for _ in range(200):
             torque, stiffness = self.torque(at)
             miss = torque - applied

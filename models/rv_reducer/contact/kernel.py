@@ -31,16 +31,16 @@ from .geometry import (
 LANES = 128
 """Units solved side by side."""
 _ARMLESS = 1e-9
-_FAR = 1e3
+_UNREACHABLE_ROTATION = 1e3
 _NUDGE = 1e-6
 _STEPS = 200
 
 
-def _compiled(function: Any) -> Any:
+def _compile(function: Any) -> Any:
     return numba.njit(cache=True, error_model="numpy")(function)
 
 
-@_compiled
+@_compile
 def _gap(
     row: Array,
     pin_x: Array,
@@ -74,7 +74,7 @@ def _gap(
         gap[u] = nominal + moved - mixed * shift * across + radius[u]
 
 
-@_compiled
+@_compile
 def _bearing(arms: Array, gap: Array, at: Array, slope: Array, moment: Array) -> None:
     """Sums of l^2 and l g over the pins with l > 0 that bear at each lane's rotation."""
     slope[:] = 0.0
@@ -90,7 +90,7 @@ def _bearing(arms: Array, gap: Array, at: Array, slope: Array, moment: Array) ->
                 moment[u] += bears * g
 
 
-@_compiled
+@_compile
 def _other_flank(arms: Array, gap: Array, at: Array, wrong: Array) -> None:
     """Marks the lanes where a pin with l < 0 bears."""
     for j in range(arms.size):
@@ -101,7 +101,7 @@ def _other_flank(arms: Array, gap: Array, at: Array, wrong: Array) -> None:
                 wrong[u] = 1.0 if arm * at[u] > of_pin[u] else wrong[u]
 
 
-@_compiled
+@_compile
 def _lanes(
     arms: Array, gap: Array, normal: Array, behind: Array, turn: Array, torque: Array, at: Array
 ) -> tuple[Array, Array]:
@@ -141,7 +141,7 @@ def _lanes(
     return rotation, wrong
 
 
-@_compiled
+@_compile
 def _pins(arms: Array, gap: Array, normal: float, at: float) -> tuple[float, float]:
     """Torque and stiffness of a disc's pins at its rotation `at`."""
     torque = stiffness = 0.0
@@ -154,8 +154,10 @@ def _pins(arms: Array, gap: Array, normal: float, at: float) -> tuple[float, flo
     return normal * torque, normal * stiffness
 
 
-@_compiled
-def _bent(arms: Array, gap: Array, normal: float, behind: float, target: float, low: float, high: float) -> float:
+@_compile
+def _spring_rotation(
+    arms: Array, gap: Array, normal: float, behind: float, target: float, low: float, high: float
+) -> float:
     """x in [low, high] with x + behind M(x) = target, or M(x) = 0 where `behind` is infinite."""
     at = low
     for _ in range(_STEPS):
@@ -177,8 +179,8 @@ def _bent(arms: Array, gap: Array, normal: float, behind: float, target: float, 
     return at
 
 
-@_compiled
-def _without_torque(arms: Array, gap: Array, normal: float) -> tuple[float, float]:
+@_compile
+def _torque_free_bounds(arms: Array, gap: Array, normal: float) -> tuple[float, float]:
     """Bounds of a disc's rotations without torque."""
     low, high = -np.inf, np.inf
     for j in range(arms.size):
@@ -187,12 +189,12 @@ def _without_torque(arms: Array, gap: Array, normal: float) -> tuple[float, floa
         elif arms[j] < -_ARMLESS:
             low = max(low, gap[j] / arms[j])
     if low > high:
-        low = _bent(arms, gap, normal, np.inf, 0.0, high, low)
+        low = _spring_rotation(arms, gap, normal, np.inf, 0.0, high, low)
         high = low
     return low, high
 
 
-@_compiled
+@_compile
 def balance(
     arms: Array, gap: Array, normal: Array, behind: Array, turn: Array, play: Array, torque: float, direction: int
 ) -> float:
@@ -204,7 +206,7 @@ def balance(
     lows, highs = np.empty(discs), np.empty(discs)
     least, most = -np.inf, np.inf
     for d in range(discs):
-        lows[d], highs[d] = _without_torque(arms[d], gap[d], normal[d])
+        lows[d], highs[d] = _torque_free_bounds(arms[d], gap[d], normal[d])
         least = max(least, lows[d] - play[d] - turn[d])
         most = min(most, highs[d] + play[d] - turn[d])
     forward = torque > 0.0 or (torque == 0.0 and direction > 0)
@@ -213,7 +215,7 @@ def balance(
         at = 0.5 * (least + most)
     elif torque == 0.0:
         return at
-    low, high = -_FAR, _FAR
+    low, high = -_UNREACHABLE_ROTATION, _UNREACHABLE_ROTATION
     for _ in range(_STEPS):
         miss, rise = -torque, 0.0
         for d in range(discs):
@@ -224,7 +226,9 @@ def balance(
                 target = turned - min(max(beyond, -play[d]), play[d])
                 x = target
                 if behind[d] > 0.0:
-                    x = _bent(arms[d], gap[d], normal[d], behind[d], target, min(nearest, target), max(nearest, target))
+                    x = _spring_rotation(
+                        arms[d], gap[d], normal[d], behind[d], target, min(nearest, target), max(nearest, target)
+                    )
                 held, stiffness = _pins(arms[d], gap[d], normal[d], x)
                 miss += held
                 rise += stiffness / (1.0 + stiffness * behind[d])
@@ -243,7 +247,7 @@ def balance(
     return at
 
 
-@_compiled
+@_compile
 def _place(axes: Array, disc: Array, x: Array, y: Array, turn: Array) -> None:
     """Displacement of the centre and forward turn of one disc: `axes` (6), `disc` (11, lanes)."""
     ex, ey, dx, dy, cx, cy = axes
@@ -255,7 +259,7 @@ def _place(axes: Array, disc: Array, x: Array, y: Array, turn: Array) -> None:
         turn[u] = angle[u] - (around_x[u] * cy + around_y[u] * cx)
 
 
-@_compiled
+@_compile
 def rotations(
     table: Array,
     axes: Array,

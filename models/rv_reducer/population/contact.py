@@ -44,13 +44,13 @@ def touch(lattice: Lattice, table: Table, units: Scaled) -> Touch:
     )
     kernel.touch(
         (table.values, lattice.pin, lattice.start, lattice.stop, lattice.directions),
-        packed(units),
+        pack_errors(units),
         (contact.high, contact.low, contact.ahead, contact.behind),
     )
     return contact
 
 
-def packed(units: Scaled) -> tuple[Single, ...]:
+def pack_errors(units: Scaled) -> tuple[Single, ...]:
     """Errors across and along pins (pins, n), of discs (discs, 12, n) and of the circle (2, n)."""
     columns = [units.normal, units.radial, units.play, units.ahead]
     for errors in (units.turning, units.offset, units.around, units.pitch):
@@ -100,23 +100,23 @@ class Slopes:
             by["crank_phase"].around,
             np.broadcast_to(sides(geometry)[:, None], discs),
         ]
-        columns = [part for errors in by_disc for part in _parts(errors)]
+        columns = [part for errors in by_disc for part in _real_parts(errors)]
         circle = by["circle_offset"].circle
         radial = by["pin_circle_radius"].radial[0]
         of_pins = (by["pin_position"].along, by["pin_hole_radius"].across, -by["pin_radius"].across)
         return cls(
-            _single(np.stack([radial, circle.real, circle.imag])),
-            _single(np.stack(columns, axis=1)),
-            _single(np.stack(of_pins)),
+            _single_precision(np.stack([radial, circle.real, circle.imag])),
+            _single_precision(np.stack(columns, axis=1)),
+            _single_precision(np.stack(of_pins)),
         )
 
 
-def _parts(value: Array | Complex) -> tuple[Array, ...]:
+def _real_parts(value: Array | Complex) -> tuple[Array, ...]:
     whole = np.asarray(value, dtype=np.complex128)
     return (whole.real, whole.imag) if np.iscomplexobj(value) else (whole.real,)
 
 
-def _single(value: Array) -> Single:
+def _single_precision(value: Array) -> Single:
     return np.ascontiguousarray(value, dtype=np.float32)
 
 
@@ -131,7 +131,7 @@ def pull_back(lattice: Lattice, table: Table, touch: Touch, slopes: Slopes, weig
     rows = np.flatnonzero(np.any(weight != 0.0, axis=1))
     total = np.zeros(len(NAMES))
     kernel.touch_slopes(
-        _single(weight[rows] / ratio),
+        _single_precision(weight[rows] / ratio),
         (touch.ahead[rows], touch.behind[rows]),
         (table.values, lattice.pin, lattice.disc, lattice.directions[rows]),
         (slopes.of_unit, slopes.of_discs, slopes.of_pins),

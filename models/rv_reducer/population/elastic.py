@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from ....section import Array, Single
 from ....units import ARCMIN
 from ..contact.contact import LOST_MOTION_SHARE
-from .contact import NAMES, Slopes, packed
+from .contact import NAMES, Slopes
+from .contact import pack_errors as packed
 from .errors import Lattice, Scaled, Table
 
 # Stiffness and torques of a population under load.

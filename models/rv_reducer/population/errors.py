@@ -50,12 +50,12 @@ def nearest_prime(positions: int, geometry: ContactGeometry) -> int:
     """The prime nearest to `positions` without a factor of teeth and pins that spreads evenly."""
     for step in range(positions + 50):
         for candidate in (positions + step, positions - step):
-            if _prime(candidate) and spreads_evenly(candidate, geometry):
+            if _is_prime(candidate) and spreads_evenly(candidate, geometry):
                 return candidate
     raise ArithmeticError(f"no prime near {positions} positions spreads evenly over the turn")
 
 
-def _prime(number: int) -> bool:
+def _is_prime(number: int) -> bool:
     return number > 1 and all(number % k for k in range(2, int(number**0.5) + 1))
 
 
@@ -241,13 +241,13 @@ def _waves(sample: BaseSample, design: UnitDesign, error: str) -> Complex:
 # The same units for the loaded contact: a base sample and an allocation as part errors in SI.
 
 
-def modified(geometry: ContactGeometry, design: UnitDesign) -> ContactGeometry:
+def modified_geometry(geometry: ContactGeometry, design: UnitDesign) -> ContactGeometry:
     """The geometry with the modifications of a design."""
     return replace(geometry, dr_rp=design.dr_rp, dr_p=design.dr_p)
 
 
 def part_errors(geometry: ContactGeometry, sample: BaseSample, design: UnitDesign) -> PartErrors:
-    """Part errors [m, rad] of the units of a design, for the contact of `modified` geometry.
+    """Part errors [m, rad] of the units of a design, for the contact of `modified_geometry` geometry.
 
     Pins have full length: their errors are the same at all discs. A deviation z of half the zone
     changes both models by the same amount; `PartErrors` also has terms beyond the first order.
@@ -286,7 +286,7 @@ def part_errors(geometry: ContactGeometry, sample: BaseSample, design: UnitDesig
 # Units whose parts differ from the drawn ones: changes of errors and temperatures.
 
 
-def changed(geometry: ContactGeometry, units: Scaled, sample: BaseSample, changes: Mapping[str, Array]) -> Scaled:
+def change_units(geometry: ContactGeometry, units: Scaled, sample: BaseSample, changes: Mapping[str, Array]) -> Scaled:
     """Units (n) with their errors [um] and temperatures [K] changed, each by a number or by (n,).
 
     A change of an error is a change of its mid-limit, the same for every pin and disc of the unit.

@@ -88,13 +88,13 @@ class Measures:
         """Largest backlash of the cycloid stage over the turn."""
         play = self.turn.play
         values = np.maximum(play.max(axis=0).astype(np.float64), 0.0)
-        return values, partial(_at_positions, play.shape, play.argmax(axis=0), values > 0.0)
+        return values, partial(_weights_at_positions, play.shape, play.argmax(axis=0), values > 0.0)
 
     @cached_property
     def _average(self) -> tuple[Array, Spread]:
         """Mean backlash of the cycloid stage over the turn."""
         values = self._positive.mean(axis=0, dtype=np.float64)
-        return values, partial(_evenly, self.turn.play)
+        return values, partial(_even_weights, self.turn.play)
 
     def _rms(self) -> Measure:
         """Root mean square of the backlash over units and positions."""
@@ -108,7 +108,7 @@ class Measures:
         weights = np.full(count, 1.0 / (value * count))
 
         def spread(weight: Array) -> Array:
-            return np.asarray(_evenly(signed, weight) * (play + first))
+            return np.asarray(_even_weights(signed, weight) * (play + first))
 
         return Measure(Statistic(value, weights, (level * first + square) / value, error), spread)
 
@@ -132,15 +132,15 @@ class Measures:
             at = play.argmin(axis=0)
             least, slope_there = (np.take_along_axis(by_place, at[None, :], axis=0)[0] for by_place in (play, slope))
             below = self._below(least.astype(np.float64), -self.conditions.overlap, slope_there)
-            return Measure(below, partial(_at_positions, play.shape, at, True))
+            return Measure(below, partial(_weights_at_positions, play.shape, at, True))
         values, slope_of_unit = play.mean(axis=0, dtype=np.float64), slope.mean(axis=0, dtype=np.float64)
-        return Measure(self._below(values, 0.0, slope_of_unit), partial(_everywhere, play.shape))
+        return Measure(self._below(values, 0.0, slope_of_unit), partial(_weights_at_all_positions, play.shape))
 
     def _overlap(self) -> Measure:
         """Largest overlap over the turn that 95 % of the units stay below [arcmin]."""
         play = self.turn.play
         values = np.maximum(-play.min(axis=0).astype(np.float64), 0.0)
-        spread = partial(_at_positions, play.shape, play.argmin(axis=0), values > 0.0)
+        spread = partial(_weights_at_positions, play.shape, play.argmin(axis=0), values > 0.0)
         return Measure(ordered_quantile(values, 0.95), lambda weight: spread(-weight))
 
     def _fraction_of_turn(self) -> Measure:
@@ -156,7 +156,7 @@ class Measures:
 # the arrays of every design would stay in memory until Python searches for cycles.
 
 
-def _at_positions(
+def _weights_at_positions(
     shape: tuple[int, int], at: NDArray[np.intp], counted: NDArray[np.bool_] | bool, weight: Array
 ) -> Array:
     """Weights of the units that are counted, each at its position `at` (n,)."""
@@ -165,9 +165,9 @@ def _at_positions(
     return weights
 
 
-def _evenly(play: NDArray[np.float32], weight: Array) -> Array:
+def _even_weights(play: NDArray[np.float32], weight: Array) -> Array:
     return (play > 0.0) * (weight / len(play))
 
 
-def _everywhere(shape: tuple[int, int], weight: Array) -> Array:
+def _weights_at_all_positions(shape: tuple[int, int], weight: Array) -> Array:
     return np.broadcast_to(weight / shape[0], shape)

@@ -20,7 +20,8 @@ from ...inputs import Distribution, Uniform
 from .. import declared
 from .. import geometry as involute
 from ..contact.geometry import ContactGeometry, Nominal, lever
-from ..tighter_planet import TighterPlanet, tighter_of
+from ..tighter_planet import TighterPlanet
+from ..tighter_planet import tighter_planet_law as tighter_of
 
 ERRORS = (
     "pin_circle_radius",
@@ -72,7 +73,7 @@ class UnitDesign:
 
 PIN_ERRORS = ("pin_position", "pin_hole_radius", "pin_radius")
 DISC_ERRORS = ("equidistance", "shift")
-ONCE = ("pitch", "runout")
+ONCE_PER_TURN_ERRORS = ("pitch", "runout")
 ECCENTRIC_ERRORS = ("eccentricity", "crank_bearing", "crank_phase", "bore_radial", "bore_tangential")
 
 
@@ -134,16 +135,16 @@ class BaseSample:
             if fraction > 0.0
         }
         for name in DISC_ERRORS:
-            u = _shared(source.of(discs), common.get(name), laws.share_discs)
+            u = _couple_by_copula(source.of(discs), common.get(name), laws.share_discs)
             z[name] = laws.of(name).quantile(u)
-        for name in ONCE:
+        for name in ONCE_PER_TURN_ERRORS:
             z[name] = laws.of(name).quantile(source.of(discs))
             phase[name] = 2.0 * np.pi * source.of(discs)
         for name in ECCENTRIC_ERRORS:
             z[name] = laws.of(name).quantile(source.of((geometry.cranks, geometry.discs)))
         planets = ndtri(source.of((geometry.cranks + 1,)))
         for name in PIN_ERRORS:
-            u = _shared(source.of(pins), common.get(name), laws.share_pins)
+            u = _couple_by_copula(source.of(pins), common.get(name), laws.share_pins)
             z[name] = laws.of(name).quantile(u)
         return cls(units, z, phase, planets, laws)
 
@@ -155,7 +156,7 @@ class BaseSample:
         return BaseSample(planets.shape[-1], z, phase, planets, self.hierarchy)
 
 
-def _shared(u: Array, common: Array | None, fraction: float) -> Array:
+def _couple_by_copula(u: Array, common: Array | None, fraction: float) -> Array:
     """Probabilities coupled by a Gaussian copula with a `fraction` of common variance."""
     if common is None:
         return u
@@ -545,25 +546,25 @@ def _profile_table(
     """Phases (n,) and the profile (n, shifts, 4) at Chebyshev nodes, as many as are needed."""
     count, across = PHASES, SHIFTS
     for _ in range(DOUBLED):
-        nodes, table = _at_nodes(geometry, phases, shifts, count, across)
+        nodes, table = _tabulate_at_nodes(geometry, phases, shifts, count, across)
         if _error(geometry, nodes, table, phases, shifts) <= ACCURACY:
             return nodes, table
         count, across = 2 * count, 2 * across - 1
-    return _at_nodes(geometry, phases, shifts, count, across)
+    return _tabulate_at_nodes(geometry, phases, shifts, count, across)
 
 
-def _at_nodes(
+def _tabulate_at_nodes(
     geometry: ContactGeometry, phases: tuple[float, float], shifts: tuple[float, float], count: int, across: int
 ) -> tuple[Array, Array]:
-    nodes, modified = _within(phases, _nodes(count)[::-1]), _within(shifts, _nodes(across))
-    return nodes, np.stack([_at(geometry, nodes, float(shift)) for shift in modified], axis=1)
+    nodes, modified = _points_of_interval(phases, _nodes(count)[::-1]), _points_of_interval(shifts, _nodes(across))
+    return nodes, np.stack([_distance_columns(geometry, nodes, float(shift)) for shift in modified], axis=1)
 
 
 def _error(
     geometry: ContactGeometry, nodes: Array, table: Array, phases: tuple[float, float], shifts: tuple[float, float]
 ) -> float:
     """Largest error of the distance [m] midway between nodes, in the middle and near both ends."""
-    at = _within(phases, np.cos(np.pi * np.arange(1, len(nodes)) / len(nodes)))
+    at = _points_of_interval(phases, np.cos(np.pi * np.arange(1, len(nodes)) / len(nodes)))
     count = table.shape[1]
     along = _interpolation(nodes, at) @ table[:, :, 0]
     errors = []
@@ -571,17 +572,17 @@ def _error(
         weights = np.linalg.solve(
             chebyshev.chebvander(_nodes(count), count - 1).T, chebyshev.chebvander(np.array([x]), count - 1)[0]
         )
-        exact = _at(geometry, at, float(_within(shifts, x)))[:, 0]
+        exact = _distance_columns(geometry, at, float(_points_of_interval(shifts, x)))[:, 0]
         errors.append(float(np.max(np.abs(along @ weights - exact))))
     return max(errors)
 
 
-def _within(ends: tuple[float, float], x: Array) -> Array:
+def _points_of_interval(ends: tuple[float, float], x: Array) -> Array:
     """Points of an interval by their place x in [-1, 1]."""
     return np.asarray(0.5 * (ends[0] + ends[1]) + 0.5 * (ends[1] - ends[0]) * x)
 
 
-def _at(geometry: ContactGeometry, phase: Array, shift: float) -> Array:
+def _distance_columns(geometry: ContactGeometry, phase: Array, shift: float) -> Array:
     nominal = Nominal.at(replace(geometry, dr_rp=0.0, dr_p=shift), phase)
     columns = [nominal.gap, nominal.normal.real, nominal.normal.imag, nominal.lever]
     return np.stack(columns, axis=1)

@@ -168,7 +168,7 @@ def test_the_best_of_all_bounds_is_kept(monkeypatch: pytest.MonkeyPatch, by_pric
     """By prices of the neighbour below, of that above, and by the next wider limit of 5 and 9."""
     left = list(by_prices)
     monkeypatch.setattr(between, "least_cost", by_tens)
-    monkeypatch.setattr(between, "_by", lambda *given: np.full(len(given[2]), left.pop(0)))
+    monkeypatch.setattr(between, "_bound_by_tangents", lambda *given: np.full(len(given[2]), left.pop(0)))
     course = between._Course(smooth(), np.arange(10.0)[:, None])
     course.solve(np.array([0, 5, 9]))
     wider = np.array([50.0] * 4 + [10.0] * 3)
@@ -191,10 +191,10 @@ def test_ways_are_told_apart_as_long_as_they_are_few() -> None:
     """Sums over every choice of ways, or of each table's least: no more than any of them."""
     rng = np.random.default_rng(1)
     tables = [rng.uniform(0.0, 1.0, (2, 3, 4)) for _ in range(10)]
-    every = between._combined(tables)
+    every = between._combine_ways(tables)
     assert every.shape == (between.PAIRS, 3, 4)
     least = sum(table.min(axis=0) for table in tables)
     np.testing.assert_allclose(every.min(axis=0), least)
-    more = between._combined([*tables, tables[0]])
+    more = between._combine_ways([*tables, tables[0]])
     assert more.shape == (1, 3, 4)
     np.testing.assert_allclose(more[0], least + tables[0].min(axis=0))

@@ -8,22 +8,16 @@ from typing import cast
 import numpy as np
 import pytest
 
-from tolevo.algorithms.exact.bounds import (
-    BEYOND,
-    LOOSER,
-    Proof,
-    proof,
-    restricted,
-    row_limits,
-    upper_limit,
-    within_reach,
-)
+from tolevo.algorithms.exact.bounds import LIMIT_WIDENING as BEYOND
+from tolevo.algorithms.exact.bounds import LOOSER, Proof, proof, row_limits, upper_limit, within_reach
+from tolevo.algorithms.exact.bounds import restrict_form as restricted
 from tolevo.errors import ModelError
 from tolevo.models.capability.knowledge import Surplus
 from tolevo.models.costs import CostCurve, Reciprocal, Table
 from tolevo.models.propagation.convolution import EvenPlateau
 from tolevo.problems.forms import Feature, Form, Piece, Quantile, Way
-from tolevo.problems.limits import ROOM, Limit
+from tolevo.problems.limits import LIMIT_ROUNDING as ROOM
+from tolevo.problems.limits import Limit
 from tolevo.problems.tolerance_problem import ToleranceProblem
 
 UNIFORM = EvenPlateau()

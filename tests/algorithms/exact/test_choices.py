@@ -184,7 +184,7 @@ def priced(form: Form) -> Form:
 
 def test_choices_by_prices_of_squares_are_those_of_enumeration(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where a limit that none keeps stands between two others."""
-    monkeypatch.setattr(choices, "MANY", 1)
+    monkeypatch.setattr(choices, "MAX_UNPRICED_COMBINATIONS", 1)
     form = mixed((3, 2, 2), seed=4)
     limits = [0.6, 0.001, 0.3, 0.25]
     found = least_cost(priced(form), np.array(limits)[:, None])
@@ -205,7 +205,7 @@ def test_a_bound_by_prices_lies_between_the_least_cost_of_all_and_that_which_was
     way = Way(Priced(1.0, 0.5), 0.1, 1.0, (0.0,), (1.0,))
     form = Form(("v",), (Feature("t", (way, way), "p"),), np.zeros(1), np.zeros(1), "")
     leaf = Leaf((0,), np.full(1, 0.5), cost, bound, np.ones(1))
-    monkeypatch.setattr(choices, "MANY", 1)
+    monkeypatch.setattr(choices, "MAX_UNPRICED_COMBINATIONS", 1)
     monkeypatch.setattr(choices, "least_leaf", lambda squares, limit, known: (leaf, bound))
     found = least_cost(form, np.array([[0.5]]))
     assert (found.cost[0], found.bound[0]) == (cost, proven)

@@ -12,7 +12,8 @@ import pytest
 
 from tests.algorithms.exact.parts_by_hand import INF, Array, Priced, by_hand, form, rough_or_fine, unused, way
 from tolevo.algorithms.exact import choices
-from tolevo.algorithms.exact.choices import compensating, contributions, least_cost, tightest_ways
+from tolevo.algorithms.exact.choices import contributions, least_cost, tightest_ways
+from tolevo.algorithms.exact.choices import has_compensation as compensating
 from tolevo.algorithms.exact.combination import Combination
 from tolevo.algorithms.exact.separable import Leaf, Squares, least_leaf
 from tolevo.models.capability import Surplus
@@ -73,7 +74,7 @@ def test_choices_under_doubt_are_proven_by_prices_of_squares(monkeypatch: pytest
 
 def test_prices_of_squares_are_not_asked_for_sums_with_a_mean(monkeypatch: pytest.MonkeyPatch) -> None:
     """1/t under 0.5 t + t <= 0.6: its square alone would allow t = 0.6."""
-    monkeypatch.setattr(choices, "MANY", 1)
+    monkeypatch.setattr(choices, "MAX_UNPRICED_COMBINATIONS", 1)
     ways = [way(a, 1.0, 0.1, high, (0.5,), (1.0,), Priced) for a, high in ((0.3, 2.0), (0.2, 0.35))]
     found = least_cost(form(ways), np.array([[0.6]]))
     assert found.cost[0] == pytest.approx(0.3 + 1.0 / 0.4, rel=1e-9)
@@ -196,7 +197,7 @@ def test_neighbours_of_prices_are_those_whose_limits_can_be_kept(monkeypatch: py
         given.append(known)
         return least_leaf(squares, limit, known)
 
-    monkeypatch.setattr(choices, "MANY", 1)
+    monkeypatch.setattr(choices, "MAX_UNPRICED_COMBINATIONS", 1)
     monkeypatch.setattr(choices, "least_leaf", noted)
     ways = [way(a, b, 0.1, 2.0, (0.0,), (1.0,), Priced) for a, b in ((0.3, 1.0), (1.0, 0.5))]
     found = least_cost(form(ways, ways), np.array([[0.9], [0.01], [0.8], [0.7]]))
@@ -254,7 +255,7 @@ def test_alike_are_parts_of_the_same_ways_and_as_many_of_them() -> None:
     own = form(one, one, other, other, other)
     fewer = replace(own.features[4], count=2)
     own = replace(own, features=(*own.features[:4], fewer))
-    assert choices._alike(own) == [False, True, False, True, False]
+    assert choices._repeated_features(own) == [False, True, False, True, False]
 
 
 def test_least_contributions_by_hand() -> None:

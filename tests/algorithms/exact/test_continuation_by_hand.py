@@ -10,19 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tolevo.algorithms.exact.epsilon import (
-    BEATEN,
-    END,
-    RATIO,
-    _best,
-    _coarse,
-    _mended,
-    _promising,
-    _solved,
-    _value,
-    _widest,
-    undominated,
-)
+from tolevo.algorithms.exact.epsilon import BEATEN, END, RATIO, _value
+from tolevo.algorithms.exact.epsilon import _best_branch_point as _best
+from tolevo.algorithms.exact.epsilon import _improve_nonconvex_points as _mended
+from tolevo.algorithms.exact.epsilon import _promising_integer_sets as _promising
+from tolevo.algorithms.exact.epsilon import _solve_coarse_levels as _coarse
+from tolevo.algorithms.exact.epsilon import _solve_level as _solved
+from tolevo.algorithms.exact.epsilon import _widest_gap as _widest
+from tolevo.algorithms.exact.epsilon import nondominated_feasible_designs as undominated
 from tolevo.algorithms.exact.local import NEARLY, Branch
 
 RUN: Any = SimpleNamespace(phase=lambda *_: None)

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tolevo.algorithms.exact.corrected import CLOSE, DEARER, FURTHER, ROUNDS, Corrected
+from tolevo.algorithms.exact.corrected import DEARER, FURTHER, ROUNDS, Corrected
+from tolevo.algorithms.exact.corrected import EXCESS_TOLERANCE as CLOSE
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.forms import Feature, Form, Way
 

@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 
 from tolevo.algorithms.exact import separable as doubt
-from tolevo.algorithms.exact.choices import cost_range, least_cost, only_points
+from tolevo.algorithms.exact.choices import cost_range, least_cost
+from tolevo.algorithms.exact.choices import is_enumerable_root_form as only_points
 from tolevo.algorithms.exact.combination import Combination
-from tolevo.algorithms.exact.separable import GAP, Leaf, _Reweighted, _within, least_leaf, least_under_doubt
+from tolevo.algorithms.exact.separable import GAP, Leaf, _Reweighted, least_leaf
+from tolevo.algorithms.exact.separable import _move_within_limit as _within
+from tolevo.algorithms.exact.separable import least_cost_under_doubt as least_under_doubt
 from tolevo.models.capability import Surplus
 from tolevo.models.costs import Reciprocal
 from tolevo.models.propagation.convolution import EvenPlateau

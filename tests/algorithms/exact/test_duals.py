@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 from tolevo.algorithms.exact.bounds import convex_pieces
-from tolevo.algorithms.exact.choices import least_of_points, only_points
-from tolevo.algorithms.exact.combination import Combination, Prices, only_roots
+from tolevo.algorithms.exact.choices import cheapest_choice_within_limits as least_of_points
+from tolevo.algorithms.exact.choices import is_enumerable_root_form as only_points
+from tolevo.algorithms.exact.combination import Combination, Prices
+from tolevo.algorithms.exact.combination import pure_root_rows as only_roots
 from tolevo.models.capability import Surplus
 from tolevo.models.costs import CostCurve, Exponential, Reciprocal, Table
 from tolevo.problems.forms import Feature, Form, Spread, Way
@@ -200,9 +202,9 @@ def test_what_is_only_points(monkeypatch: pytest.MonkeyPatch) -> None:
     ranged = replace(own, ways=(own.ways[0], replace(own.ways[1], high=2.5)))
     assert not only_points(replace(form, features=(own, ranged)))
     assert not only_points(replace(form, correlation=np.eye(2)))
-    monkeypatch.setattr("tolevo.algorithms.exact.choices.MOST", 3)
+    monkeypatch.setattr("tolevo.algorithms.exact.choices.MAX_COMBINATIONS", 3)
     assert not only_points(form)
-    monkeypatch.setattr("tolevo.algorithms.exact.choices.MOST", 4)
+    monkeypatch.setattr("tolevo.algorithms.exact.choices.MAX_COMBINATIONS", 4)
     assert only_points(form)
 
 

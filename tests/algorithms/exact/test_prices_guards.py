@@ -8,7 +8,8 @@ import pytest
 from tests.algorithms.exact.parts_by_hand import INF, Priced, form, way
 from tolevo.algorithms.exact import choices
 from tolevo.algorithms.exact.choices import least_cost
-from tolevo.algorithms.exact.combination import Prices, only_roots
+from tolevo.algorithms.exact.combination import Prices
+from tolevo.algorithms.exact.combination import pure_root_rows as only_roots
 from tolevo.models.costs import Reciprocal
 from tolevo.models.propagation.convolution import EvenPlateau
 from tolevo.problems.forms import Piece, Quantile, Spread
@@ -39,7 +40,7 @@ def test_without_requirements_every_part_is_made_as_is_cheapest(
     monkeypatch: pytest.MonkeyPatch, many: int, curve: type[Priced] | type[Reciprocal]
 ) -> None:
     """At t = 2: the least of 0.5, 1.25 and 0.4, and that of 0.5 and 0.3 + 0.1."""
-    monkeypatch.setattr(choices, "MANY", many)
+    monkeypatch.setattr(choices, "MAX_UNPRICED_COMBINATIONS", many)
     first = [way(a, b, 0.1, 2.0, (), (), curve) for a, b in ((0.0, 1.0), (1.0, 0.5), (0.2, 0.4))]
     second = [way(a, b, 0.1, 2.0, (), (), curve) for a, b in ((0.0, 1.0), (0.3, 0.2))]
     best = least_cost(form(first, second), np.empty((2, 0)))

@@ -14,7 +14,8 @@ import pytest
 from scipy import optimize
 
 from tolevo.algorithms.exact import separable
-from tolevo.algorithms.exact.separable import Leaf, Squares, least_leaf, separable_but_for_doubt
+from tolevo.algorithms.exact.separable import Leaf, Squares, least_leaf
+from tolevo.algorithms.exact.separable import is_separable_without_doubt as separable_but_for_doubt
 from tolevo.models.capability import Surplus
 from tolevo.models.costs import Reciprocal, ReciprocalPower
 from tolevo.problems.forms import Feature, Form, Way
@@ -178,10 +179,10 @@ def test_a_limit_below_the_offset_leaves_no_room() -> None:
 
 def test_what_is_separable() -> None:
     form = form_of(0, (2, 2), 2)
-    assert separable.separable(form)
-    assert not separable.separable(replace(form, correlation=np.eye(2)))
+    assert separable.is_separable(form)
+    assert not separable.is_separable(replace(form, correlation=np.eye(2)))
     shifted = replace(form.features[0].ways[0], linear=(0.0, 1.0))
-    assert not separable.separable(
+    assert not separable.is_separable(
         replace(form, features=(replace(form.features[0], ways=(shifted,)), form.features[1]))
     )
 
@@ -312,7 +313,7 @@ def test_every_choice_is_listed_once_the_least_excess_first() -> None:
     form = form_of(3, (3, 1, 2, 3), 1)
     excess = [np.array(one) for one in ([0.0, 2.0, 0.7], [0.0], [-0.5, 0.0], [1.0, 0.0, 0.3])]
     anchor = Leaf((0, 0, 1, 1), np.ones(4), 1.0, 1.0, np.ones(1))
-    listed = list(separable._cheaper(Squares(form), excess, anchor))
+    listed = list(separable._choices_by_excess(Squares(form), excess, anchor))
     every = list(itertools.product(range(3), range(1), range(2), range(3)))
     assert sorted(ways for _, ways in listed) == every
     totals = [sum(e[w] for e, w in zip(excess, ways, strict=True)) for _, ways in listed]

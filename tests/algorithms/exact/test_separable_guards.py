@@ -218,7 +218,7 @@ def test_no_more_choices_are_solved_than_are_allowed(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(separable, "LEAVES", most)
     anchor = Leaf((1, 1, 1), np.full(3, 0.05), INF, 12.0, np.zeros(1))
     leaves = {anchor.ways: anchor}
-    best, bound = separable._searched(Squares(wide_or_tight(3)), np.array([0.4**2]), anchor, leaves)
+    best, bound = separable._search_remaining_choices(Squares(wide_or_tight(3)), np.array([0.4**2]), anchor, leaves)
     assert len(leaves) == min(most, 8)
     least = 3.0**1.5 / 0.4
     assert bound <= least * (1.0 + 1e-12)

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 import tolevo
-from tolevo.commands.run.choice import FIRST, chosen
+from tolevo.commands.run.choice import FIRST
 from tolevo.commands.run.choice import RULE_KINDS as RULES
+from tolevo.commands.run.choice import choose_rows as chosen
 from tolevo.registry import names
 from tolevo.testing import RuleContract, front
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from tolevo.algorithms.search import search
-from tolevo.commands.run.changes import rounded
+from tolevo.commands.run.changes import round_design as rounded
 from tolevo.commands.run.prices import front_slopes, prices, slopes_of
-from tolevo.commands.run.promise import cheapest
+from tolevo.commands.run.promise import cheapest_design as cheapest
 from tolevo.commands.run.tolerances import tolerances, values_of
 from tolevo.configuration.reader import read
 

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tolevo.commands.run.changes import rounded
+from tolevo.commands.run.changes import round_design as rounded
 from tolevo.commands.run.choice import ChoiceSettings
 from tolevo.commands.run.decide import decide
 from tolevo.commands.run.prices import contributions, slopes_of

@@ -8,15 +8,15 @@ import pytest
 from tolevo.commands.run.choice import (
     Points,
     best_trade_off,
-    by_pseudo_weights,
-    by_topsis,
-    chosen,
     closeness,
     farthest_from_chord,
     largest_product,
     sensitivity,
     sharpest_bend,
 )
+from tolevo.commands.run.choice import choose_by_topsis as by_topsis
+from tolevo.commands.run.choice import choose_by_weights as by_pseudo_weights
+from tolevo.commands.run.choice import choose_rows as chosen
 
 KNEES = (farthest_from_chord, sharpest_bend, best_trade_off, largest_product)
 

@@ -8,7 +8,8 @@ from typer.testing import CliRunner
 
 from tolevo.cli import app
 from tolevo.commands.reproduce.claims import Claim
-from tolevo.commands.reproduce.configuration import read_claims, shipped
+from tolevo.commands.reproduce.configuration import read_claims
+from tolevo.commands.reproduce.configuration import shipped_claims as shipped
 from tolevo.errors import InputError
 
 HEAD = 'document = "X"\ntitle = "A paper"\n'

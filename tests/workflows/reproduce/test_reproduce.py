@@ -14,7 +14,7 @@ from tolevo.commands.reproduce import reproduce as command
 from tolevo.commands.reproduce.claims import Checked, ClaimTask, check
 from tolevo.commands.reproduce.configuration import read_claims
 from tolevo.directory import KINDS, MANIFEST, standing
-from tolevo.directory.standing import present
+from tolevo.directory.standing import present_files as present
 
 PAPER = """
 document = "X"

@@ -15,7 +15,8 @@ from tolevo.commands.study.analysis import analyse
 from tolevo.commands.study.designs import Factorial, LatinHypercube, Morris, OneAtATime, Sobol, Table
 from tolevo.commands.study.page import study_page
 from tolevo.commands.study.plan import Design, Factor, StudyData
-from tolevo.commands.study.study import FILES, analysed
+from tolevo.commands.study.study import FILES
+from tolevo.commands.study.study import write_analysis as analysed
 
 FACTORS = (
     Factor("algorithm.population", (20, 40, 80)),

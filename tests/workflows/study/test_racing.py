@@ -15,7 +15,8 @@ from scipy.stats import binom
 from tolevo.commands.study.configuration import read_study
 from tolevo.commands.study.plan import StudyPlan
 from tolevo.commands.study.storage import DATABASE, Database
-from tolevo.commands.study.study import ALPHA, behind, looks, study, trailing_settings
+from tolevo.commands.study.study import ALPHA, looks, study, trailing_settings
+from tolevo.commands.study.study import settings_behind_leader as behind
 from tolevo.commands.study.trial import Surveying
 from tolevo.errors import InputError, RunError
 from tolevo.execution import InProcess, Lost, Result, TaskT

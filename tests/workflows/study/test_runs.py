@@ -11,7 +11,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tolevo.algorithms.archive import FEW, Box, Course, charted
+from tolevo.algorithms.archive import DEFAULT_PER_OCTAVE as FEW
+from tolevo.algorithms.archive import Box, Course
+from tolevo.algorithms.archive import is_charted_generation as charted
 from tolevo.algorithms.search import search
 from tolevo.commands.run.proofs import exact_front
 from tolevo.commands.study.configuration import read_study

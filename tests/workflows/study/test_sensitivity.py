@@ -17,7 +17,8 @@ from tolevo.commands.study import statistics as resampling
 from tolevo.commands.study.designs import Factorial, LatinHypercube, Morris, OneAtATime, Sobol
 from tolevo.commands.study.plan import Design, Factor, StudyData, StudySettings
 from tolevo.commands.study.sensitivity import sensitivity
-from tolevo.commands.study.statistics import contrasts, crossed, runs_of
+from tolevo.commands.study.statistics import contrasts, runs_of
+from tolevo.commands.study.statistics import cross_mean as crossed
 
 pytestmark = pytest.mark.long
 

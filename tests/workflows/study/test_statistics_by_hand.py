@@ -25,11 +25,11 @@ from tolevo.commands.study.statistics import (
     friedman_tests,
     level_test,
     model,
-    over_settings,
     random_settings,
     runs_of,
     wilcoxon_tests,
 )
+from tolevo.commands.study.statistics import mean_over_settings as over_settings
 
 Array = NDArray[np.float64]
 

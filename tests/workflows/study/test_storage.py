@@ -22,7 +22,8 @@ from tolevo.commands.study.plan import StudyOutcome
 from tolevo.commands.study.storage import DATABASE, FORMAT
 from tolevo.commands.study.study import study
 from tolevo.directory import KINDS, MANIFEST, owned, standing
-from tolevo.directory.standing import present, write_unfinished
+from tolevo.directory.standing import present_files as present
+from tolevo.directory.standing import write_unfinished
 from tolevo.errors import InputError
 from tolevo.execution import InProcess
 from tolevo.files import write_record

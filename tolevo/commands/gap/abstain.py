@@ -12,9 +12,11 @@ import numpy as np
 from ...models.measurable import Role
 from .fit import Fit
 from .generic import PREDICTED, STEP, SWING, Form
-from .linear import Groups, basis, projected_out
+from .linear import Groups, basis
+from .linear import project_out as projected_out
 from .noise import Noise
-from .population import Batch, Scatter, carrying
+from .population import Batch, Scatter
+from .population import setup_with_scatter as carrying
 from .scan import GenericResidual, Remaining, generic_residual
 from .selection import Search
 from .setup import Setup
@@ -70,7 +72,7 @@ PART = 0.999
 """Fraction of a form in the span of some members from which it counts as a part of them."""
 FOLLOWS = 3.3
 """Standard errors of the autocorrelation from which successive units are correlated (1 in 1000)."""
-SMALL = 0.01
+MIN_EXPLAINED_FRACTION = 0.01
 """Fraction of what the effects of units explain below which a remainder is no fault of their form.
 """
 
@@ -85,16 +87,16 @@ class Identified:
     significant: tuple[int, ...]
 
 
-def identified(null_model: NullModel, fit: Fit) -> Identified:
+def withdraw_members(null_model: NullModel, fit: Fit) -> Identified:
     """Test the members: those are withdrawn that a freer form in the same variable displaces, or
     that leave a large residual in their variable.
     """
     search, generic = null_model.search, null_model.generic
     residual_forms = generic_residual(fit, search.fitter, generic)
-    significant = _large(null_model, fit, residual_forms)
+    significant = _large_forms(null_model, fit, residual_forms)
     withdrawn = set(displaced(search, fit, generic))
     for at in significant[:20]:
-        withdrawn |= _touched(search, fit, generic, at)
+        withdrawn |= _members_in_variable(search, fit, generic, at)
     if withdrawn:
         withdrawn |= _no_longer_significant(search, fit, generic, withdrawn)
     kept = tuple(k for k in range(len(fit.members)) if k not in withdrawn)
@@ -114,14 +116,14 @@ def significant_forms(search: Search, residual_forms: GenericResidual) -> tuple[
     )
 
 
-def _large(null_model: NullModel, fit: Fit, residual_forms: GenericResidual) -> tuple[int, ...]:
+def _large_forms(null_model: NullModel, fit: Fit, residual_forms: GenericResidual) -> tuple[int, ...]:
     """The significant forms that are not small against what the effects of units explain."""
-    least = SMALL * max(null_model.null_fit.rss - fit.rss, 0.0)
+    least = MIN_EXPLAINED_FRACTION * max(null_model.null_fit.rss - fit.rss, 0.0)
     significant = significant_forms(null_model.search, residual_forms)
     return tuple(at for at in significant if residual_forms.gains[at] > least)
 
 
-def structured(null_model: NullModel, fit: Fit) -> bool:
+def has_structured_residuals(null_model: NullModel, fit: Fit) -> bool:
     """Whether the residuals of units of a population have a structure given a fit: they depend on a
     variable or on the preceding unit. An offset common to all units does not count.
     """
@@ -129,7 +131,7 @@ def structured(null_model: NullModel, fit: Fit) -> bool:
     space = fitter.space
     if any(abs(noise.rho) * np.sqrt(space.rows_per_output) > FOLLOWS for noise in space.noises):
         return True
-    large_forms = _large(null_model, fit, generic_residual(fit, fitter, generic))
+    large_forms = _large_forms(null_model, fit, generic_residual(fit, fitter, generic))
     return any(generic.forms[at].kind != "distribution" for at in large_forms)
 
 
@@ -186,7 +188,7 @@ def more_numbers(form: Form) -> int:
     return 1 if free or form.shape in (STEP, SWING) else 0
 
 
-def _touched(search: Search, fit: Fit, generic: Remaining, at: int) -> set[int]:
+def _members_in_variable(search: Search, fit: Fit, generic: Remaining, at: int) -> set[int]:
     """The members that act in the variable of a generic form that remains."""
     form = generic.forms[at]
     if form.kind == "order":

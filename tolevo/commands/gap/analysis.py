@@ -9,20 +9,28 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.effects.measurements import acting, changes_of
+from ...models.effects.measurements import changes_of
+from ...models.effects.measurements import effect_actions as acting
 from ...models.effects.unresolved import Term, Unresolved
 from ...models.measurable import Role
 from ...section import Array
-from .abstain import Identified, NullModel, acts_in, displaced, identified, more_numbers, significant_forms, structured
+from .abstain import Identified, NullModel, acts_in, displaced, more_numbers, significant_forms
+from .abstain import has_structured_residuals as structured
+from .abstain import withdraw_members as identified
 from .blocks import HeldOut, improvement
 from .close import corrected
 from .data import GapData
 from .fit import Fit, Fitter, Member, Space, is_term
-from .generic import LEVELS, stacked
-from .linear import basis, projected_out
+from .generic import LEVELS
+from .generic import stack_columns as stacked
+from .linear import basis
+from .linear import project_out as projected_out
 from .population import Misfit, Scatter, misfit, scatter
 from .scan import GenericResidual, Remaining, dictionary, generic_residual
-from .searching import alike, as_read, contributions, in_noise, noise_of, read_again, searching, spread_of
+from .searching import alike, contributions, noise_of, searching, spread_of
+from .searching import change_noise as in_noise
+from .searching import reread_by_instrument as read_again
+from .searching import setup_as_read as as_read
 from .selection import (
     Other,
     Search,
@@ -34,8 +42,10 @@ from .selection import (
     select,
     with_identified_by_likelihood,
 )
-from .setup import Setup, moved_to
-from .unresolved import label, member_of, member_with, term_of, whole_of
+from .setup import Setup
+from .setup import move_setup as moved_to
+from .unresolved import label, member_of, member_with, term_of
+from .unresolved import whole_term as whole_of
 
 # The contribution of an effect as a generic curve: the part of a larger effect without formula.
 
@@ -68,14 +78,14 @@ def as_curve(fitter: Fitter, fit: Fit, small: int, large: int, data: GapData) ->
     output, part = data.outputs[acting[0]].name, parts[acting[0]]
     turns = Role.DIRECTION in small_member.candidate.effect.needs
     y = part * np.asarray(data.measurements[Role.DIRECTION], dtype=float) if turns else part
-    knots, heights, off = _through(data.values(inputs[0]), y)
+    knots, heights, off = _broken_line(data.values(inputs[0]), y)
     if off > NO_CURVE:
         return None
     effect = Unresolved(Term(output, inputs[0], "curve", knots=knots, heights=heights, turns=turns))
     return member_with(effect, data)
 
 
-def _through(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ...], float]:
+def _broken_line(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ...], float]:
     """Knots and heights of a broken line through points (n,), of magnitude 1 at most, and its rms
     error relative to the points. Knots are added one by one where the error is largest (Douglas and
     Peucker, Cartographica 10, 1973).
@@ -108,7 +118,7 @@ TRIED = 4
 SETTLE_ROUNDS = 40
 FORMS_MORE = 2
 """Number of forms that may be added although not significant, to predict as well as each step."""
-ENOUGH = 0.1
+MIN_EXTRA_FRACTION = 0.1
 """Gain of a form given an effect, as a fraction of the effect's gain given everything else, above
 which the effect is not trusted: the form explains the same and much more.
 """
@@ -116,7 +126,7 @@ MINOR = 0.1
 """Gain of all effects, as a fraction of the gain of the terms given the effects, below which the
 effects may only correct the terms: no form of one or two variables is the whole law.
 """
-MARGIN = 5.0
+SCORE_MARGIN = 5.0
 """Score by which an answer without the displaced effects must be better than the one with them."""
 
 
@@ -151,7 +161,7 @@ class Settling:
         if at := displaced(self.search, fit, self.generic):
             names = frozenset(fit.names[k] for k in at)
             answers.append(self.grown(self.search.fitter.refined(fit.without(*at)), names))
-            if answers[1].score < answers[0].score - MARGIN:
+            if answers[1].score < answers[0].score - SCORE_MARGIN:
                 answers.reverse()
         best = self._chosen(answers, frozenset())
         return self._record(best, tuple(name for name in fit.names if name not in best.names))
@@ -257,7 +267,7 @@ class Settling:
                 continue
             without, alone = fitter.fit(fit.without(at)), fitter.fit(fit.without(*forms))
             none = fitter.fit(fit.without(at, *forms))
-            if alone.rss - fit.rss > ENOUGH * (none.rss - alone.rss) and without.rss > fit.rss:
+            if alone.rss - fit.rss > MIN_EXTRA_FRACTION * (none.rss - alone.rss) and without.rss > fit.rss:
                 return at
         return -1
 
@@ -400,10 +410,10 @@ def analysed(setup: Setup) -> Analysis:
     null_model = searching(setup, noises, effects, *stacked(setup.generic, len(setup.data.outputs)), None)
     selection = select(null_model.search)
     if max(noise.rho for noise in noises) > AUTOCORRELATED:
-        selection, null_model = _not_noise(selection, null_model)
+        selection, null_model = _select_without_autocorrelation(selection, null_model)
     for _ in range(ROUNDS if selection.fit.members else 0):
         search = null_model.search
-        moved = as_read(_about(setup, search, selection.fit) if setup.free else setup, selection.fit)
+        moved = as_read(_linearise_setup(setup, search, selection.fit) if setup.free else setup, selection.fit)
         if moved is not setup:
             setup, fit = read_again(moved, Space(null_model.noises, moved.prior), selection.fit)
             effects = dictionary(setup.library, setup.columns, spread_of(null_model.noises))
@@ -417,27 +427,27 @@ def analysed(setup: Setup) -> Analysis:
             selection = selection.ending_with(kept_fit, null_model.search.tested(kept_fit))
         if selection.fit.names == previous_names:
             break
-    return (_of_batch if setup.data.target.population else _settled)(selection, null_model)
+    return (_analyse_batch if setup.data.target.population else _settle_rows)(selection, null_model)
 
 
-def _of_batch(selection: Selection, null_model: NullModel) -> Analysis:
+def _analyse_batch(selection: Selection, null_model: NullModel) -> Analysis:
     """The final result of a batch. Outliers do not count, unless an effect on the scatter explains
     them and all units are then likelier than the others are without it.
     """
-    without_outliers = concluded(null_model, selection)
+    without_outliers = conclude_analysis(null_model, selection)
     outlier_count = null_model.noises[0].outliers
     if not outlier_count or not null_model.setup.on_scatter:
         return without_outliers
     all_units = in_noise(null_model, tuple(replace(noise, good=None) for noise in null_model.noises))
-    with_outliers = concluded(all_units, select(all_units.search))
+    with_outliers = conclude_analysis(all_units, select(all_units.search))
     penalty_per_unit = 2.0 * np.log(OUTLIER_SPREAD * null_model.batch.law.std)
     better = without_outliers.score + penalty_per_unit * outlier_count - with_outliers.score
     return with_outliers if with_outliers.scatter and better > 0.0 else without_outliers
 
 
-def _settled(selection: Selection, null_model: NullModel) -> Analysis:
+def _settle_rows(selection: Selection, null_model: NullModel) -> Analysis:
     """The final result of rows, in the noise that is estimated given its whole fit."""
-    setup, settling = null_model.setup, _settling(null_model, selection)
+    setup, settling = null_model.setup, _initial_settling(null_model, selection)
     settled = settling.settled(selection.fit)
     for _ in range(SETTLED - 1):
         if not settled.fit.members:  # the noise of the null fit is known
@@ -449,17 +459,17 @@ def _settled(selection: Selection, null_model: NullModel) -> Analysis:
         search = null_model.search
         accepted = [search.fitter.fit(fit.members) for fit, _ in selection.accepted]
         selection = replace(selection, accepted=tuple((fit, search.tested(fit)) for fit in accepted))
-        settling = _settling(null_model, selection)
+        settling = _initial_settling(null_model, selection)
         settled = settling.settled(search.fitter.refined(settled.fit.members))
     return _answer(null_model, settling, selection, settled)
 
 
-def _settling(null_model: NullModel, selection: Selection, trusted: frozenset[str] = frozenset()) -> Settling:
+def _initial_settling(null_model: NullModel, selection: Selection, trusted: frozenset[str] = frozenset()) -> Settling:
     data, null_fit = null_model.setup.data, null_model.null_fit
     return Settling(null_model.search, null_model.generic, data, null_fit, selection.accepted, trusted)
 
 
-def without(analysis: Analysis, name: str, trusted: str = "") -> Analysis:
+def analysis_without_effect(analysis: Analysis, name: str, trusted: str = "") -> Analysis:
     """The analysis of rows without the effect `name` and those with the same columns, the remaining
     ones fitted and tested again. What is excluded stays excluded. The contribution of `name` may
     belong to the form of the effect `trusted`; it stays as a generic curve.
@@ -470,7 +480,7 @@ def without(analysis: Analysis, name: str, trusted: str = "") -> Analysis:
         sure |= {trusted}
         members = fit.names.index(name), fit.names.index(trusted)
         curve = as_curve(null_model.search.fitter, fit, *members, analysis.setup.data)
-    settling = _settling(null_model, selection, sure)
+    settling = _initial_settling(null_model, selection, sure)
     names = {name, *same_columns(name, analysis.rivals)}
     excluded = analysis.excluded | names
     settled = settling.again(fit, excluded, () if curve is None else (curve,))
@@ -512,14 +522,14 @@ def _answer(
     )
 
 
-def _about(setup: Setup, search: Search, fit: Fit) -> Setup:
+def _linearise_setup(setup: Setup, search: Search, fit: Fit) -> Setup:
     """The setup linearised about the joint fit in the full model: the columns depend on it."""
     model = corrected(setup, search.fitter.space, fit)
     changes = changes_of(acting(model.active, setup.data.measurements, setup.data.target))
     return moved_to(setup, {**setup.at, **model.free()}, changes)
 
 
-def _not_noise(selection: Selection, null_model: NullModel) -> tuple[Selection, NullModel]:
+def _select_without_autocorrelation(selection: Selection, null_model: NullModel) -> tuple[Selection, NullModel]:
     """The state with effects selected as if the noise were white, where that is much likelier.
 
     A strong effect along the path of the measurement looks like autocorrelated noise.
@@ -548,21 +558,21 @@ def _minus_log(fit: Fit, search: Search) -> float:
     return total
 
 
-def concluded(initial: NullModel, selection: Selection) -> Analysis:
+def conclude_analysis(initial: NullModel, selection: Selection) -> Analysis:
     """The analysis that ends with a selection: effects on the scatter, rivals, generic forms that
     displace effects, and the forms that remain.
     """
-    null_model, selection, scatter_effects = _given_scatter(initial, selection)
-    verdict, others = _tested(null_model, selection.fit)
+    null_model, selection, scatter_effects = _select_given_scatter(initial, selection)
+    verdict, others = _test_fit(null_model, selection.fit)
     preferred = first_of_confounded(selection.fit, others, initial.setup.data.target.population)
     if preferred is not None:
         selection = replace(selection, fit=preferred)
-        verdict, others = _tested(null_model, preferred)
+        verdict, others = _test_fit(null_model, preferred)
     batch_misfit = misfit(initial.batch, selection.fit, next(iter(scatter_effects), None))
     if batch_misfit is not None and batch_misfit.bent:
         null_model, scatter_effects = initial, ()
         selection = replace(selection, fit=initial.batch.unmoved(selection.fit))
-        verdict, others = _tested(initial, selection.fit)
+        verdict, others = _test_fit(initial, selection.fit)
     return Analysis(
         initial,
         null_model,
@@ -575,12 +585,12 @@ def concluded(initial: NullModel, selection: Selection) -> Analysis:
     )
 
 
-def _tested(null_model: NullModel, fit: Fit) -> tuple[Identified, list[Other]]:
+def _test_fit(null_model: NullModel, fit: Fit) -> tuple[Identified, list[Other]]:
     verdict = identified(null_model, fit)
     return verdict, rivals(null_model.search, fit, verdict.confirmed)
 
 
-def _given_scatter(initial: NullModel, selection: Selection) -> tuple[NullModel, Selection, tuple[Scatter, ...]]:
+def _select_given_scatter(initial: NullModel, selection: Selection) -> tuple[NullModel, Selection, tuple[Scatter, ...]]:
     """Select again given the effects on the scatter: a mixture moves the mean itself."""
     null_model, original = initial, selection
     if not initial.setup.laws or structured(initial, selection.fit):

@@ -14,7 +14,8 @@ from ...section import Array
 from .data import GapData
 from .fit import Fitter, Member
 from .linear import ConditionalGroups, Groups, unit
-from .scan import ALIKE, Dictionary
+from .scan import GAIN_TIE_TOLERANCE as ALIKE
+from .scan import Dictionary
 
 
 def block_labels(data: GapData) -> NDArray[np.int64]:
@@ -26,7 +27,7 @@ def block_labels(data: GapData) -> NDArray[np.int64]:
     return np.arange(n) * count // n
 
 
-SURE = 2.7
+EXCLUSION_GAIN = 2.7
 """Gain from which a value of a nonlinear parameter is excluded: chi square, 90 %."""
 RANK = 1e-7
 """Size of a direction of columns of unit length, relative to the largest, below which it is none.
@@ -71,7 +72,7 @@ class HeldOut:
         return np.asarray(np.bincount(labels, self.white**2), dtype=float)
 
 
-def held_out(training: Training, members: Sequence[Member]) -> HeldOut:
+def predict_held_out(training: Training, members: Sequence[Member]) -> HeldOut:
     """Every block predicted by a fit of the others; nonlinear parameters are fitted there too."""
     fitter, count = training.fitter, training.count
     white, folds = np.zeros(count), []
@@ -82,13 +83,13 @@ def held_out(training: Training, members: Sequence[Member]) -> HeldOut:
             x = np.hstack([fitter.base, *(fitter.white(member) for member in fold_members)])
             known[key] = x, Trained.of(x, fitter.y)
         x, trained = known[key]
-        coefficients = _admissible(trained.without(rows, fitter.y), fold_members, x, fitter.y, rows)
+        coefficients = _fit_within_bounds(trained.without(rows, fitter.y), fold_members, x, fitter.y, rows)
         white[rows] = fitter.y[rows] - x[rows] @ coefficients
         folds.append(Fold(rows, tuple(fold_members), coefficients))
     return HeldOut(white, fitter, tuple(folds))
 
 
-def _admissible(coefficients: Array, members: Sequence[Member], x: Array, y: Array, out: Rows) -> Array:
+def _fit_within_bounds(coefficients: Array, members: Sequence[Member], x: Array, y: Array, out: Rows) -> Array:
     """Coefficients (k,) within the bounds of the effects, fitted to all rows but `out`; free are
     those of effects whose size is a nonlinear parameter.
     """
@@ -184,7 +185,7 @@ class Training:
                 grid, kept = self.gains(by_block[blocks[0]], at, blocks)
                 best = np.argmax(grid >= (1.0 - ALIKE) * grid.max(axis=1, keepdims=True), axis=1)
                 for block, k, gains, kept_gain in zip(blocks, best, grid, kept[:, 0], strict=True):
-                    if gains[k] > kept_gain + SURE:
+                    if gains[k] > kept_gain + EXCLUSION_GAIN:
                         by_block[block][at] = self._dictionary.members[first + int(k)]
         return by_block
 

@@ -8,7 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import optimize, special
 
-from ...models.effects.measurements import Active, acting, added, changes_of
+from ...models.effects.measurements import Active, changes_of
+from ...models.effects.measurements import apply_output_actions as added
+from ...models.effects.measurements import effect_actions as acting
 from ...models.measurable import MeasurableModel
 from ...section import Array
 from .data import GapData
@@ -26,7 +28,7 @@ FEWEST = 12
 """Degrees of freedom of an interval from stretches, at least."""
 STRETCHES = 40
 """Stretches, at most."""
-NOTHING = 1e-6
+BOUND_TOLERANCE = 1e-6
 """Fraction of its neighbours' size below which a parameter is 0, or is at its bound."""
 STEPS, STEP, CONVERGED = 4, 1e-4, 1e-6
 """Gauss-Newton steps on all rows, relative step of a derivative, and change that ends them."""
@@ -157,13 +159,13 @@ def corrected(setup: Setup, space: Space, fit: Fit, plain: bool = False) -> Corr
     if len(x):
         residual, white = _residual(setup, used, model, scale), used.whiten(residual_of(setup, fit))
         fitted = least_squares(residual, x, (low, high), float(white @ white))
-        x, jacobian = _snapped(fitted.x, low, high), np.asarray(fitted.jac)
+        x, jacobian = _snap_to_bounds(fitted.x, low, high), np.asarray(fitted.jac)
         residuals = np.asarray(fitted.fun)
         if (np.abs(x) < STEP).any():  # relative steps fail at 0
             jacobian = _derivatives(residual, x, residuals, high)
     else:
         residuals = np.zeros(len(jacobian))
-    return _with_errors(model, (space, used), (x, scale), jacobian, residuals)
+    return _add_covariance(model, (space, used), (x, scale), jacobian, residuals)
 
 
 def least_squares(
@@ -179,20 +181,20 @@ def least_squares(
     return second if second.cost < first.cost else first
 
 
-def _snapped(x: Array, low: Array, high: Array) -> Array:
+def _snap_to_bounds(x: Array, low: Array, high: Array) -> Array:
     """Numbers (k,) moved onto the bounds that they nearly reach."""
-    x = np.where(np.isfinite(low) & (x - low < NOTHING), low, x)
-    return np.asarray(np.where(np.isfinite(high) & (high - x < NOTHING), high, x))
+    x = np.where(np.isfinite(low) & (x - low < BOUND_TOLERANCE), low, x)
+    return np.asarray(np.where(np.isfinite(high) & (high - x < BOUND_TOLERANCE), high, x))
 
 
-def _with_errors(
+def _add_covariance(
     model: Corrected, spaces: tuple[Space, Space], at: tuple[Array, Array], jacobian: Array, residuals: Array
 ) -> Corrected:
     """A corrected model at scaled numbers, with its covariance from the derivatives and the
     residuals (N,) there; `spaces` are that of the noise, and that of the fit.
     """
     (space, used), (x, scale) = spaces, at
-    empirical = _by_stretches(jacobian, residuals, space)
+    empirical = _clustered_covariance(jacobian, residuals, space)
     covariance = widened(_covariance(jacobian, space, used), empirical) * np.outer(scale, scale)
     freedom = max(min(space.count - len(scale), max(_stretches(space) - 1, FEWEST)), 1)
     return replace(model, values=x * scale, freedom=freedom)._with_covariance(covariance)
@@ -226,7 +228,7 @@ def _covariance(jacobian: Array, space: Space, used: Space) -> Array:
     return np.asarray(inverse @ middle @ inverse)
 
 
-def refitted(setup: Setup, space: Space, fit: Fit, model: Corrected) -> Corrected:
+def refit_corrected_model(setup: Setup, space: Space, fit: Fit, model: Corrected) -> Corrected:
     """A corrected model fitted to the many rows of another setup: Gauss-Newton steps from its
     present numbers, with derivatives computed column by column.
     """
@@ -243,7 +245,7 @@ def refitted(setup: Setup, space: Space, fit: Fit, model: Corrected) -> Correcte
         x = np.clip((x - step) * scale, low, high) / scale
         if float(np.abs(step).max(initial=0.0)) < CONVERGED:
             break
-    return _with_errors(renumbered, (space, space), (x, scale), jacobian, residuals)
+    return _add_covariance(renumbered, (space, space), (x, scale), jacobian, residuals)
 
 
 def _derivatives(residual: Callable[[Array], Array], x: Array, residuals: Array, high: Array) -> Array:
@@ -256,7 +258,7 @@ def _derivatives(residual: Callable[[Array], Array], x: Array, residuals: Array,
     return jacobian
 
 
-def _by_stretches(jacobian: Array, residuals: Array, space: Space) -> Array:
+def _clustered_covariance(jacobian: Array, residuals: Array, space: Space) -> Array:
     """Covariance from the residuals themselves, with stretches of the record as clusters.
 
     Reference: Liang and Zeger, Biometrika 73, 1986. Misfit that persists over rows widens it.
@@ -305,7 +307,7 @@ def _numbers(setup: Setup, fit: Fit) -> tuple[tuple[Number, ...], Array]:
                 continue
             value = values[parameter.name]
             size = max((abs(values[neighbour.name]) for neighbour in member.candidate.linear), default=0.0)
-            small = parameter.linear and abs(value) <= NOTHING * size
+            small = parameter.linear and abs(value) <= BOUND_TOLERANCE * size
             size = (size if small else abs(value)) or size or 1.0
             numbers.append(Number("effect", member.name, parameter.name, parameter.low, parameter.high, size))
             start.append(value)

@@ -15,12 +15,16 @@ import tomli_w
 
 from ... import registry
 from ...configuration.configuration import TABLE, Configuration
-from ...configuration.cost_files import with_files
+from ...configuration.cost_files import fill_files as with_files
 from ...configuration.parameters import GEAR, UNRESOLVED, check_gear, resolved_effects, resolved_gear
 from ...configuration.plugins import KEYS as LABELS
-from ...configuration.plugins import SENSE, ZERO, ModelClass, belongs, stranger
-from ...configuration.reader import PROBLEM_ONLY, build_model, read_table, rebuilt
-from ...configuration.source import Source, folder_of, load, overridden
+from ...configuration.plugins import SENSE, ZERO, ModelClass
+from ...configuration.plugins import foreign_model_message as stranger
+from ...configuration.plugins import model_belongs as belongs
+from ...configuration.reader import PROBLEM_ONLY, build_model, read_table
+from ...configuration.reader import rebuild_model as rebuilt
+from ...configuration.source import Source, folder_of, load
+from ...configuration.source import override_source as overridden
 from ...directory import kind_of, standing
 from ...errors import Fault, InputError, nearest, raise_all
 from ...models.effects.measurements import EXTRAS
@@ -28,8 +32,9 @@ from ...models.measurable import Column, MeasurableModel, MeasuredTable, Role
 from ...problems.settings import Labels
 from ...section import PLAIN, POSITIVE, Need, Output, Range, Section, completed, flat, shown
 from ...units import converted, split_unit
-from .drawing_configuration import Run, as_drawn
-from .next_points import inside
+from .drawing_configuration import Run
+from .drawing_configuration import apply_drawing as as_drawn
+from .next_points import rows_in_range as inside
 from .plan import GapPlan, GapSettings, NextPlan, Span
 
 # `[free]` of a gap analysis: what may be recalibrated, and by how much.
@@ -44,7 +49,7 @@ def read_free(top: Section, configuration: Configuration | None) -> dict[str, fl
             return {}
         return dict(kind.free_of(configuration.settings.parameters))
     stated = top.take("free")
-    known = _freeable(kind) if kind is not None else {}
+    known = _numeric_parameters(kind) if kind is not None else {}
     tolerances: dict[str, float | None] = {}
     for key, value in flat(stated).items() if isinstance(stated, dict) else ():
         if key not in known:
@@ -55,7 +60,7 @@ def read_free(top: Section, configuration: Configuration | None) -> dict[str, fl
     return {key: value for key, value in tolerances.items() if value is not None}
 
 
-def _freeable(kind: ModelClass) -> dict[str, str]:
+def _numeric_parameters(kind: ModelClass) -> dict[str, str]:
     """Unit by name of every parameter that is a number, those of tables by dotted name."""
     units: dict[str, str] = {}
     for parameter in kind.parameters:
@@ -97,7 +102,7 @@ def read_next(top: Section, model: MeasurableModel | None) -> NextPlan | None:
     section.finish()
     valid = {name: span for name, span in spans.items() if span is not None}
     if model is not None and valid and len(valid) == len(spans):
-        _reached(ranges, model, valid)
+        _range_faults(ranges, model, valid)
     return NextPlan(
         readings=NextPlan().readings if measurements is None else measurements,
         ranges=valid,
@@ -202,7 +207,7 @@ def _physical(section: Section, column: Column, model: MeasurableModel, span: Sp
             section.fault(column.name, f"{ends[wrong][0]:g} {text}; narrow the range")
 
 
-def _reached(section: Section, model: MeasurableModel, spans: dict[str, Span]) -> None:
+def _range_faults(section: Section, model: MeasurableModel, spans: dict[str, Span]) -> None:
     """A fault where no point of the ranges is in the range of the model."""
     steps = np.linspace(0.0, 1.0, STEPS)
     axes = [
@@ -379,7 +384,7 @@ def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | N
         drawing=drawing,
         labels=_labels(simulated, run),
     )
-    return _with_text(plan, table), faults
+    return _add_toml_text(plan, table), faults
 
 
 def _of_model(
@@ -531,7 +536,7 @@ def _noise(section: Section, outputs: Sequence[Output]) -> dict[str, float]:
     return {name: value for name, value in deviations.items() if value is not None}
 
 
-def _with_text(plan: GapPlan, table: Mapping[str, Any]) -> GapPlan:
+def _add_toml_text(plan: GapPlan, table: Mapping[str, Any]) -> GapPlan:
     """The plan with the TOML text that repeats it: as given, with the settings complete."""
     stated = {key: value for key, value in table.items() if key != "settings"}
     return replace(plan, configuration=tomli_w.dumps({**stated, "seed": plan.seed, "settings": asdict(plan.settings)}))

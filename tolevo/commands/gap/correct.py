@@ -17,16 +17,18 @@ from ...models.effects.instrument import Delay
 from ...models.inputs import Zone
 from ...section import Array
 from ...units import split_unit
-from .close import Corrected, refitted, widened
+from .close import Corrected, widened
+from .close import refit_corrected_model as refitted
 from .data import GapData
 from .fit import Fit, Fitter, Member, Space, is_term
-from .linear import projected_out
+from .linear import project_out as projected_out
 from .noise import Noise, outliers, size_follows
 from .plan import GapPlan
 from .population import Scatter
 from .records import FoundEffect
 from .result import Ending
-from .setup import moved_to, values_of
+from .setup import move_setup as moved_to
+from .setup import values_of
 from .unresolved import table_of
 
 
@@ -135,9 +137,9 @@ STEP = 1e-2
 """Relative step of a derivative."""
 CHANCE = 0.01
 """Probability that a single delay is taken for several."""
-LITTLE = 1e-6
+MIN_KIND_FRACTION = 1e-6
 """Fraction of the squares of all rows below which a kind of rows carries no information."""
-APART = 0.15
+MIN_DELAY_SCATTER = 0.15
 """Rms difference of the delays from their mean, as a fraction of it, from which a note is given."""
 STRETCHES = 40
 """Stretches of the record, the clusters of the residual."""
@@ -151,7 +153,7 @@ def uneven_delays(fitter: Fitter, fit: Fit, data: GapData) -> list[str]:
             continue
         q = fitter.spanned(fit.without(at))
         for name, late in member.shape.items():
-            if late != 0.0 and (delays := _uneven(fitter, fit, q, member, name, data)) is not None:
+            if late != 0.0 and (delays := _delays_by_kind(fitter, fit, q, member, name, data)) is not None:
                 sentences.append(_sentence(name, delays))
     return sentences
 
@@ -166,7 +168,7 @@ def _sentence(name: str, delays: Array) -> str:
     )
 
 
-def _uneven(fitter: Fitter, fit: Fit, q: Array, member: Member, name: str, data: GapData) -> Array | None:
+def _delays_by_kind(fitter: Fitter, fit: Fit, q: Array, member: Member, name: str, data: GapData) -> Array | None:
     """The delays (4,) of each kind of rows; None where they may be the same.
 
     Wald's test of equal delays. Their covariance is the larger of two: white noise at the level of
@@ -178,9 +180,9 @@ def _uneven(fitter: Fitter, fit: Fit, q: Array, member: Member, name: str, data:
     slope = (longer - shorter) / (2.0 * STEP * late)
     parts = [fitter.space.whiten(np.where(kind, slope, 0.0)) for kind in _kinds(slope, data).T]
     g = projected_out(np.column_stack(parts), q)
-    if (np.sum(g**2, axis=0) < LITTLE * np.sum(g**2)).any():
+    if (np.sum(g**2, axis=0) < MIN_KIND_FRACTION * np.sum(g**2)).any():
         return None
-    corrections, covariance = _estimated(g, fit.residual)
+    corrections, covariance = _estimate_coefficients(g, fit.residual)
     contrast = np.eye(len(corrections))[1:] - np.eye(len(corrections))[0]
     differences = contrast @ corrections
     spread = contrast @ covariance @ contrast.T
@@ -188,7 +190,7 @@ def _uneven(fitter: Fitter, fit: Fit, q: Array, member: Member, name: str, data:
     weights = np.sum(g**2, axis=0) / np.sum(g**2)
     scatter = np.sqrt(float(weights @ (corrections - weights @ corrections) ** 2))
     limit = float(special.fdtri(len(differences), STRETCHES - 1, 1.0 - CHANCE))
-    return late + corrections if statistic > limit and scatter > APART * abs(late) else None
+    return late + corrections if statistic > limit and scatter > MIN_DELAY_SCATTER * abs(late) else None
 
 
 def _kinds(slope: Array, data: GapData) -> Array:
@@ -203,7 +205,7 @@ def _kinds(slope: Array, data: GapData) -> Array:
     return kinds
 
 
-def _estimated(g: Array, residual: Array) -> tuple[Array, Array]:
+def _estimate_coefficients(g: Array, residual: Array) -> tuple[Array, Array]:
     """Least squares of columns (N, 4) on a residual (N,): coefficients and their covariance."""
     inverse = np.linalg.pinv(g.T @ g, rcond=1e-12)
     coefficients = inverse @ (g.T @ residual)
@@ -219,11 +221,11 @@ def _estimated(g: Array, residual: Array) -> tuple[Array, Array]:
 
 WANDERS = 3.0
 """Standard errors from which neighbouring rows count as autocorrelated."""
-MOST = 200_000
+MAX_NOISE_ROWS = 200_000
 """Rows from which the size of the noise is estimated, at most."""
 
 
-def on_all_rows(end: Ending, full: GapData) -> Ending:
+def fit_all_rows(end: Ending, full: GapData) -> Ending:
     """The result with its parameters fitted to all rows, and intervals that shrink accordingly.
 
     The effects and the generic terms are those of the search; their parameters, the noise and its
@@ -256,7 +258,7 @@ def _noise(end: Ending, full: GapData, at: int, residual: Array) -> Noise:
 
 def _size(full: GapData, residual: Array, good: np.ndarray) -> Array:
     """The relative size (n,) of the noise, where it depends on an input."""
-    rows = np.linspace(0, len(full) - 1, min(len(full), MOST)).astype(np.int64)
+    rows = np.linspace(0, len(full) - 1, min(len(full), MAX_NOISE_ROWS)).astype(np.int64)
     inputs = values_of(full.some(rows))
     follows = size_follows(residual[rows], inputs, good[rows])
     if follows is None:

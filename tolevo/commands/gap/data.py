@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from ...errors import Fault
 from ...models.effects import Measurements, Target
-from ...models.effects.measurements import SESSION, measurements_of, own_clocks, target_from
+from ...models.effects.measurements import SESSION, measurements_of, target_from
+from ...models.effects.measurements import has_session_clocks as own_clocks
 from ...models.measurable import Column, Role
 from ...section import Array, Output
 from ...units import converted, dimension
@@ -23,12 +24,12 @@ from .plan import GapPlan
 
 LATE = 0.05
 """Fraction of its span by which the start of a clock may differ from 0."""
-FEW = 0.02
+MAX_BACKSTEP_FRACTION = 0.02
 """Fraction of a session's rows up to which a clock that goes back was reset; above it the rows are
 in disorder."""
 
 
-def in_time(frame: pd.DataFrame, columns: Sequence[Column], notes: list[str]) -> pd.DataFrame:
+def sort_by_time(frame: pd.DataFrame, columns: Sequence[Column], notes: list[str]) -> pd.DataFrame:
     """The rows in the order of measuring: by the clock, or by session where each has a clock."""
     time = clock_of(columns, frame)
     if time is None:
@@ -37,7 +38,7 @@ def in_time(frame: pd.DataFrame, columns: Sequence[Column], notes: list[str]) ->
     steps = _steps(frame, time, separate_clocks)
     if count := int((steps < 0).sum()):
         notes.append(f"{time} goes back {count} times; the rows were put in the order of {time}")
-        frame = _sorted(frame, time, separate_clocks)
+        frame = _sort_rows(frame, time, separate_clocks)
         steps = _steps(frame, time, separate_clocks)
     if separate_clocks:
         notes.append(
@@ -57,7 +58,7 @@ def clock_of(columns: Sequence[Column], frame: pd.DataFrame) -> str | None:
     return next((c.name for c in columns if c.role is Role.TIME and c.name in frame), None)
 
 
-def late(frame: pd.DataFrame, columns: Sequence[Column]) -> list[str]:
+def late_clock_messages(frame: pd.DataFrame, columns: Sequence[Column]) -> list[str]:
     """Messages about clocks that do not begin near 0, from where effects count the time."""
     clocks = [(c, frame[c.name].to_numpy(dtype=float)) for c in columns if c.role is Role.TIME and c.name in frame]
     return [
@@ -76,7 +77,7 @@ def clock_faults(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> 
     for label, part in frame.groupby(SESSION, sort=False):
         t = part[time].to_numpy(dtype=float)
         back = np.flatnonzero(np.diff(t) < 0.0) + 1
-        if 0 < len(back) <= max(1.0, FEW * len(t)):
+        if 0 < len(back) <= max(1.0, MAX_BACKSTEP_FRACTION * len(t)):
             rows = ", ".join(str(part.index[at]) for at in back[:5])
             text = (
                 f"is set back within {SESSION} {label}, at row {rows}: a session has one clock; give the "
@@ -95,7 +96,7 @@ def _steps(frame: pd.DataFrame, time: str, separate_clocks: bool) -> NDArray[Any
     return np.asarray(steps[label[1:] == label[:-1]])
 
 
-def _sorted(frame: pd.DataFrame, time: str, separate_clocks: bool) -> pd.DataFrame:
+def _sort_rows(frame: pd.DataFrame, time: str, separate_clocks: bool) -> pd.DataFrame:
     if not separate_clocks:
         return frame.sort_values(time, kind="stable")
     number = pd.Series(pd.factorize(frame[SESSION])[0], index=frame.index)
@@ -157,21 +158,23 @@ class GapData:
         """The same data at some of the rows."""
         return replace(
             self,
-            measurements=_in_order(measurements_of(self.target.columns, _some(self.measurements.table, rows))),
-            measured=_some(self.measured, rows),
-            predicted=_some(self.predicted, rows),
-            std=_some(self.std, rows),
+            measurements=_order_measurements(
+                measurements_of(self.target.columns, _select_rows(self.measurements.table, rows))
+            ),
+            measured=_select_rows(self.measured, rows),
+            predicted=_select_rows(self.predicted, rows),
+            std=_select_rows(self.std, rows),
             rows=self.rows[rows],
             blocks=None if self.blocks is None else self.blocks[rows],
             repeats=None if self.repeats is None else self.repeats[rows],
         )
 
 
-def _some(values: Mapping[str, NDArray[Any]], rows: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
+def _select_rows(values: Mapping[str, NDArray[Any]], rows: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
     return {name: column[rows] for name, column in values.items()}
 
 
-def assembled(
+def assemble_data(
     plan: GapPlan,
     frame: pd.DataFrame,
     columns: tuple[Column, ...],
@@ -184,7 +187,7 @@ def assembled(
 
     `predictions` and `stds` name the column of an output; both are brought to the output's unit.
     """
-    frame = in_time(frame, columns, notes)
+    frame = sort_by_time(frame, columns, notes)
     names = [*(c.name for c in columns), *([SESSION] if SESSION in frame else [])]
     table = {name: frame[name].to_numpy() for name in names}
     units = {o.name: o.unit for o in outputs}
@@ -196,14 +199,14 @@ def assembled(
         target = replace(target, several=len(plan.model.outputs) > 1)
     return GapData(
         target=target,
-        measurements=_in_order(measurements_of(columns, table)),
+        measurements=_order_measurements(measurements_of(columns, table)),
         measured={n: _sense(plan, n) * frame[n].to_numpy(dtype=float) for n in units},
         predicted={
-            name: _sense(plan, column) * _converted(frame[column], _unit(plan, column, units[name]), units[name])
+            name: _sense(plan, column) * _convert_values(frame[column], _unit(plan, column, units[name]), units[name])
             for name, column in predictions.items()
         },
         std={
-            name: _converted(frame[column], _unit(plan, column, units[name]), units[name], True)
+            name: _convert_values(frame[column], _unit(plan, column, units[name]), units[name], True)
             for name, column in stds.items()
         },
         rows=frame.index.to_numpy(),
@@ -214,7 +217,7 @@ def assembled(
     )
 
 
-def _in_order(measurements: Measurements) -> Measurements:
+def _order_measurements(measurements: Measurements) -> Measurements:
     """Measurements whose rows are in the order of measuring, independent of the clocks of sessions."""
     return replace(measurements, order=None)
 
@@ -230,7 +233,7 @@ def _unit(plan: GapPlan, column: str, unit: str) -> str:
     return unit if declared is None or not declared.unit else declared.unit
 
 
-def _converted(values: pd.Series[Any], unit: str, wanted: str, scale_only: bool = False) -> Array:
+def _convert_values(values: pd.Series[Any], unit: str, wanted: str, scale_only: bool = False) -> Array:
     zero = converted(0.0, unit, wanted) if scale_only else 0.0
     return np.asarray(converted(values.to_numpy(dtype=float), unit, wanted) - zero, dtype=float)
 
@@ -254,11 +257,11 @@ def _zeros(target: Target) -> tuple[str, ...]:
 
 SEVERAL = 3
 """Least number of units of a model of single units, each perhaps under several conditions."""
-LEAST = 12
+MIN_UNITS = 12
 """Rows, or units of a batch, below which nothing is distinguishable from noise."""
 
 
-def numbered(cells: pd.DataFrame, columns: Sequence[Column], place: str, notes: list[str]) -> pd.DataFrame:
+def number_units(cells: pd.DataFrame, columns: Sequence[Column], place: str, notes: list[str]) -> pd.DataFrame:
     """The cells with a number for each unit. Labels such as RG20-1203 are numbered in their order
     unless the model takes names; without a column of units every row is a unit.
     """
@@ -281,7 +284,7 @@ def numbered(cells: pd.DataFrame, columns: Sequence[Column], place: str, notes: 
     return cells.assign(**{name: pd.Series(number + 1, index=filled.index).reindex(cells.index)})
 
 
-def one_per_unit(
+def average_repeats(
     frame: pd.DataFrame, columns: Sequence[Column], place: str, notes: list[str]
 ) -> tuple[pd.DataFrame, list[Fault]]:
     """The table with one row per unit, the mean of its repeats; a fault where units are too few.
@@ -292,12 +295,13 @@ def one_per_unit(
     labels = [c.name for c in columns if c.role in (Role.UNIT, Role.LOT) and c.name in frame]
     if not labels:
         return frame, []
-    if faults := _several_per_unit(frame, columns, place):
+    if faults := _repeated_unit_faults(frame, columns, place):
         return frame, faults
     number = frame.groupby(labels, sort=False, dropna=False).ngroup().to_numpy()
     units, rows = len(np.unique(number)), len(frame)
-    if units < LEAST:
-        text = f"holds {units} units in {rows} rows: cannot tell with n = {units}; a batch needs at least {LEAST} units"
+    if units < MIN_UNITS:
+        needs = f"a batch needs at least {MIN_UNITS} units"
+        text = f"holds {units} units in {rows} rows: cannot tell with n = {units}; {needs}"
         return frame, [Fault(place, text)]
     repeat = next((c.name for c in columns if c.role is Role.REPEAT and c.name in frame), None)
     if units < rows and repeat is None:
@@ -314,7 +318,7 @@ def one_per_unit(
     return means.set_axis(frame.index[~pd.Series(number).duplicated().to_numpy()]), []
 
 
-def _several_per_unit(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> list[Fault]:
+def _repeated_unit_faults(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> list[Fault]:
     """Faults of columns that make a row one of many measurements of a unit, which have no law."""
     text = (
         "a batch is compared by one measurement of each unit: give the largest (or the mean) of its "
@@ -329,7 +333,7 @@ def of_one_measurement(column: Column) -> bool:
     return column.role is Role.INPUT
 
 
-def too_few(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> list[Fault]:
+def too_few_units_fault(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> list[Fault]:
     """A fault where a model that needs the units' labels has only one or two units."""
     name = next((c.name for c in columns if c.role is Role.UNIT and c.needed), None)
     if name is None or name not in frame or frame.empty:

@@ -78,9 +78,9 @@ def _allocation(path: Path, name: str, point: Any, variables: Mapping[str, Varia
         path = home / (FRONT if isinstance(point, int) else ALLOCATION)
     frame = tables.opened_whole(path, path.name, tables.NO_OPTIONS).cells
     if set(CHOICE) <= set(frame):
-        values, origin = _of_choices(frame, path.name, point)
+        values, origin = _values_of_choice(frame, path.name, point)
     else:
-        values, origin = _of_designs(frame, path.name, point, path.name == FRONT and run is not None)
+        values, origin = _values_of_design(frame, path.name, point, path.name == FRONT and run is not None)
     _check(values, path.name, variables)
     return Built({k: float(v) for k, v in values.items()}, f"{name}, {origin}", run)
 
@@ -94,7 +94,7 @@ def _run_of(folder: Path) -> Configuration | None:
     return configuration if configuration.problem is not None else None
 
 
-def _of_choices(frame: pd.DataFrame, place: str, point: Any) -> tuple[dict[str, Any], str]:
+def _values_of_choice(frame: pd.DataFrame, place: str, point: Any) -> tuple[dict[str, Any], str]:
     """The rounded values of one chosen point of `allocation.csv`."""
     by = {(str(label), str(at)): part for (label, at), part in frame.groupby(["choice", "point"], sort=False)}
     names = ", ".join(label for label, _ in by)
@@ -116,7 +116,7 @@ def _of_choices(frame: pd.DataFrame, place: str, point: Any) -> tuple[dict[str, 
     return dict(zip(chosen[0]["variable"], chosen[0]["rounded"], strict=True)), f"point {label_of_point}"
 
 
-def _of_designs(frame: pd.DataFrame, place: str, point: Any, front: bool) -> tuple[dict[str, Any], str]:
+def _values_of_design(frame: pd.DataFrame, place: str, point: Any, front: bool) -> tuple[dict[str, Any], str]:
     """One row of a table of designs. Rows are counted from 1, those of a front from 0."""
     first = 0 if front else 1
     if point is None and len(frame) > 1:
@@ -161,7 +161,7 @@ def _check(values: dict[str, Any], place: str, variables: Mapping[str, Variable]
         del values[name]
 
 
-CLOSE = 1e-9
+RELATIVE_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -251,7 +251,7 @@ def check_values(
 def _values_equal(first: Value, second: Value) -> bool:
     """Whether two values are equal, numbers up to rounding."""
     if isinstance(first, int | float) and isinstance(second, int | float):
-        return math.isclose(first, second, rel_tol=CLOSE, abs_tol=1e-12)
+        return math.isclose(first, second, rel_tol=RELATIVE_TOLERANCE, abs_tol=1e-12)
     if isinstance(first, tuple | list) and isinstance(second, tuple | list):
         return len(first) == len(second) and all(map(_values_equal, first, second))
     return first == second
@@ -266,10 +266,12 @@ BUILT = (
     "run's directory) the zones that the units were made to"
 )
 DEFAULT = "the model's default"
-HERE = "this configuration"
+OWN_CONFIGURATION = "this configuration"
 
 
-def as_drawn(top: Section, base: Configuration, run: Run | None, folder: Path) -> tuple[Configuration, Drawing | None]:
+def apply_drawing(
+    top: Section, base: Configuration, run: Run | None, folder: Path
+) -> tuple[Configuration, Drawing | None]:
     """`base` with the drawing of `run` and the allocation of `built_to`, and a record of both.
 
     A model whose units are made to no drawing is returned unchanged. Everything in the gap
@@ -282,19 +284,19 @@ def as_drawn(top: Section, base: Configuration, run: Run | None, folder: Path) -
             top.fault("built_to", f"is for models of units made to a drawing, not {base.model_name}")
         return base, None
     if base.problem is not None:
-        run = Run(HERE, base)
+        run = Run(OWN_CONFIGURATION, base)
     built = read_built(top, folder, _variables_of(kind, run)) or Built()
     if run is None and built.run is not None:
         run = Run(built.source.split(",")[0], built.run)
-    stated = _stated_here(top, kind, base)
+    stated = _own_settings(top, kind, base)
     if run is not None:
         check_pair(top, run, built)
         if base.problem is None:
             check_stated(top, stated, run, built, kind.of_the_bench)
-        base = _with_run(base, kind, stated, run.configuration)
+        base = _apply_run(base, kind, stated, run.configuration)
     elif built.values:
         check_values(top, stated.variables, built, {})
-    configuration = _with_values(base, kind, built.values, "run" in top)
+    configuration = _apply_allocation(base, kind, built.values, "run" in top)
     return configuration, _drawing(configuration, kind, stated, run, built)
 
 
@@ -307,7 +309,7 @@ def _variables_of(kind: ModelClass, run: Run | None) -> tuple[Variable, ...]:
     return tuple(registry.load("problems", kind.corrects[0]).declaration.variables)
 
 
-def _stated_here(top: Section, kind: ModelClass, base: Configuration) -> Stated:
+def _own_settings(top: Section, kind: ModelClass, base: Configuration) -> Stated:
     """Parameters, variables and effects that are given here; their faults are reported already."""
     parameters = read_parameters(top.collecting("parameters", []), kind.parameters)
     section = top.collecting("variables", [])
@@ -319,7 +321,7 @@ def _stated_here(top: Section, kind: ModelClass, base: Configuration) -> Stated:
 # -------------------------------------------------------------------- put together
 
 
-def _with_run(base: Configuration, kind: ModelClass, stated: Stated, run: Configuration) -> Configuration:
+def _apply_run(base: Configuration, kind: ModelClass, stated: Stated, run: Configuration) -> Configuration:
     """The model at the run's drawing, with what this configuration adds to it."""
     if run is base:
         return base
@@ -329,7 +331,7 @@ def _with_run(base: Configuration, kind: ModelClass, stated: Stated, run: Config
     parameters |= stated.parameters
     variables = dict(base.settings.variables)
     for name in variables.keys() & run.settings.variables.keys():
-        variables[name] = _merged(variables[name], run.settings.variables[name], stated.variables.get(name))
+        variables[name] = _merge_variable(variables[name], run.settings.variables[name], stated.variables.get(name))
     active_here = {active.effect.name for active in base.settings.effects}
     of_run = _effects_of(run.settings, kind, base.model_name)
     effects = (*(active for active in of_run if active.effect.name not in active_here), *base.settings.effects)
@@ -349,7 +351,7 @@ def _effects_of(run: Settings, kind: ModelClass, model: str) -> Iterator[Active]
                     yield Active(effect, {quantity.name: float(value)})
 
 
-def _merged(base: VariableSetting, run: VariableSetting, stated: VariableSetting | None) -> VariableSetting:
+def _merge_variable(base: VariableSetting, run: VariableSetting, stated: VariableSetting | None) -> VariableSetting:
     """A variable of the model: mid-limit and distribution of the run, its value where it is
     fixed, or the value that is given here.
     """
@@ -360,7 +362,9 @@ def _merged(base: VariableSetting, run: VariableSetting, stated: VariableSetting
     return replace(base, value=value, mid=mid, distribution=run.distribution, sample=run.sample)
 
 
-def _with_values(base: Configuration, kind: ModelClass, values: Mapping[str, float], of_a_run: bool) -> Configuration:
+def _apply_allocation(
+    base: Configuration, kind: ModelClass, values: Mapping[str, float], of_a_run: bool
+) -> Configuration:
     """The model at an allocation. `resolved` states all of it, except for the effects where a
     configuration `of_a_run` states them.
     """
@@ -392,12 +396,12 @@ def _drawing(configuration: Configuration, kind: ModelClass, stated: Stated, run
     zones = _zones(settings, kind, run, built)
     return Drawing(
         configuration.model_name,
-        run.name if run else HERE if drawn_here else DEFAULT,
+        run.name if run else OWN_CONFIGURATION if drawn_here else DEFAULT,
         _allocation_from(stated, run, built, zones),
         geometry,
         zones,
         tuple(active.effect.name for active in settings.effects),
-        _assumed(stated, run, built, zones, drawn_here),
+        _unstated_settings(stated, run, built, zones, drawn_here),
     )
 
 
@@ -407,14 +411,16 @@ def _allocation_from(stated: Stated, run: Run | None, built: Built, zones: tuple
         by_default = [zone.variable for zone in zones if zone.variable not in built.values]
         return f"{built.source} ({', '.join(by_default)}: {DEFAULT})" if by_default else built.source
     if any(setting.value is not None for setting in stated.variables.values()):
-        return f"{HERE}, and {DEFAULT}"
+        return f"{OWN_CONFIGURATION}, and {DEFAULT}"
     problem = run.configuration.problem if run else None
     return (
         f"{run.name} where it fixes them, and {DEFAULT}" if run and problem is not None and problem.fixed else DEFAULT
     )
 
 
-def _assumed(stated: Stated, run: Run | None, built: Built, zones: tuple[DrawnZone, ...], drawn_here: bool) -> str:
+def _unstated_settings(
+    stated: Stated, run: Run | None, built: Built, zones: tuple[DrawnZone, ...], drawn_here: bool
+) -> str:
     """What the configuration does not state, and how to; empty where it states everything."""
     problem = None if run is None else run.configuration.problem
     whole = problem is not None and len(problem.fixed) == len(problem.variables)

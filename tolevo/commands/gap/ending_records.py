@@ -28,7 +28,7 @@ UNIMITATED = 0.01
 SEPARATED = 4
 """Number of rivals for which a separating measurement is searched."""
 SUPPLIERS = "note the supplier of each lot: a second supplier has the same offset in all of its lots"
-MORE = "measure more units of one lot: a mixture has two peaks or a shoulder, a wider spread has one peak"
+MORE_UNITS_ADVICE = "measure more units of one lot: a mixture has two peaks or a shoulder, a wider spread has one peak"
 
 
 def gate(end: Ending) -> Gate:
@@ -56,7 +56,7 @@ def gate(end: Ending) -> Gate:
                 uncertainty=noise.level * 2.0 / np.sqrt(len(setup.data)),
             )
         )
-    return Gate(tuple(output_gates), recalibrated(end), *detectable(end))
+    return Gate(tuple(output_gates), recalibrated(end), *detectable_sizes(end))
 
 
 def recalibrated(end: Ending) -> tuple[Recalibrated, ...]:
@@ -68,7 +68,7 @@ def recalibrated(end: Ending) -> tuple[Recalibrated, ...]:
     return tuple(records)
 
 
-def detectable(end: Ending) -> tuple[tuple[Detectable, ...], tuple[str, ...]]:
+def detectable_sizes(end: Ending) -> tuple[tuple[Detectable, ...], tuple[str, ...]]:
     """The smallest size at which each effect is detected with probability 0.9, and the names of the
     effects that are undetectable because the free columns span them.
     """
@@ -109,10 +109,10 @@ def scores(end: Ending) -> tuple[Score, ...]:
 def effects(end: Ending, spread: Spread | None) -> tuple[FoundEffect, ...]:
     """The identified effects, with intervals and evidence."""
     moving = [_effect(end, at, spread) for at in end.identified]
-    return (*moving, *(_of_scatter(scatter_effect) for scatter_effect in end.analysis.scatter[:1]))
+    return (*moving, *(_scatter_record(scatter_effect) for scatter_effect in end.analysis.scatter[:1]))
 
 
-def _of_scatter(scatter_effect: Scatter) -> FoundEffect:
+def _scatter_record(scatter_effect: Scatter) -> FoundEffect:
     """An effect on the scatter of a batch; its held-out gain is twice a log likelihood ratio."""
     effect = scatter_effect.candidate.effect
     return FoundEffect(
@@ -153,12 +153,12 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
         at_bound=tuple(
             p.name
             for p in member.candidate.parameters
-            if not p.choices and _at_bound(values[p.name], p.low, p.high, several)
+            if not p.choices and _is_at_bound(values[p.name], p.low, p.high, several)
         ),
     )
 
 
-def _at_bound(value: float, low: float, high: float, several: bool) -> bool:
+def _is_at_bound(value: float, low: float, high: float, several: bool) -> bool:
     """Whether a parameter is at a physical bound; 0 is one below if the effect has several sizes."""
     width, stops = abs(value) * 1e-6, np.isfinite(low) and (low != 0.0 or several)
     return bool((np.isfinite(high) and value >= high - width) or (stops and value <= low + width))
@@ -196,7 +196,7 @@ def rival_records(
         rivals.append(Rival(("lot_mixture",), ("lot_offset",), 0.0, Measurement(SUPPLIERS)))
     for scatter_rival in end.analysis.scatter[1:]:
         names, instead = exchanged_names(end.analysis.scatter[0], scatter_rival)
-        measurement = planned.get((names, instead), Measurement(MORE))
+        measurement = planned.get((names, instead), Measurement(MORE_UNITS_ADVICE))
         rivals.append(Rival(names, instead, scatter_rival.distance, measurement))
     return tuple(rivals)
 
@@ -219,14 +219,14 @@ def residual_table(end: Ending, full: GapData) -> pd.DataFrame:
         frame[f"{name}_after"] = measured - after[name]
         for which, of, held in (("before", start.setup, end.before), ("after", setup, end.after)):
             part = (of.residual - held.fitted)[setup.data.rows_of(at)]
-            frame[f"{name}_{which}_held_out"] = _at_rows(part, used, len(full))
-        frame[f"{name}_noise"] = _at_rows(noise.sigma, used, len(full))
+            frame[f"{name}_{which}_held_out"] = _spread_to_rows(part, used, len(full))
+        frame[f"{name}_noise"] = _spread_to_rows(noise.sigma, used, len(full))
         frame[f"{name}_outlier"] = ~outliers(measured - after[name], np.full(len(full), noise.level))
-    frame["block"] = _at_rows(end.analysis.search.labels[: len(setup.data)].astype(float), used, len(full))
+    frame["block"] = _spread_to_rows(end.analysis.search.labels[: len(setup.data)].astype(float), used, len(full))
     return frame
 
 
-def _at_rows(values: Array, rows: NDArray[np.int64], count: int) -> Array:
+def _spread_to_rows(values: Array, rows: NDArray[np.int64], count: int) -> Array:
     column = np.full(count, np.nan)
     column[rows] = values
     return column

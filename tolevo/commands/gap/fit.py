@@ -10,12 +10,13 @@ from operator import itemgetter
 import numpy as np
 from scipy import optimize
 
-from ...journal import recalled
+from ...journal import recall_arrays as recalled
 from ...models.effects import EffectParameter
 from ...models.effects.unresolved import Unresolved
 from ...section import Array
 from .library import Candidate, Columns
-from .linear import ConditionalGroups, Groups, basis, projected_out, unit
+from .linear import ConditionalGroups, Groups, basis, unit
+from .linear import project_out as projected_out
 from .noise import Noise
 
 # Whitened space: the outputs one below the other, each divided by its own noise.

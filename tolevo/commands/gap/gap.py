@@ -18,7 +18,7 @@ from ... import page_data
 from ...directory import owned
 from ...execution import Execution
 from ...files import csv_text, write_bytes, write_text
-from ...journal import recorded
+from ...journal import recording_steps as recorded
 from ...models.effects.measurements import Active, predicted
 from ...models.measurable import MeasurableModel, Role
 from ...page.drawing import as_png, as_svg
@@ -26,23 +26,30 @@ from ...page_data import as_json
 from ...records import Axis, mechanism_lines
 from ...section import Array
 from .analysis import Analysis, analysed
-from .correct import corrected_toml, in_problem, on_all_rows, uneven_delays, zeros_with
+from .correct import corrected_toml, in_problem, uneven_delays, zeros_with
+from .correct import fit_all_rows as on_all_rows
 from .data import GapData
 from .ending_records import effects, gate, recalibrated, residual_table, rival_records, scores
 from .fit import Fit
-from .locate import along, of_inside, regions, shapes, spectrum
+from .locate import along, regions, shapes, spectrum
+from .locate import regions_of_prediction as of_inside
 from .next_measurement import next_measurement
 from .page import drawings, gap_page
-from .plan import GapPlan, GapProgress, Report, silent
+from .plan import GapPlan, GapProgress, Report
+from .plan import ignore_progress as silent
 from .population import Misfit
 from .populations import attribution_of, compared, inputs_instead, summary_messages
 from .read import unlikely_numbers
 from .records import FoundEffect, GapResult, Region, Rival, Shape
-from .remainder import OF_ROWS, gaps, never_worse, remainder_of, removed_from, terms_of
-from .result import Ending, ended
+from .remainder import OF_ROWS, gaps, never_worse, remainder_of, terms_of
+from .remainder import removed_effects as removed_from
+from .result import Ending
+from .result import finish_analysis as ended
 from .scan import generic_residual
-from .setup import prepared, residual_of
-from .uncertainty import Replicates, Spread, bootstrap, identity_of, is_complete, opened
+from .setup import prepare_setup as prepared
+from .setup import residual_of
+from .uncertainty import Replicates, Spread, bootstrap, identity_of, is_complete
+from .uncertainty import open_replicates as opened
 
 # Quantiles of the units of a batch: measured, and of the model before and after correction.
 
@@ -50,7 +57,7 @@ from .uncertainty import Replicates, Spread, bootstrap, identity_of, is_complete
 COLUMNS = ("output", "share", "measured", "before", "after")
 DRAWN = 20_000
 """Least number of units drawn from a model."""
-MOST = 400
+MAX_DRAWN_UNITS = 400
 """Largest number of quantiles of a distribution."""
 
 
@@ -64,10 +71,10 @@ def spread_of_units(data: GapData, end: Ending) -> pd.DataFrame:
     if plan.model is None or not data.target.population:
         return pd.DataFrame({name: [] for name in COLUMNS})
     scatter = [effect.active for effect in end.analysis.scatter[:1]]
-    before = _drawn(plan, data, plan.model, plan.active, plan.zero)
+    before = _draw_units(plan, data, plan.model, plan.active, plan.zero)
     model = plan.rebuild(end.model.free()) if plan.rebuild and end.model.free() else plan.model
-    after = _drawn(plan, data, model, (*scatter, *plan.active, *end.model.active), zeros_with(plan, end.model))
-    count = min(MOST, len(data))
+    after = _draw_units(plan, data, model, (*scatter, *plan.active, *end.model.active), zeros_with(plan, end.model))
+    count = min(MAX_DRAWN_UNITS, len(data))
     fractions = (np.arange(count) + 0.5) / count
     sides = {"measured": data.measured, "before": before, "after": after}
     parts = [
@@ -80,7 +87,7 @@ def spread_of_units(data: GapData, end: Ending) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True)
 
 
-def _drawn(
+def _draw_units(
     plan: GapPlan, data: GapData, model: MeasurableModel, effects: Sequence[Active], zero: Mapping[str, float]
 ) -> dict[str, Array]:
     """Units (m,) drawn at the inputs of the data, equally many at each."""
@@ -95,13 +102,13 @@ def _drawn(
 # Recalibration so large that it may hide a cause.
 
 
-RECALIBRATION_FAR = 0.5
+MAX_RECALIBRATION_MOVE = 0.5
 """Fraction of its tolerance from which a parameter has moved far."""
-SURE = 4.0
+MOVE_IN_ERRORS = 4.0
 """Number of standard errors that it must have moved."""
 
 
-def moved_far(end: Ending) -> str:
+def far_move_note(end: Ending) -> str:
     """The note on parameters that moved far and beyond their errors; empty where none has."""
     model = end.model
     pairs = zip(model.numbers, model.errors.tolist(), strict=True)
@@ -115,13 +122,15 @@ def moved_far(end: Ending) -> str:
 def recalibration_message(moves: Iterable[tuple[str, float, float, float]]) -> str:
     """The same note from names, moves, tolerances and standard errors."""
     far = [
-        name for name, move, tolerance, error in moves if abs(move) > max(RECALIBRATION_FAR * tolerance, SURE * error)
+        name
+        for name, move, tolerance, error in moves
+        if abs(move) > max(MAX_RECALIBRATION_MOVE * tolerance, MOVE_IN_ERRORS * error)
     ]
     if not far:
         return ""
     return (
-        f"recalibrated by more than {100 * RECALIBRATION_FAR:.0f} % of its tolerance: {', '.join(far)}; with an empty "
-        "[free] this would be a gap, and its effect would be identified if the library contains it"
+        f"recalibrated by more than {100 * MAX_RECALIBRATION_MOVE:.0f} % of its tolerance: {', '.join(far)}; with an "
+        "empty [free] this would be a gap, and its effect would be identified if the library contains it"
     )
 
 
@@ -132,7 +141,7 @@ def shape_records(end: Ending) -> tuple[Shape, ...]:
     """The forms that are significant given the final fit, as records."""
     analysis, search = end.analysis, end.analysis.search
     generic = analysis.null_model.generic
-    misfit_shapes = () if analysis.misfit is None else (_of_misfit(end, analysis.misfit),)
+    misfit_shapes = () if analysis.misfit is None else (_misfit_record(end, analysis.misfit),)
     settled = not analysis.identified.withdrawn and not end.remains and not analysis.identified.significant
     if not analysis.significant or (end.identified and settled):
         return misfit_shapes
@@ -140,21 +149,18 @@ def shape_records(end: Ending) -> tuple[Shape, ...]:
     remaining = generic_residual(fit, search.fitter, generic)
     records = shapes(end.setup, search, generic, remaining, fit, removed_from(analysis))
     if end.verdict == "unnamed" and end.setup.plan.settings.empirical:
-        records = tuple(_with_formula(end, shape, fit) for shape in records)
+        records = tuple(_add_formula(end, shape, fit) for shape in records)
     return (*misfit_shapes, *records)
 
 
-def _with_formula(end: Ending, shape: Shape, fit: Fit) -> Shape:
+def _add_formula(end: Ending, shape: Shape, fit: Fit) -> Shape:
     text = _formula(end, shape, fit)
     return replace(shape, empirical=text, text=f"{shape.text}; empirical: {text}") if text else shape
 
 
 def _formula(end: Ending, shape: Shape, fit: Fit) -> str:
     """A formula over the shape's variable; empty where a spline fits as well."""
-    from .generic import (
-        Curve,
-        empirical,  # scikit-learn takes a second to import
-    )
+    from .generic import Curve, empirical
 
     setup = end.setup
     x, name, period = along(setup, shape.variable), shape.variable, 0.0
@@ -173,7 +179,7 @@ def _formula(end: Ending, shape: Shape, fit: Fit) -> str:
     return f"direction ({text})" if text and shape.direction == "odd" else text
 
 
-def _of_misfit(end: Ending, misfit: Misfit) -> Shape:
+def _misfit_record(end: Ending, misfit: Misfit) -> Shape:
     """Units that scatter unlike the model's, as a record."""
     output = end.setup.data.outputs[0]
     width = ", stretched to its width," if misfit.stretched else ""
@@ -206,7 +212,7 @@ def write(result: GapResult, folder: Path, lines: Sequence[str]) -> None:
         write_bytes(folder / f"{name}.svg", as_svg(figure))
     write_text(folder / "report.html", gap_page(result, drawn))
     write_text(folder / SUMMARY, "".join(f"{line}\n" for line in lines))
-    write_text(folder / page_data.NAME, page_data.dumped(result))
+    write_text(folder / page_data.NAME, page_data.dump_result(result))
     write_text(folder / "gap.json", as_json(record(result)))
 
 
@@ -286,7 +292,9 @@ def _rival(rival: Rival) -> dict[str, Any]:
 
 
 RMSE = "{}: rmse {:.4g} -> {:.4g} {} on held-out rows; noise {:.4g}"
-FAR = "{}: distance of the batch from the model's population {:.4g} -> {:.4g} {} on held-out units; chance {:.4g}"
+BATCH_DISTANCE_TEXT = (
+    "{}: distance of the batch from the model's population {:.4g} -> {:.4g} {} on held-out units; chance {:.4g}"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -330,11 +338,11 @@ def gap(
             place.complete()
         except KeyboardInterrupt:
             replicates.save_steps()
-            return GapOutcome("interrupted", out, (_saved(replicates, plan.settings.bootstrap),))
+            return GapOutcome("interrupted", out, (_saved_message(replicates, plan.settings.bootstrap),))
     return GapOutcome("done", out, lines, result)
 
 
-def _saved(replicates: Replicates, count: int) -> str:
+def _saved_message(replicates: Replicates, count: int) -> str:
     """A message on what an interrupt has saved, and how to go on."""
     if replicates.path is None or not replicates.path.is_file():
         return "interrupted: nothing was written"
@@ -467,7 +475,7 @@ def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
         notes += uneven_delays(analysis.search.fitter, end.fit, end.setup.data)
     if removed := removed_from(analysis):
         notes.append(f"{', '.join(removed)}: something similar is present, but its form differs")
-    if far := moved_far(end):
+    if far := far_move_note(end):
         notes.append(far)
     if len(end.setup.library) == 0:
         notes.append("no effect of the library applies to this model with these columns")
@@ -479,7 +487,7 @@ def lines_of(result: GapResult) -> tuple[str, ...]:
     lines = mechanism_lines(result.summary)
     lines += result.drawing.lines() if result.drawing else ()
     lines.append(f"{result.verdict}: {result.summary['rows']} rows")
-    words = RMSE if result.summary["gap_is"] == OF_ROWS else FAR
+    words = RMSE if result.summary["gap_is"] == OF_ROWS else BATCH_DISTANCE_TEXT
     for output in result.outputs:
         before, after, floor = (gap[output.name] for gap in (result.gap_before, result.gap_after, result.noise_floor))
         lines.append(words.format(output.name, before, after, output.unit, floor))

@@ -28,13 +28,14 @@ from ...models.measurable import Column, Role
 from ...section import Array
 from ...units import converted
 from .data import GapData
-from .linear import Groups, joined
+from .linear import Groups
+from .linear import join_groups as joined
 
 HIGHEST = 130.0
 """Highest order of the periodogram, unless the gear has higher ones; its grid is of quarters."""
-BEYOND = 10.0
+ORDERS_BEYOND_GEAR = 10.0
 """Orders above the highest of the gear that are searched."""
-MOST_ORDERS = 600.0
+MAX_ORDER = 600.0
 OVER_A_WORKSPACE = 12.0
 """The same where the angle is that of a pose: no teeth pass by."""
 LEVELS, STEP, SWING = "levels", "step", "swing"
@@ -106,7 +107,7 @@ def generic(data: GapData, predicted: Mapping[str, Array] | None = None) -> tupl
     forms += _products(inputs, values, sign)
     forms += _raw_products(inputs, values, sign)
     if predicted is not None and not {Role.TORQUE, Role.FORCE} & set(data.measurements.by_role):
-        forms += _against_predicted(data, predicted)
+        forms += _forms_of_prediction(data, predicted)
     if data.target.population:  # its mean is not free
         forms.append((Form("distribution", MEAN), np.ones((len(data), 1))))
     forms += _along_units(data)
@@ -118,7 +119,7 @@ def generic(data: GapData, predicted: Mapping[str, Array] | None = None) -> tupl
     return [form for form, _ in forms], [columns for _, columns in forms]
 
 
-def _against_predicted(data: GapData, predicted: Mapping[str, Array]) -> list[tuple[Form, Array]]:
+def _forms_of_prediction(data: GapData, predicted: Mapping[str, Array]) -> list[tuple[Form, Array]]:
     """Smooth functions of the model's prediction, where that varies."""
     return [
         (Form("interval", f"{PREDICTED}{o.name}"), spline(predicted[o.name], 6))
@@ -159,10 +160,10 @@ def _smooth(column: Column, x: Array, sign: Array | None) -> list[tuple[Form, Ar
     curve = spline(x, stretches(column, len(x)))
     forms = [(Form(kind, column.name), curve)]
     forms += [(form, values[:, None]) for form, values in _powers(column, x)]
-    return forms + _opposite(forms, sign)
+    return forms + _directional_forms(forms, sign)
 
 
-def _opposite(forms: list[tuple[Form, Array]], sign: Array | None) -> list[tuple[Form, Array]]:
+def _directional_forms(forms: list[tuple[Form, Array]], sign: Array | None) -> list[tuple[Form, Array]]:
     """The same forms, opposite in the two directions (n,); none without directions."""
     if sign is None:
         return []
@@ -194,7 +195,7 @@ def _products(inputs: list[Column], values: dict[str, Array], sign: Array | None
         a, b = _scaled(values[first.name]), _scaled(values[second.name])
         columns = np.column_stack([a * b, a * a * b, a * b * b, a * a * b * b])
         both = [(Form("product", first.name, further_variables=(second.name,)), columns)]
-        forms += both + _opposite(both, sign)
+        forms += both + _directional_forms(both, sign)
     return forms
 
 
@@ -206,7 +207,7 @@ def _raw_products(inputs: list[Column], values: dict[str, Array], sign: Array | 
         for p, q in ((1, 1), (2, 1), (1, 2)):
             form = Form("product", first.name, further_variables=(second.name,), powers=(p, q))
             both = [(form, (a**p * b**q)[:, None])]
-            forms += both + _opposite(both, sign)
+            forms += both + _directional_forms(both, sign)
     return forms
 
 
@@ -284,7 +285,7 @@ def order_grid(data: GapData) -> Array:
     least = 0.25 * np.ceil(4.0 * 2 * np.pi / max(float(np.ptp(angle)), 1e-9))
     highest = OVER_A_WORKSPACE if Role.POSITION in data.measurements else HIGHEST
     if data.target.gear is not None:
-        highest = min(max(highest, data.target.gear.waves[-1] + BEYOND), MOST_ORDERS)
+        highest = min(max(highest, data.target.gear.waves[-1] + ORDERS_BEYOND_GEAR), MAX_ORDER)
     return np.arange(max(0.25, min(least, 1.0)), highest + 0.1, 0.25)
 
 
@@ -302,7 +303,7 @@ def _orders(data: GapData) -> list[tuple[Form, Array]]:
         if load is not None and order == np.floor(order):
             size = data.measurements[load] / max(float(np.abs(data.measurements[load]).max()), 1e-300)
             forms.append((replace(form, by=str(load)), columns * size[:, None]))
-    return forms + _modulated(data, column, angle)
+    return forms + _modulated_waves(data, column, angle)
 
 
 def usual_orders(data: GapData) -> tuple[float, ...]:
@@ -314,7 +315,7 @@ def usual_orders(data: GapData) -> tuple[float, ...]:
     return (*USUAL, *(order for order in gear.waves if order != sun))
 
 
-def _modulated(data: GapData, column: Column, angle: Array) -> list[tuple[Form, Array]]:
+def _modulated_waves(data: GapData, column: Column, angle: Array) -> list[tuple[Form, Array]]:
     """Waves of the usual orders that grow with another input, or with its square."""
     forms = []
     for order in usual_orders(data):
@@ -328,7 +329,7 @@ def _modulated(data: GapData, column: Column, angle: Array) -> list[tuple[Form, 
     return forms
 
 
-def stacked(groups: Groups, outputs: int) -> tuple[Groups, NDArray[np.int64]]:
+def stack_columns(groups: Groups, outputs: int) -> tuple[Groups, NDArray[np.int64]]:
     """The columns separately for each output, over the rows of all; the output of each group."""
     which = np.repeat(np.arange(outputs), len(groups.starts))
     if outputs == 1:

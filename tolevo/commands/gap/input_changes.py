@@ -26,11 +26,11 @@ from ...models.propagation.sums import total_cumulants
 from ...section import Array, Integers
 
 POINTS = 2048
-FINE = 64.0
+STEPS_PER_STD = 64.0
 """Points per standard deviation of the units."""
-ODD = 1e-3
+OUTLIER_FRACTION = 1e-3
 """Fraction of units of an arbitrary distribution, so that a single outlier decides nothing."""
-WIDE = 4.0
+OUTLIER_STD_RATIO = 4.0
 """Standard deviation of those, in standard deviations of the units."""
 REACH = 6.0
 FACTORS = np.geomspace(0.3, 8.0, 22)
@@ -90,7 +90,7 @@ class UnitLaw:
     @cached_property
     def step(self) -> float:
         """The step of the lattice, in the output's unit."""
-        return self.std / FINE
+        return self.std / STEPS_PER_STD
 
     @cached_property
     def first(self) -> int:
@@ -158,9 +158,9 @@ class UnitLaw:
 
     def _log(self, *parts: Any) -> Array:
         """Log density (m, k) of the sum of both parts, mixed with a wide one."""
-        odd = scipy.stats.norm.pdf(self.x, self.x[POINTS // 2], WIDE * self.std)
-        density = (1.0 - ODD) * self._density(*parts) + ODD * odd
-        return np.asarray(np.log(np.maximum(density, ODD**4 / self.std)))
+        odd = scipy.stats.norm.pdf(self.x, self.x[POINTS // 2], OUTLIER_STD_RATIO * self.std)
+        density = (1.0 - OUTLIER_FRACTION) * self._density(*parts) + OUTLIER_FRACTION * odd
+        return np.asarray(np.log(np.maximum(density, OUTLIER_FRACTION**4 / self.std)))
 
     def _density(self, clipped: Spectrum, start: Integers, free: Spectrum, free_start: Integers) -> Array:
         """Density (m, k) of the sum of both parts: the mass of C below zero is put at zero."""
@@ -191,7 +191,7 @@ TRENDS = np.sinh(np.linspace(-np.arcsinh(20.0), np.arcsinh(20.0), 61)) * (REACH 
 DENSE = 401
 LIKELY = 4.0
 """Distance from the highest log likelihood within which an interval may lie."""
-NEAR = 12.0
+MAX_LOG_RATIO = 12.0
 """Distance from the highest log likelihood of all changes within which a change may explain a
 batch.
 """
@@ -201,7 +201,7 @@ BATCHES, MOST = 400, 400
 """Number of simulated batches, and largest number of their units: the law of a likelihood ratio
 does not depend on it.
 """
-LEAST = 1e-7
+MIN_LATTICE_FRACTION = 1e-7
 """Probability of a cell below which no unit is drawn from it."""
 
 
@@ -310,7 +310,7 @@ class Tables:
     @cached_property
     def counts(self) -> Array:
         """The units on the lattice (k,), each divided between its two neighbours."""
-        return counted(self.law, self.y)
+        return count_on_lattice(self.law, self.y)
 
     @cached_property
     def none(self) -> float:
@@ -323,7 +323,9 @@ class Tables:
         coarse = (*self._shifts(), *self._widenings(), *self._trends())
         top = max(float(change.log.max()) for change in coarse)
         fine: dict[tuple[str, bool, str], tuple[Array, Array]] = {}
-        return tuple(change if change.log.max() < top - NEAR else self._finely(change, fine) for change in coarse)
+        return tuple(
+            change if change.log.max() < top - MAX_LOG_RATIO else self._finely(change, fine) for change in coarse
+        )
 
     def _finely(self, change: Change, kept: dict[tuple[str, bool, str], tuple[Array, Array]]) -> Change:
         """The change with more amounts about the likeliest; inputs that act alike share a grid."""
@@ -404,7 +406,7 @@ class Tables:
         off = (law.off(by) for by in SHIFTS[near][::3] * law.std)
         tried = np.vstack([law.shifts[near][::2], *off, *(table[::2] for _, table in law.wider), law.noisy[1::2]])
         fraction = np.exp(law.base) * law.step
-        kept = np.flatnonzero(fraction > LEAST)
+        kept = np.flatnonzero(fraction > MIN_LATTICE_FRACTION)
         fractions, rng = fraction[kept] / fraction[kept].sum(), np.random.default_rng([seed, 13])
         drawn = rng.multinomial(min(len(self.y), MOST), fractions, BATCHES).astype(float)
         gains = drawn @ (tried[:, kept] - law.base[kept]).T
@@ -420,7 +422,7 @@ class Tables:
     def between(self, table: Array, by: Array) -> Array:
         """Values of a table (m, k) over SHIFTS and the lattice at shifts (n,) and the units."""
         row = np.clip(np.interp(by / self.law.std, SHIFTS, np.arange(len(SHIFTS))), 0.0, len(SHIFTS) - 1.001)
-        i, (j, b) = row.astype(np.int64), placed(self.law, self.y)
+        i, (j, b) = row.astype(np.int64), place_on_lattice(self.law, self.y)
         a = row - i
         low = table[i, j] * (1.0 - b) + table[i, j + 1] * b
         high = table[i + 1, j] * (1.0 - b) + table[i + 1, j + 1] * b
@@ -442,15 +444,15 @@ class Tables:
         return self.law.off(amount)
 
 
-def placed(law: UnitLaw, y: Array) -> tuple[NDArray[np.int64], Array]:
+def place_on_lattice(law: UnitLaw, y: Array) -> tuple[NDArray[np.int64], Array]:
     """The lattice point (n,) below each unit (n,), and the fraction of the step beyond it."""
     at = np.clip((y - law.x[0]) / law.step, 0.0, len(law.x) - 1.001)
     low = at.astype(np.int64)
     return low, at - low
 
 
-def counted(law: UnitLaw, y: Array) -> Array:
+def count_on_lattice(law: UnitLaw, y: Array) -> Array:
     """Units (n,) on the lattice (k,)."""
-    (low, part), size = placed(law, y), len(law.x)
+    (low, part), size = place_on_lattice(law, y), len(law.x)
     counts = np.bincount(low, 1.0 - part, size) + np.bincount(low + 1, part, size)
     return counts.astype(np.float64)

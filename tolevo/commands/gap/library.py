@@ -18,16 +18,10 @@ from scipy.interpolate import make_interp_spline
 from ... import registry
 from ...models.effects import Effect, EffectParameter, Target
 from ...models.effects.effect import Action, InsideSeveral, Measurements
-from ...models.effects.measurements import (
-    Active,
-    acting,
-    added,
-    changes_of,
-    labels_of,
-    measurements_of,
-    target_of,
-    with_zero,
-)
+from ...models.effects.measurements import Active, changes_of, labels_of, measurements_of, target_of
+from ...models.effects.measurements import add_zero as with_zero
+from ...models.effects.measurements import apply_output_actions as added
+from ...models.effects.measurements import effect_actions as acting
 from ...models.effects.population import Law, OfUnits
 from ...models.effects.shapes import Shape
 from ...models.effects.unresolved import Unresolved
@@ -45,7 +39,7 @@ DRAWN = 200_000
 CELLS = 512
 SMOOTHED = 0.1
 """Width of the kernel that smooths the drawn units, as a fraction of their standard deviation."""
-LEAST = 1e-12
+MIN_RELATIVE_DENSITY = 1e-12
 MAPPED = 8192
 """Units to which an effect without a density formula is applied."""
 DRAWS = 32
@@ -53,14 +47,14 @@ DRAWS = 32
 STILL_LAW = 1e-9
 
 
-def estimated(drawn: Array, mean: float = 0.0, middle: float = 0.0) -> Law:
+def estimate_law(drawn: Array, mean: float = 0.0, middle: float = 0.0) -> Law:
     """The smoothed law of units (m,), as deviations from `middle`."""
     from statsmodels.nonparametric.kde import KDEUnivariate  # imports all distributions of scipy
 
     std = float(drawn.std())
     smooth = KDEUnivariate(drawn - middle)
     smooth.fit(bw=SMOOTHED * std, gridsize=CELLS, cut=0.5 / SMOOTHED)
-    chance = np.maximum(smooth.density, LEAST / std)
+    chance = np.maximum(smooth.density, MIN_RELATIVE_DENSITY / std)
     return Law(float(smooth.support[0]), float(np.ptp(smooth.support)) / (CELLS - 1), np.log(chance), std, mean)
 
 
@@ -81,9 +75,9 @@ def law_of(plan: GapPlan, name: str) -> Law:
         rng = np.random.default_rng([plan.seed, 5])
         outputs = plan.model.law_sample() or plan.model.predict(_units(columns, DRAWN), rng)
         drawn = np.asarray(outputs[name], dtype=float)
-        law = estimated(drawn, mean, float(drawn.mean()))
+        law = estimate_law(drawn, mean, float(drawn.mean()))
     for active in plan.active:
-        if on_scatter(active.effect, active.values, measurements, target):
+        if acts_on_scatter(active.effect, active.values, measurements, target):
             law = law_with(law, active.effect, active.values, target)
     return replace(law, low=law.low - float(law.histogram.mean()))
 
@@ -91,29 +85,29 @@ def law_of(plan: GapPlan, name: str) -> Law:
 def _exact(sources: Sources, mean: float) -> Law:
     units = UnitLaw(sources)
     density = units.density()
-    likely = np.flatnonzero(density > LEAST / units.std)
+    likely = np.flatnonzero(density > MIN_RELATIVE_DENSITY / units.std)
     kept = slice(likely[0], likely[-1] + 1)
     x, chance = units.x[kept], density[kept]
     std = float(np.sqrt(np.average((x - np.average(x, weights=chance)) ** 2, weights=chance)))
-    return Law(float(x[0]) - mean, units.step, np.log(np.maximum(chance, LEAST / std)), std, mean)
+    return Law(float(x[0]) - mean, units.step, np.log(np.maximum(chance, MIN_RELATIVE_DENSITY / std)), std, mean)
 
 
 def law_with(law: Law, effect: Effect, values: Mapping[str, float], target: Target) -> Law:
     """The law with an effect on the scatter: by its density formula, or by applying it to units."""
     effect_law = effect.law(law, values, target) if isinstance(effect, OfUnits) else None
-    return effect_law or _mapped(law, effect, values, target)
+    return effect_law or _map_law(law, effect, values, target)
 
 
-def _mapped(law: Law, effect: Effect, values: Mapping[str, float], target: Target) -> Law:
+def _map_law(law: Law, effect: Effect, values: Mapping[str, float], target: Target) -> Law:
     rng = np.random.default_rng(0)
     units = law.histogram.ppf((rng.permutation(MAPPED) + 0.5) / MAPPED) + law.mean
     table = _units((c for c in target.columns if c.text), MAPPED)
     action = effect.act(measurements_of(target.columns, table), values, target)
     assert action.population is not None
-    return estimated(np.asarray(action.population(units, law.mean, rng)), law.mean, law.mean)
+    return estimate_law(np.asarray(action.population(units, law.mean, rng)), law.mean, law.mean)
 
 
-def on_scatter(effect: Effect, values: Mapping[str, float], measurements: Measurements, target: Target) -> bool:
+def acts_on_scatter(effect: Effect, values: Mapping[str, float], measurements: Measurements, target: Target) -> bool:
     """Whether an effect on a population does more than shift each unit by a fixed amount."""
     act = effect.act(measurements, values, target).population if target.population else None
     if act is None:
@@ -150,9 +144,9 @@ FINEST = 0.01
 """Smallest delay that is tried, as a fraction of the longest."""
 BIT = 2.0 * log(2.0)
 """The least gain of a choice of two forms."""
-MOST = 400
+MAX_GRID_POINTS = 400
 """Points of the grid of an effect's nonlinear parameters, at most."""
-SMALL = 0.05
+LINEAR_STEP = 0.05
 """A change of an internal quantity, in its unit, at which the outputs are still linear."""
 STILL = 1e-6
 """[rad] Range of an angle that did not change."""
@@ -167,7 +161,7 @@ class Candidate:
 
     It is `unread` where a variable that it needs was not measured, or never changed: it then moves
     all units of a population alike, as other causes do, and can only be a rival of them. An effect
-    `on_scatter` of a population shifts no unit by a fixed amount.
+    `acts_on_scatter` of a population shifts no unit by a fixed amount.
     """
 
     effect: Effect
@@ -280,9 +274,9 @@ class Columns:
     def _slope(self, name: str) -> Array:
         """Outputs (N,) per unit of an internal quantity, by central differences."""
         if name not in self._slopes:
-            ends = [np.full(len(self.data), end) for end in (SMALL, -SMALL)]
+            ends = [np.full(len(self.data), end) for end in (LINEAR_STEP, -LINEAR_STEP)]
             up, down = (self.data.stacked(self.predict({name: change})) for change in ends)
-            self._slopes[name] = (up - down) / (2.0 * SMALL)
+            self._slopes[name] = (up - down) / (2.0 * LINEAR_STEP)
         return self._slopes[name]
 
     def total(self, candidate: Candidate, values: Mapping[str, float]) -> Array:
@@ -332,18 +326,18 @@ def candidates(names: Iterable[str], data: GapData) -> list[Candidate]:
             linear = tuple(p for p in numbers if p.linear)
             fixed = {name: (value,) for name, value in known.items()}
             shape = tuple(replace(p, choices=fixed.get(p.name, p.choices)) for p in numbers if not p.linear)
-            candidate = Candidate(effect, linear, shape, _unread(effect, data))
-            applicable.append(replace(candidate, on_scatter=_on_scatter(candidate, data)))
+            candidate = Candidate(effect, linear, shape, _lacks_variable(effect, data))
+            applicable.append(replace(candidate, on_scatter=_changes_scatter(candidate, data)))
     return applicable
 
 
-def _on_scatter(candidate: Candidate, data: GapData) -> bool:
+def _changes_scatter(candidate: Candidate, data: GapData) -> bool:
     """Whether a candidate changes the scatter of units, at values within its bounds."""
     if not data.target.population:
         return False
     values = {n.name: _step(n) for n in candidate.linear}
     values |= {n.name: n.choices[0] if n.choices else _within(n) for n in candidate.shape}
-    return on_scatter(candidate.effect, values, data.measurements, data.target)
+    return acts_on_scatter(candidate.effect, values, data.measurements, data.target)
 
 
 def _within(number: EffectParameter) -> float:
@@ -394,13 +388,13 @@ def _at_one_angle(effect: Effect, data: GapData) -> bool:
     return float(np.ptp(np.asarray(data.measurements[Role.ANGLE], dtype=float))) < STILL
 
 
-def _unread(effect: Effect, data: GapData) -> bool:
+def _lacks_variable(effect: Effect, data: GapData) -> bool:
     """Whether an effect on units needs a variable that was not measured, or is constant."""
     available = {c.role for c in data.inputs} | {c.role for c in data.target.columns if c.text}
     return data.target.population and not set(effect.needs) - {Role.DIRECTION} <= available
 
 
-def with_lots(library: Iterable[Candidate], data: GapData, residual: Array) -> tuple[list[Candidate], list[str]]:
+def add_lot_offsets(library: Iterable[Candidate], data: GapData, residual: Array) -> tuple[list[Candidate], list[str]]:
     """The candidates with the offsets of lots that these units identify; sentences about others.
 
     Offsets of all lots are confounded with that of all units: the lot with the least offset has
@@ -416,14 +410,14 @@ def with_lots(library: Iterable[Candidate], data: GapData, residual: Array) -> t
     kept = []
     for candidate in library:
         if Role.LOT in candidate.effect.needs:
-            candidate = replace(candidate, linear=_of_lots(candidate, lots, data.target))
+            candidate = replace(candidate, linear=_lot_offsets(candidate, lots, data.target))
         if candidate.linear or candidate.shape:
             kept.append(candidate)
     text = f"the offset of lots of fewer than {LEAST_UNITS} units cannot be estimated"
     return kept, [f"{text}: {', '.join(few[:10])}"] if len(few) else []
 
 
-def _of_lots(candidate: Candidate, lots: Iterable[str], target: Target) -> tuple[EffectParameter, ...]:
+def _lot_offsets(candidate: Candidate, lots: Iterable[str], target: Target) -> tuple[EffectParameter, ...]:
     """The offsets of these lots."""
     unit = candidate.linear[0].name.removeprefix(candidate.linear[0].stem) if candidate.linear else ""
     offsets = (candidate.effect.parameter(f"offset_{lot}{unit}", target) for lot in lots)
@@ -441,7 +435,7 @@ def grid(candidate: Candidate, spread: float) -> list[dict[str, float]]:
     `spread` is the standard deviation of the residual: the scale of unbounded parameters.
     """
     axes = [_axis(parameter, spread, len(candidate.shape)) for parameter in candidate.shape]
-    while np.prod([len(axis) for axis in axes]) > MOST:
+    while np.prod([len(axis) for axis in axes]) > MAX_GRID_POINTS:
         longest = max(range(len(axes)), key=lambda k: len(axes[k]))
         axes[longest] = axes[longest][::2]
     names = [parameter.name for parameter in candidate.shape]
@@ -505,7 +499,7 @@ class _OfModel:
     def __init__(self, plan: GapPlan, data: GapData, model: MeasurableModel) -> None:
         self._plan, self._data, self._model = plan, data, model
         measurements, target = data.measurements, data.target
-        moving = [o for o in plan.active if not on_scatter(o.effect, o.values, measurements, target)]
+        moving = [o for o in plan.active if not acts_on_scatter(o.effect, o.values, measurements, target)]
         self._actions = acting(moving, measurements, target)
 
     def __reduce__(self) -> tuple[type[_OfModel], tuple[GapPlan, GapData, MeasurableModel]]:

@@ -27,7 +27,7 @@ def basis(columns: Array) -> Array:
     return np.ascontiguousarray(q[:, np.abs(np.diag(r)) > np.sqrt(GONE)], dtype=np.float64)
 
 
-def projected_out(columns: Array, q: Array) -> Array:
+def project_out(columns: Array, q: Array) -> Array:
     """The part of columns (N, ...) that is orthogonal to an orthonormal basis (N, r)."""
     return columns - q @ (q.T @ columns)
 
@@ -99,7 +99,7 @@ class Groups:
         the basis become zero. The sign of single columns stays.
         """
         before = np.einsum("ij,ij->j", self.columns, self.columns)
-        remaining = projected_out(self.columns, q)
+        remaining = project_out(self.columns, q)
         for size in np.unique(self.sizes):
             at = self.starts[self.sizes == size][:, None] + np.arange(size)
             remaining[:, at.ravel()] = _each_orthonormal(remaining, before, at)
@@ -234,7 +234,7 @@ def products(groups: Groups, q: Array, residual: Array) -> tuple[Array, Array]:
     return both[:-1], both[-1]
 
 
-def joined(parts: list[Array], one_sided: list[bool], rows: int = 0) -> Groups:
+def join_groups(parts: list[Array], one_sided: list[bool], rows: int = 0) -> Groups:
     """Groups from the columns (N, m) of each; without any, N is `rows`."""
     ends = np.cumsum([0, *(part.shape[1] for part in parts)], dtype=np.int64)
     columns = np.hstack(parts) if parts else np.zeros((rows, 0))

@@ -14,7 +14,8 @@ from ...section import Array, Output
 from .data import GapData
 from .fit import Fit, Fitter
 from .generic import PREDICTED, Form, order_grid, order_of_units
-from .linear import basis, products, projected_out
+from .linear import basis, products
+from .linear import project_out as projected_out
 from .noise import Noise
 from .records import Region, Shape
 from .scan import GenericResidual, Remaining, evidence
@@ -39,14 +40,14 @@ FAMILIES = {
 }
 
 
-def of_inside(setup: Setup, fit: Fit, table: pd.DataFrame) -> tuple[Region, ...]:
+def regions_of_prediction(setup: Setup, fit: Fit, table: pd.DataFrame) -> tuple[Region, ...]:
     """The regions of the prediction in which effects inside the model change it."""
     if not any(member.candidate.is_nonlinear for member in fit.members):
         return ()
     regions = []
     for output in setup.data.outputs:
         after = table[f"{output.name}_corrected"].to_numpy()
-        ends = densest(after, after - table[f"{output.name}_predicted"].to_numpy())
+        ends = densest_interval(after, after - table[f"{output.name}_predicted"].to_numpy())
         squares, remaining = (float(np.mean(table[f"{output.name}_{side}"] ** 2)) for side in ("before", "after"))
         fraction = 1.0 - remaining / max(squares, 1e-300)
         variable = f"{PREDICTED}{output.name}"
@@ -73,7 +74,7 @@ def curve_of(setup: Setup, generic: Remaining, at: int, q: Array, residual: Arra
     return np.asarray(curve - curve.mean() if zero else curve)
 
 
-def densest(x: Array, curve: Array, part: float = 0.6) -> tuple[float, float]:
+def densest_interval(x: Array, curve: Array, part: float = 0.6) -> tuple[float, float]:
     """The shortest interval of x that holds `part` of the curve's squares."""
     order = np.argsort(x, kind="stable")
     total = np.concatenate([[0.0], np.cumsum(curve[order] ** 2)])
@@ -109,7 +110,7 @@ def _shape(setup: Setup, form: Form, output: Output, role: Role | None, curve: A
     amplitude = float(np.abs(curve).max() if form.kind == "distribution" else 0.5 * np.ptp(curve))
     low = high = np.nan
     if form.variable in {c.name for c in setup.data.inputs} and form.kind != "order":
-        low, high = densest(setup.data.values(form.variable), curve)
+        low, high = densest_interval(setup.data.values(form.variable), curve)
     torque = _parity(setup, curve) if role in (Role.TORQUE, Role.FORCE) else "none"
     return Shape(
         output=output.name,
@@ -136,13 +137,13 @@ def _parity(setup: Setup, curve: Array) -> str:
         return "unknown"
     size = np.abs(load) / np.abs(load).max()
     odd, even = (
-        _explained(np.column_stack([s * size**p for p in (0.0, 0.5, 1.0, 2.0)]), curve)
+        _explained_fraction(np.column_stack([s * size**p for p in (0.0, 0.5, 1.0, 2.0)]), curve)
         for s in (np.sign(load), np.ones_like(load))
     )
     return "odd" if odd > even else "even"
 
 
-def _explained(columns: Array, curve: Array) -> float:
+def _explained_fraction(columns: Array, curve: Array) -> float:
     coefficients = np.linalg.lstsq(columns, curve, rcond=1e-9)[0]
     return float(1.0 - np.sum((curve - columns @ coefficients) ** 2) / max(np.sum(curve**2), 1e-300))
 
@@ -170,7 +171,7 @@ def _text(form: Form, amplitude: float, unit: str, torque: str, near: tuple[str,
     return "; ".join(parts)
 
 
-MOST = 6
+MAX_REGIONS = 6
 LEAKAGE = 0.6
 """Distance of orders that are leakage of a located one: angles seldom cover whole turns."""
 AS_MUCH = 0.8
@@ -191,13 +192,13 @@ def regions(setup: Setup, fitter: Fitter, generic: Remaining, fit: Fit, limit: f
     residual = projected_out(fit.residual, q)
     projected, product = products(groups, q, residual)
     beyond = fit.rss - fitter.space.count
-    while len(located) < MOST:
+    while len(located) < MAX_REGIONS:
         gains = groups.conditional_gains(projected, product)
         level = evidence(groups, gains)
         at = int(np.argmax(level))
         if level[at] <= limit:
             break
-        parts = [generic.white.of(int(k)) for k in _flexible(generic, at)]
+        parts = [generic.white.of(int(k)) for k in _related_forms(generic, at)]
         taken = basis(projected_out(np.hstack(parts), q))
         explained = max(float(np.sum((taken.T @ residual) ** 2)) - taken.shape[1], float(gains[at]))
         beyond = max(beyond, explained)
@@ -209,7 +210,7 @@ def regions(setup: Setup, fitter: Fitter, generic: Remaining, fit: Fit, limit: f
     return tuple(located)
 
 
-def _flexible(generic: Remaining, at: int) -> NDArray[np.int64]:
+def _related_forms(generic: Remaining, at: int) -> NDArray[np.int64]:
     """The forms that are removed with a located one: all of its variable, or of about its order."""
     form = generic.forms[at]
 
@@ -240,7 +241,7 @@ def _ends(
         width, gain = _turning(setup, fitter, form, int(generic.outputs[at]), x, q, residual)
         if gain >= AS_MUCH * explained:
             return max(-width, float(x.min())), min(width, float(x.max()))
-    return densest(x, curve_of(setup, generic, at, q, residual))
+    return densest_interval(x, curve_of(setup, generic, at, q, residual))
 
 
 def _turning(
@@ -289,7 +290,7 @@ def _region(
 COLUMNS = ("output", "order", "before", "after", "threshold")
 SPECTRUM_MOST = 20_000
 """Rows of a spectrum."""
-AT_ONCE = 2_000_000
+VALUES_PER_BATCH = 2_000_000
 """Values of waves that are held at once."""
 NODES = 1e-9
 """Fraction of a cosine's squares below which the sine has only rounding errors."""
@@ -325,7 +326,7 @@ def amplitudes(angle: Array, orders: Array, residual: Array) -> Array:
     Least squares at each order (Lomb, Astrophys. Space Sci. 39, 1976): angles need not be even.
     """
     centred = residual - residual.mean()
-    parts = np.array_split(orders, -(-len(orders) * len(angle) // AT_ONCE))
+    parts = np.array_split(orders, -(-len(orders) * len(angle) // VALUES_PER_BATCH))
     return np.concatenate([_amplitudes(angle, part, centred) for part in parts])
 
 

@@ -16,22 +16,13 @@ from ...section import Array
 from .data import GapData
 from .fit import Fit, Fitter, Member, Space
 from .library import Candidate, Columns, Predict, predictor
-from .linear import basis, projected_out
-from .next_points import (
-    NO_POINT,
-    PATH,
-    RANGE,
-    Axis,
-    Table,
-    along_path,
-    axes_of,
-    candidates,
-    cycles,
-    in_cycles,
-    inside,
-    turning,
-    usual_step,
-)
+from .linear import basis
+from .linear import project_out as projected_out
+from .next_points import NO_POINT, PATH, RANGE, Axis, Table, axes_of, candidates, cycles, usual_step
+from .next_points import depends_on_path as along_path
+from .next_points import divide_into_cycles as in_cycles
+from .next_points import near_load_reversal as turning
+from .next_points import rows_in_range as inside
 from .noise import Noise
 from .plan import NextPlan
 from .setup import Setup, change_of, zeros_of
@@ -40,7 +31,7 @@ STRIDE = 0.02
 """Fraction of a nonlinear parameter by which it is moved for its column."""
 
 
-def placed(data: GapData, table: Table, more: tuple[Column, ...] = ()) -> GapData:
+def place_at_rows(data: GapData, table: Table, more: tuple[Column, ...] = ()) -> GapData:
     """The data's columns, and `more` ones, at the rows of a table, nothing measured there."""
     count = len(next(iter(table.values())))
     target = replace(data.target, columns=(*data.target.columns, *more))
@@ -96,11 +87,11 @@ def predictions(columns: Columns, base: Array, fit: Fit) -> Predictions:
         values = values + member_columns @ coefficients
         if not member.candidate.is_nonlinear:
             parts.append(member_columns)
-        parts += [column[:, None] for column in _moving(columns, member, coefficients)]
+        parts += [column[:, None] for column in _nonlinear_derivatives(columns, member, coefficients)]
     return Predictions(np.asarray(values), np.hstack(parts))
 
 
-def _moving(columns: Columns, member: Member, coefficients: Array) -> Iterator[Array]:
+def _nonlinear_derivatives(columns: Columns, member: Member, coefficients: Array) -> Iterator[Array]:
     """The derivative (N,) by each fitted nonlinear parameter."""
     for parameter in member.candidate.shape:
         if parameter.choices:
@@ -112,7 +103,7 @@ def _moving(columns: Columns, member: Member, coefficients: Array) -> Iterator[A
         yield (high - low) @ coefficients / max(ends[1] - ends[0], 1e-300)
 
 
-def of_record(fitter: Fitter, fit: Fit) -> Predictions:
+def predict_record(fitter: Fitter, fit: Fit) -> Predictions:
     """The prediction of a fit at the N whitened rows of the record, followed by the tolerances."""
     prediction = predictions(fitter.columns, fitter.raw_base, fit)
     free = fitter.base.shape[1]
@@ -212,9 +203,9 @@ class _Following(Columns):
         session = {SESSION: np.full(new, "")} if SESSION in old else {}  # none of those before
         table = {**session, **table}
         whole = {name: np.concatenate([old[name], table[name]]) for name in old}
-        data = placed(setup.data, whole)
+        data = place_at_rows(setup.data, whole)
         super().__init__(data, columns_at(setup, data).predict)
-        self._rows = _of_outputs(count + np.arange(new), count + new, len(data.outputs))
+        self._rows = _rows_of_outputs(count + np.arange(new), count + new, len(data.outputs))
 
     def of(self, candidate: Candidate, shape: Mapping[str, float]) -> Array:
         """Columns (K, m) at the measurements that follow."""
@@ -267,7 +258,7 @@ class Field:
         parts = np.split(together, len(self.noises))
         shape = (-1, self.per_candidate, together.shape[1])
         blocks = [
-            _chained((part / noise.level).reshape(shape), noise.rho if self.per_candidate > 1 else 0.0)
+            _whiten_blocks((part / noise.level).reshape(shape), noise.rho if self.per_candidate > 1 else 0.0)
             for part, noise in zip(parts, self.noises, strict=True)
         ]
         whole = np.stack(blocks, axis=1).reshape(-1, together.shape[1])
@@ -286,15 +277,15 @@ class Field:
         if PATH.name in known:
             table[PATH.name] = np.full(len(rows), float(np.max(known[PATH.name])) + 1.0)
         ordered = {name: table[name] for name in known if name in table}
-        return ordered, self.base[_of_outputs(rows, len(self.data), len(self.noises))]
+        return ordered, self.base[_rows_of_outputs(rows, len(self.data), len(self.noises))]
 
 
-def _of_outputs(rows: NDArray[np.int64], count: int, outputs: int) -> NDArray[np.int64]:
+def _rows_of_outputs(rows: NDArray[np.int64], count: int, outputs: int) -> NDArray[np.int64]:
     """Some of `count` rows in each of the outputs, one below the other."""
     return np.concatenate([rows + k * count for k in range(outputs)])
 
 
-def _chained(blocks: Array, rho: float) -> Array:
+def _whiten_blocks(blocks: Array, rho: float) -> Array:
     """Blocks (C, k, p) with autocorrelated noise, whitened so that it is independent."""
     if rho == 0.0:
         return blocks
@@ -316,11 +307,11 @@ def field_of(setup: Setup, noises: Sequence[Noise], wanted: NextPlan) -> Field:
     good = sure if sure.any() else good
     table = {name: values[np.repeat(good, per_candidate)] for name, values in table.items()}
     more = (PATH,) if path and PATH.name not in setup.data.measurements.table else ()
-    data = placed(setup.data, table, more)
+    data = place_at_rows(setup.data, table, more)
     return Field(setup, axes, data, per_candidate, base_at(setup, data), columns_at(setup, data), noises)
 
 
-def ahead(field: Field, chosen: Chosen) -> Ahead:
+def order_of_measuring(field: Field, chosen: Chosen) -> Ahead:
     """The chosen candidates in the order of measuring: by time, else at random."""
     setup, time = field.setup, _time(field.setup.data)
     if time is None:
@@ -346,7 +337,7 @@ def timed(setup: Setup, axes: Sequence[Axis], table: Table) -> Table:
     return {**table, name: np.round(np.minimum(times, late), 9)}
 
 
-def like_now(setup: Setup, noises: Sequence[Noise], count: int) -> Ahead:
+def continue_record(setup: Setup, noises: Sequence[Noise], count: int) -> Ahead:
     """`count` measurements like those of the record, continued in time; of a path its beginning."""
     n, rng = len(setup.data), np.random.default_rng([setup.plan.seed, 11])
     if along_path(setup.data) or count >= n:
@@ -358,7 +349,7 @@ def like_now(setup: Setup, noises: Sequence[Noise], count: int) -> Ahead:
     if name is not None:
         old = setup.data.values(name)
         table[name] = old.max() + usual_step(old) * (1.0 + np.arange(count))
-    return Ahead(setup, noises, table, setup.base[_of_outputs(rows, n, len(setup.data.outputs))])
+    return Ahead(setup, noises, table, setup.base[_rows_of_outputs(rows, n, len(setup.data.outputs))])
 
 
 def _time(data: GapData) -> str | None:
@@ -378,7 +369,7 @@ MEAN = 0.02
 """Weight of the mean over the pairs; the worst pair has the rest."""
 
 
-def exchanged(contests: Sequence[Contest], count: int) -> Chosen:
+def exchange_design(contests: Sequence[Contest], count: int) -> Chosen:
     """Indices (count,) of the candidates whose least discrimination over the contests is largest; a
     candidate may be chosen more than once.
 
@@ -386,15 +377,15 @@ def exchanged(contests: Sequence[Contest], count: int) -> Chosen:
     best for each contest alone. For a rival that follows any few points, adding a single point
     shows no difference.
     """
-    starts = [added(contests, count)]
+    starts = [greedy_design(contests, count)]
     if len(contests) > 1:
-        alternating = np.concatenate([np.sort(added([contest], count)) for contest in contests])
+        alternating = np.concatenate([np.sort(greedy_design([contest], count)) for contest in contests])
         starts.append(alternating[:: len(contests)][:count])
-    designs = [_settled(contests, start) for start in starts]
+    designs = [_exchange_until_settled(contests, start) for start in starts]
     return max(designs, key=lambda design: _level(contests, design))
 
 
-def added(contests: Sequence[Contest], count: int) -> Chosen:
+def greedy_design(contests: Sequence[Contest], count: int) -> Chosen:
     """The design without exchange: the best candidate given the chosen ones is added one by one."""
     chosen = np.zeros(0, dtype=np.int64)
     for _ in range(count):
@@ -402,18 +393,18 @@ def added(contests: Sequence[Contest], count: int) -> Chosen:
     return chosen
 
 
-def _settled(contests: Sequence[Contest], chosen: Chosen) -> Chosen:
+def _exchange_until_settled(contests: Sequence[Contest], chosen: Chosen) -> Chosen:
     """A design whose points are exchanged in turn until that gains nothing."""
     for _ in range(PASSES):
         before = _level(contests, chosen)
         for at in range(len(chosen)):
-            chosen = _improved(contests, chosen, at)
+            chosen = _exchange_point(contests, chosen, at)
         if _level(contests, chosen) < (1.0 + BETTER) * before:
             break
     return chosen
 
 
-def _improved(contests: Sequence[Contest], chosen: Chosen, at: int) -> Chosen:
+def _exchange_point(contests: Sequence[Contest], chosen: Chosen, at: int) -> Chosen:
     """The design with one of its points exchanged, where that is better."""
     rest = np.delete(chosen, at)
     point, level = _best(contests, rest)

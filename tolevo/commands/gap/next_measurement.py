@@ -15,24 +15,17 @@ from scipy.special import chndtr, ndtr
 from ...models.effects.population import Law
 from ...models.measurable import Role
 from ...section import Array
-from .ending_records import MORE, UNIMITATED
+from .ending_records import MORE_UNITS_ADVICE as MORE
+from .ending_records import UNIMITATED
 from .fit import Fit, Member
-from .next_field import (
-    Ahead,
-    Chosen,
-    Contest,
-    Field,
-    Predictions,
-    ahead,
-    base_at,
-    distance,
-    exchanged,
-    field_of,
-    like_now,
-    of_record,
-    placed,
-)
-from .next_points import Axis, with_labels
+from .next_field import Ahead, Chosen, Contest, Field, Predictions, base_at, distance, field_of
+from .next_field import continue_record as like_now
+from .next_field import exchange_design as exchanged
+from .next_field import order_of_measuring as ahead
+from .next_field import place_at_rows as placed
+from .next_field import predict_record as of_record
+from .next_points import Axis
+from .next_points import add_label_columns as with_labels
 from .noise import Noise
 from .plan import NextPlan
 from .population import BatchLikelihood, Scatter, exchanged_names
@@ -40,30 +33,21 @@ from .records import Measurement, NextMeasurement, Sensitivity, Separation
 from .result import Ending
 from .scan import scan
 from .selection import Other
-from .separations import (
-    CERTAIN,
-    FEWEST,
-    HOPELESS,
-    LITTLE,
-    NONE,
-    OTHER_QUANTITIES,
-    SUPPORT,
-    design,
-    joined,
-    most,
-    paired,
-    separation,
-)
+from .separations import CERTAIN, FEWEST, HOPELESS, OTHER_QUANTITIES, SUPPORT, design, most, separation
+from .separations import MIN_REACHABLE_GAIN as LITTLE
+from .separations import NO_SEPARATING_DESIGN as NONE
+from .separations import joint_discrimination as joined
+from .separations import pair_of_rival as paired
 from .setup import Setup
 
 # Points at which a barely present effect would be detected, and the probability of detection.
 
 
-NEAREST = 2
+MAX_UNLISTED_EFFECTS = 2
 """Number of effects that are planned for where none is listed."""
 NINE_OF_TEN = 1.2816
 """Standard normal quantile of 0.9."""
-TINY = 1e-12
+MIN_DISCRIMINATION = 1e-12
 
 
 @dataclass(frozen=True)
@@ -96,23 +80,23 @@ def wanted_effects(end: Ending, wanted: NextPlan) -> tuple[list[Sought], list[st
             why = "it does not apply to these data" if member is None else "its form changes with its size"
             notes.append(f"{name}: no points can be planned: {why}")
             continue
-        effect = _sought(end, member, wanted.amounts.get(name))
+        effect = _sought_effect(end, member, wanted.amounts.get(name))
         if effect is None:
             notes.append(f"{name}: cannot be detected in these data, because free parameters imitate it")
-        elif listed or not _detected(end, effect):
+        elif listed or not _is_detected(end, effect):
             sought.append(effect)
-        if not listed and len(sought) == NEAREST:
+        if not listed and len(sought) == MAX_UNLISTED_EFFECTS:
             break
     return sought, notes if listed else []
 
 
-def _detected(end: Ending, effect: Sought) -> bool:
+def _is_detected(end: Ending, effect: Sought) -> bool:
     """Whether the record shows the effect: then its form is in question, not its presence."""
     detectable_norm = float(np.sqrt(end.analysis.initial_null_model.search.thresholds.library)) + NINE_OF_TEN
     return distance(*effect.record) > detectable_norm**2
 
 
-def _sought(end: Ending, member: Member, amount: float | None) -> Sought | None:
+def _sought_effect(end: Ending, member: Member, amount: float | None) -> Sought | None:
     """The effect of the fitted or the relevant size; where the fit has none, of a detectable one."""
     search = end.analysis.initial_null_model.search
     fit = search.fitter.fit([member])
@@ -169,10 +153,12 @@ def sensitivity(end: Ending, sought: Sought, new: Ahead, alike: Ahead) -> Sensit
     levels = [distance(*sought.record)]
     levels += [joined(*sought.record, *_at(sought, at)) for at in (new, alike)]
     size, candidate = sought.size, sought.member.candidate
-    now, then, like = (1.0 - float(chndtr(limit, max(len(size), 1), max(level, TINY))) for level in levels)
+    now, then, like = (
+        1.0 - float(chndtr(limit, max(len(size), 1), max(level, MIN_DISCRIMINATION))) for level in levels
+    )
     column = int(np.argmax(np.abs(size)))
     detectable_size = abs(float(size[column])) * (np.sqrt(limit) + NINE_OF_TEN)
-    least = [detectable_size / float(np.sqrt(max(level, TINY))) for level in levels]
+    least = [detectable_size / float(np.sqrt(max(level, MIN_DISCRIMINATION))) for level in levels]
     parameter = candidate.linear[column]
     return Sensitivity(
         candidate.name, parameter.name, parameter.unit, float(size[column]), now, then, like, least[0], least[1]
@@ -216,7 +202,7 @@ def _ratio(values: Array, of: Array) -> float:
 # The next measurement of a batch: further units, at the ends of configured ranges.
 
 
-MOST = 10**6
+MAX_FURTHER_UNITS = 10**6
 QUANTILES = 1000
 """Number of quantiles that represent a law."""
 
@@ -248,7 +234,7 @@ def of_scatter(end: Ending, best: Scatter, rival: Scatter, count: int) -> Separa
     names, instead = exchanged_names(best, rival)
     ahead, n = rival.distance, len(end.setup.data)
     chance = _chance(moments, ahead, count)
-    tried = np.unique(np.geomspace(FEWEST, MOST, 400).astype(int)).tolist()
+    tried = np.unique(np.geomspace(FEWEST, MAX_FURTHER_UNITS, 400).astype(int)).tolist()
     short = [k for k in tried if _chance(moments, ahead, k) < CERTAIN]
     needed = next((k for k in tried if not short or k > short[-1]), 0)
     settings = end.analysis.search.settings
@@ -283,7 +269,7 @@ def _chance(moments: Sequence[tuple[float, float]], ahead: float, count: int, by
 
 
 FILE = "next_measurement.csv"
-NOTHING = "a single effect fits these data: nothing has to be separated"
+NOTHING_TO_SEPARATE = "a single effect fits these data: nothing has to be separated"
 NO_FORM = "the gap is detected already, and more measurements do not give it a form of the library"
 ON_VALUE = "it depends on the measured value itself: no points can be planned for it"
 PREDICT = "put the simulator's prediction at these points into the table before it is analysed"
@@ -306,13 +292,13 @@ def next_measurement(end: Ending) -> Planned | None:
     if wanted is None:
         return None
     if end.verdict == "ambiguous" or (end.verdict == "partial" and end.analysis.rivals):
-        return _of_rivals(end, wanted)
+        return _separate_rivals(end, wanted)
     if end.verdict in ("no_gap", "unnamed"):
         return _of_effects(end, wanted)
-    return Planned(NextMeasurement(NOTHING))
+    return Planned(NextMeasurement(NOTHING_TO_SEPARATE))
 
 
-def _of_rivals(end: Ending, wanted: NextPlan) -> Planned:
+def _separate_rivals(end: Ending, wanted: NextPlan) -> Planned:
     """Points that separate the best explanation from each of its rivals."""
     plannable, measurements = [], dict[Key, Measurement]()
     for rival in end.analysis.rivals:
@@ -321,7 +307,7 @@ def _of_rivals(end: Ending, wanted: NextPlan) -> Planned:
         else:
             plannable.append(rival)
     batch = end.setup.data.target.population
-    records, new, inputs = (_of_batch if batch else _of_points)(end, wanted, plannable)
+    records, new, inputs = (_separations_by_units if batch else _separations_by_points)(end, wanted, plannable)
     for record in records:
         measurements[record.names, record.instead_of] = _measurement(record, new, inputs)
     for scatter_rival in end.analysis.scatter[1:]:
@@ -329,10 +315,10 @@ def _of_rivals(end: Ending, wanted: NextPlan) -> Planned:
         records.append(record)
         measurements[record.names, record.instead_of] = Measurement(record.text, readings=record.needed)
     planned = new is not None and any(record.possible for record in records)
-    return _planned(end, new if planned else None, inputs, tuple(records), measurements=measurements)
+    return _planned_record(end, new if planned else None, inputs, tuple(records), measurements=measurements)
 
 
-def _of_points(
+def _separations_by_points(
     end: Ending, wanted: NextPlan, rivals: Sequence[Other]
 ) -> tuple[list[Separation], Ahead | None, tuple[str, ...]]:
     """Separations by chosen points; the points; the inputs that matter most."""
@@ -351,13 +337,13 @@ def _of_points(
     alike = like_now(end.setup, noises, len(new))
     records = [separation(end, pair, new, alike) for pair in pairs]
     records = [
-        record if gain > HOPELESS * count else _inseparable(record, pair.rival)
+        record if gain > HOPELESS * count else _inseparable_record(record, pair.rival)
         for record, pair, gain in zip(records, pairs, gains, strict=True)
     ]
     return records, new, decisive_inputs(place, (useful or pairs)[0].contests[0], chosen)
 
 
-def _of_batch(
+def _separations_by_units(
     end: Ending, wanted: NextPlan, rivals: Sequence[Other]
 ) -> tuple[list[Separation], Ahead | None, tuple[str, ...]]:
     """Separations by further units."""
@@ -369,11 +355,11 @@ def _of_batch(
     for rival in rivals:
         record = separation(end, paired(end, rival), new, alike)
         gained = record.expected - record.now
-        records.append(record if gained > HOPELESS * len(new) else _inseparable(record, rival))
+        records.append(record if gained > HOPELESS * len(new) else _inseparable_record(record, rival))
     return records, new, tuple(wanted.ranges)
 
 
-def _inseparable(record: Separation, rival: Other) -> Separation:
+def _inseparable_record(record: Separation, rival: Other) -> Separation:
     """The record of a pair that no design separates, with the quantity that would."""
     names = frozenset(set(rival.names) ^ set(rival.instead_of))
     text = OTHER_QUANTITIES.get(names, "another quantity has to be measured")
@@ -400,10 +386,10 @@ def _of_effects(end: Ending, wanted: NextPlan) -> Planned:
         new, inputs = ahead(place, chosen), decisive_inputs(place, contests[0], chosen)
         alike = like_now(setup, noises, len(new))
     sensitivities = tuple(sensitivity(end, effect, new, alike) for effect in sought)
-    return _planned(end, new, inputs, effects=sensitivities, notes=tuple(notes))
+    return _planned_record(end, new, inputs, effects=sensitivities, notes=tuple(notes))
 
 
-def _planned(
+def _planned_record(
     end: Ending,
     new: Ahead | None,
     inputs: tuple[str, ...],

@@ -65,7 +65,7 @@ def axes_of(data: GapData, ranges: Mapping[str, Span], count: int) -> tuple[Axis
 
 def _span(data: GapData, column: Column, wanted: Span | None, count: int) -> Span:
     """The range of a column; times that are past are excluded."""
-    now = _now(data, column, count)
+    now = _current_range(data, column, count)
     if wanted is None:
         return now
     if column.role is Role.TIME:
@@ -73,7 +73,7 @@ def _span(data: GapData, column: Column, wanted: Span | None, count: int) -> Spa
     return wanted
 
 
-def _now(data: GapData, column: Column, count: int) -> Span:
+def _current_range(data: GapData, column: Column, count: int) -> Span:
     """The range of the data; time continues by one usual step per measurement."""
     values = data.values(column.name)
     low, high = float(values.min()), float(values.max())
@@ -95,14 +95,14 @@ def candidates(data: GapData, axes: Sequence[Axis], seed: int) -> Table:
     record inside it.
     """
     moving = [axis for axis in axes if axis.span.high > axis.span.low]
-    fractions = np.vstack([_inside(len(moving), seed), _corners(len(moving)), _edges(len(moving))])
+    fractions = np.vstack([_interior_points(len(moving), seed), _corners(len(moving)), _edges(len(moving))])
     table = {axis.column.name: np.full(len(fractions), axis.span.low) for axis in axes}
     table |= {axis.column.name: axis.at(fractions[:, at]) for at, axis in enumerate(moving)}
-    visited = _visited(data, axes)
-    return with_labels(data, {n: np.concatenate([v, visited[n]]) for n, v in table.items()})
+    visited = _points_of_record(data, axes)
+    return add_label_columns(data, {n: np.concatenate([v, visited[n]]) for n, v in table.items()})
 
 
-def with_labels(data: GapData, table: Table) -> dict[str, NDArray[Any]]:
+def add_label_columns(data: GapData, table: Table) -> dict[str, NDArray[Any]]:
     """The table with the columns of labels: new units, known lots, and the next repeat's number."""
     count = len(next(iter(table.values()))) if table else 1
     labelled: dict[str, NDArray[Any]] = dict(table)
@@ -117,7 +117,7 @@ def with_labels(data: GapData, table: Table) -> dict[str, NDArray[Any]]:
     return {c.name: labelled[c.name] for c in data.target.columns}
 
 
-def inside(model: MeasurableModel | None, table: Table) -> NDArray[np.bool_]:
+def rows_in_range(model: MeasurableModel | None, table: Table) -> NDArray[np.bool_]:
     """Rows (n,) of a table that are in the range of the model; missing columns are unknown."""
     count = len(next(iter(table.values())))
     within = np.ones(count, dtype=bool)
@@ -128,7 +128,7 @@ def inside(model: MeasurableModel | None, table: Table) -> NDArray[np.bool_]:
     return within
 
 
-def turning(axes: Iterable[Axis], table: Table) -> NDArray[np.bool_]:
+def near_load_reversal(axes: Iterable[Axis], table: Table) -> NDArray[np.bool_]:
     """Points (n,) where a load is close to a change of sign: a jump of a formula there is blurred
     in reality, and so is the load that can be set.
     """
@@ -140,7 +140,7 @@ def turning(axes: Iterable[Axis], table: Table) -> NDArray[np.bool_]:
     return turns
 
 
-def _inside(inputs: int, seed: int) -> Array:
+def _interior_points(inputs: int, seed: int) -> Array:
     if inputs == 0:
         return np.zeros((1, 0))
     sobol = scipy.stats.qmc.Sobol(inputs, rng=np.random.default_rng([seed, 8]))
@@ -168,7 +168,7 @@ def _edges(inputs: int) -> Array:
     return np.vstack(lines)
 
 
-def _visited(data: GapData, axes: Sequence[Axis]) -> dict[str, Array]:
+def _points_of_record(data: GapData, axes: Sequence[Axis]) -> dict[str, Array]:
     """Points of the record that lie in the box, evenly along it."""
     table = {axis.column.name: data.values(axis.column.name) for axis in axes}
     within = np.ones(len(data), dtype=bool)
@@ -196,12 +196,12 @@ LOCKED = "rv_lost_motion"
 PATH = Column("repeat", "", "number of the cycle", False, role=Role.REPEAT)
 
 
-def along_path(data: GapData) -> bool:
+def depends_on_path(data: GapData) -> bool:
     """Whether measurements depend on the path of the load."""
     return data.target.model == LOCKED
 
 
-def in_cycles(total: int) -> tuple[int, int]:
+def divide_into_cycles(total: int) -> tuple[int, int]:
     """The number of cycles, and of measurements in each, that give about `total` measurements."""
     count = max(1, round(total / PER_CYCLE))
     return count, max(total // count, 1)
@@ -212,7 +212,7 @@ def cycles(data: GapData, axes: Sequence[Axis], rows: int, seed: int) -> Table:
     other inputs constant in a cycle; the first cycles take the whole range, or one side of it.
     """
     moving = [axis for axis in axes if axis.column.role not in (Role.TORQUE, Role.DIRECTION)]
-    ends, other_fractions = _drawn(len(moving), seed)
+    ends, other_fractions = _draw_cycles(len(moving), seed)
     torque = next(axis for axis in axes if axis.column.role is Role.TORQUE)
     low, high = torque.at(ends[:, 0]), torque.at(ends[:, 1])
     fraction = (np.arange(rows) + 1.0) / rows
@@ -223,10 +223,10 @@ def cycles(data: GapData, axes: Sequence[Axis], rows: int, seed: int) -> Table:
     for axis in axes:
         if axis.column.role is Role.DIRECTION:
             table[axis.column.name] = np.tile(np.where(fraction <= 0.5, 1.0, -1.0), len(ends))
-    return {**with_labels(data, table), PATH.name: np.repeat(np.arange(len(ends), dtype=float), rows)}
+    return {**add_label_columns(data, table), PATH.name: np.repeat(np.arange(len(ends), dtype=float), rows)}
 
 
-def _drawn(other_inputs: int, seed: int) -> tuple[Array, Array]:
+def _draw_cycles(other_inputs: int, seed: int) -> tuple[Array, Array]:
     """Lower and upper ends of the torque (C, 2) and fractions (C, others) of the other inputs."""
     sobol = scipy.stats.qmc.Sobol(2 + other_inputs, rng=np.random.default_rng([seed, 9]))
     fractions = np.asarray(sobol.random_base2(CYCLES))

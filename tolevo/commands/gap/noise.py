@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from scipy import linalg, special
 
 from ...section import Array
-from .linear import basis, projected_out, whitening
+from .linear import basis, whitening
+from .linear import project_out as projected_out
 
 GRID = np.concatenate([np.arange(0.0, 0.9, 0.05), [0.9, 0.93, 0.96, 0.98, 0.99]])
 """Autocorrelations that are tried."""
@@ -105,7 +106,7 @@ def autocorrelation(residual: Array, columns: Array, noise: Noise) -> float:
 
     The fitted columns do not bias it. Reference: Harville, J. Am. Stat. Assoc. 72, 1977.
     """
-    log_likelihood = _restricted(residual, columns, noise)
+    log_likelihood = _restricted_likelihood(residual, columns, noise)
     best = int(np.argmax(log_likelihood))
     if best in (0, len(GRID) - 1):
         return float(GRID[best])
@@ -116,7 +117,7 @@ def autocorrelation(residual: Array, columns: Array, noise: Noise) -> float:
     return float(GRID[best] + np.clip(step, -1, 1) * width)
 
 
-def _restricted(residual: Array, columns: Array, noise: Noise) -> Array:
+def _restricted_likelihood(residual: Array, columns: Array, noise: Noise) -> Array:
     """Restricted log likelihood (g,) at each autocorrelation of GRID, up to a constant.
 
     Whitened products are quadratic in it, so one pass over the measurements suffices.
@@ -164,7 +165,7 @@ def size_follows(residual: Array, inputs: Mapping[str, Array], good: NDArray[np.
     An F test on log squares (Glejser, Breusch and Pagan), which heavy tails do not mislead.
     """
     target = np.log(np.maximum(residual**2, 1e-8 * float(np.mean(residual[good] ** 2)) + 1e-300))
-    fits = [(*_explained(target, _parabola(values), good), name) for name, values in inputs.items()]
+    fits = [(*_explain_by_columns(target, _parabola(values), good), name) for name, values in inputs.items()]
     fitted, p, name = min(fits, key=itemgetter(1), default=(target, 1.0, ""))
     if not name or p > 1e-3 / len(inputs):
         return None
@@ -172,7 +173,7 @@ def size_follows(residual: Array, inputs: Mapping[str, Array], good: NDArray[np.
     return name, np.asarray(size / np.sqrt(np.mean(size**2)))
 
 
-def _explained(target: Array, x: Array, good: NDArray[np.bool_]) -> tuple[Array, float]:
+def _explain_by_columns(target: Array, x: Array, good: NDArray[np.bool_]) -> tuple[Array, float]:
     """The least-squares fit (n,) of columns (n, k) to good rows, and the p-value of the F test."""
     numbers, _, rank, _ = np.linalg.lstsq(x[good], target[good])
     fitted = x @ numbers

@@ -19,8 +19,10 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from ...page import drawing
-from ...page.document import about, bullets, document, folded, listed, picture, section, shown, table
-from ...page.drawing import flags, new_axes, new_figure, style_axes, with_unit
+from ...page.document import about, bullets, document, listed, picture, section, shown, table
+from ...page.document import folded_section as folded
+from ...page.drawing import flags, new_axes, new_figure, style_axes
+from ...page.drawing import label_with_unit as with_unit
 from ...page.page import summary_table
 from ...records import Axis
 from ...units import split_unit
@@ -53,7 +55,7 @@ TAKEN = Mark("taken away", "#2b7a3d", "+", "-.", "#2b7a3d")
 
 def words(name: str, unit: str) -> str:
     """`torque_Nm` as "torque [Nm]", with the unit of the name where no other is given."""
-    return drawing.with_unit(drawing.words(name), unit or split_unit(name)[1])
+    return drawing.label_with_unit(drawing.words(name), unit or split_unit(name)[1])
 
 
 def shade(axes: Axes, low: float, high: float, label: str = "located here") -> None:
@@ -147,7 +149,7 @@ MEANS, LEAST = 16, 4
 """Intervals of an input whose means are drawn, and measurements in each of them at least."""
 MARKS = (BEFORE, AFTER, TAKEN)
 """The columns of panels."""
-FEW = 3
+MAX_LINE_LEVELS = 3
 """Values up to which an input is drawn as labels."""
 TICKS = 4
 """Intervals between ticks at most: panels are small, and ticks take most of their time."""
@@ -163,7 +165,7 @@ def residuals_figure(result: GapResult, output: Axis) -> Figure | None:
     inputs = [axis for axis in result.inputs if axis.name in result.residuals]
     if f"{output.name}_before" not in result.residuals or not inputs:
         return None
-    frame = thinned(result.residuals)
+    frame = thin_rows(result.residuals)
     ends = (f"{output.name}_{mark.word}" for mark in (BEFORE, AFTER))
     before, after = (frame[name] for name in ends)
     frame = frame.assign(**{f"{output.name}_{TAKEN.word}": before - after})
@@ -183,7 +185,7 @@ def residuals_figure(result: GapResult, output: Axis) -> Figure | None:
     return figure
 
 
-def thinned(frame: pd.DataFrame) -> pd.DataFrame:
+def thin_rows(frame: pd.DataFrame) -> pd.DataFrame:
     """Every k-th row, at most DRAWN of them."""
     return frame.iloc[:: max(1, -(-len(frame) // DRAWN))]
 
@@ -276,7 +278,7 @@ def _places(column: pd.Series) -> tuple[NDArray[np.float64], list[str]]:
     if pd.api.types.is_numeric_dtype(column):
         values = column.to_numpy(dtype=float)
         levels = np.unique(values)
-        if len(levels) > FEW:
+        if len(levels) > MAX_LINE_LEVELS:
             return values, []
         return _spread_sideways(np.searchsorted(levels, values)), [f"{level:g}" for level in levels]
     codes, labels = pd.factorize(column.astype(str))
@@ -317,7 +319,7 @@ def next_figure(result: GapResult) -> Figure | None:
     if not names:
         return None
     figure, axes = new_axes(height=3.4)
-    _scatter(axes, thinned(result.residuals), points, names)
+    _scatter(axes, thin_rows(result.residuals), points, names)
     units = {axis.name: axis.unit for axis in result.inputs}
     axes.set_xlabel(words(names[0], units.get(names[0], "")))
     axes.set_ylabel(words(names[1], units.get(names[1], "")) if len(names) > 1 else "")
@@ -376,7 +378,7 @@ def _effects(planned: NextMeasurement) -> str:
 # against its threshold.
 
 
-LONGEST = 52
+MAX_LABEL_CHARACTERS = 52
 """Letters of a label; the table of steps has all of it."""
 
 
@@ -421,7 +423,7 @@ def path_figure(result: GapResult) -> Figure | None:
 
 def _label(step: Step) -> str:
     name = step.name.replace("_", " ")
-    return shorten(f"{step.number} {step.action} {name}", LONGEST, placeholder=" ...")
+    return shorten(f"{step.number} {step.action} {name}", MAX_LABEL_CHARACTERS, placeholder=" ...")
 
 
 # Simulated and measured units line by line, and the inputs that may cause a difference.
@@ -466,7 +468,7 @@ def _attribution(attribution: Attribution) -> str:
 
 HIGHEST = 5
 """Peaks that are labelled with their order."""
-WIDE = 0.75
+ORDER_HALF_WIDTH = 0.75
 """Half-width of the mark at an order that was located."""
 
 
@@ -482,7 +484,7 @@ def spectrum_figure(result: GapResult, output: Axis) -> Figure | None:
     located = [region.order for region in result.where if region.output == output.name and isfinite(region.order)]
     for axes, mark in zip(panels, (BEFORE, AFTER), strict=True):
         for order in located:
-            shade(axes, order - WIDE, order + WIDE)
+            shade(axes, order - ORDER_HALF_WIDTH, order + ORDER_HALF_WIDTH)
         axes.vlines(rows["order"], 0.0, rows[mark.word], color=mark.colour, linewidth=1.0)
         if rows["threshold"].notna().any():
             label = "largest amplitude of noise alone"
@@ -515,7 +517,7 @@ def _label_peaks(axes: Axes, orders: list[float], sizes: list[float], limits: li
 # The page of one gap analysis: a single HTML file that needs no network.
 
 
-NONE = table(pd.DataFrame())
+EMPTY_TABLE = table(pd.DataFrame())
 """A section that has nothing else is omitted."""
 FOLDED = frozenset({"Summary", "Configuration", "Corrected configuration", "Detection limits", "What was simulated"})
 """Sections that are folded until a reader opens them."""
@@ -557,7 +559,7 @@ def figures(result: GapResult) -> dict[str, Figure]:
 
 def drawings(result: GapResult) -> tuple[Drawn, ...]:
     """Name, figure and caption of every figure that this result has."""
-    return tuple(_drawn(result))
+    return tuple(_each_drawing(result))
 
 
 def gap_page(result: GapResult, drawn: Sequence[Drawn] | None = None) -> str:
@@ -567,25 +569,25 @@ def gap_page(result: GapResult, drawn: Sequence[Drawn] | None = None) -> str:
     all_drawn = drawings(result) if drawn is None else drawn
     pictures = {name: picture(name, figure, caption) for name, figure, caption in all_drawn}
     sections = {
-        "The gap before and after": _of_kind(pictures, "distribution")
-        + _of_kind(pictures, "residuals")
+        "The gap before and after": _pictures_of_kind(pictures, "distribution")
+        + _pictures_of_kind(pictures, "residuals")
         + _gaps(result)
         + population_table(result),
         "What was simulated": drawing_section(result.drawing),
         "Verdict": _verdict(result),
         "Where": _regions_section(result),
-        "Orders": _of_kind(pictures, "spectrum"),
-        "Steps": _of_kind(pictures, "path") + _steps(result),
+        "Orders": _pictures_of_kind(pictures, "spectrum"),
+        "Steps": _pictures_of_kind(pictures, "path") + _steps(result),
         "Effects": "\n".join(map(_effect, result.effects)),
         "Unexplained residual": _remainder(result) if result.remainder else "",
         "Rivals and the measurement that separates them": "\n".join(map(_rival, result.rivals)),
         "Inputs that may cause it": attribution_table(result),
-        "The next measurement": _next(result, _of_kind(pictures, "next_measurement")),
+        "The next measurement": _next(result, _pictures_of_kind(pictures, "next_measurement")),
         "Shapes without an identified effect": bullets([str(shape) for shape in result.shapes])
         if result.shapes
         else "",
-        "Recalibrated parameters": _recalibrated(result),
-        "Detection limits": _detectable(result),
+        "Recalibrated parameters": _recalibrated_table(result),
+        "Detection limits": _detectable_table(result),
         "Notes": bullets(result.notes) if result.notes else "",
         "Summary": summary_table(result.summary),
         "Configuration": f"<pre>{escape(result.configuration)}</pre>",
@@ -594,7 +596,7 @@ def gap_page(result: GapResult, drawn: Sequence[Drawn] | None = None) -> str:
     parts = [
         section(title, folded("Show", body) if title in FOLDED else body)
         for title, body in sections.items()
-        if body.replace(NONE, "").strip()
+        if body.replace(EMPTY_TABLE, "").strip()
     ]
     return document(result.title, parts, head=_head(result))
 
@@ -620,7 +622,7 @@ def _before_after(result: GapResult, name: str) -> str:
     return f"{name.replace('_', ' ')}: {shown(before)} before, {shown(after)} after [{unit}] ({measure}{noise})."
 
 
-def _drawn(result: GapResult) -> Iterator[Drawn]:
+def _each_drawing(result: GapResult) -> Iterator[Drawn]:
     kinds = (("residuals", residuals_figure), ("spectrum", spectrum_figure), ("distribution", distribution_figure))
     for output in result.outputs:
         for kind, draw in kinds:
@@ -640,7 +642,7 @@ def _file_part(name: str) -> str:
     return re.sub(r"\W+", "_", name)
 
 
-def _of_kind(pictures: Mapping[str, str], kind: str) -> str:
+def _pictures_of_kind(pictures: Mapping[str, str], kind: str) -> str:
     return "\n".join(text for name, text in pictures.items() if name.startswith(kind))
 
 
@@ -736,12 +738,12 @@ def _rival(rival: Rival) -> str:
     return f"<h3>{escape(names)} instead of {escape(instead_of)}</h3>\n{bullets(lines)}"
 
 
-def _recalibrated(result: GapResult) -> str:
+def _recalibrated_table(result: GapResult) -> str:
     columns = "name: parameter, before, after, unit, tolerance, at_bound: at its end"
     return table(listed(result.gate.recalibrated, columns))
 
 
-def _detectable(result: GapResult) -> str:
+def _detectable_table(result: GapResult) -> str:
     rows = listed(result.gate.detectable, "name: effect, family, rms: smallest rms, unit, parameter, value")
     confounded = ", ".join(result.gate.unseen)
     return table(rows) + (f"<p>{CONFOUNDED}: {escape(confounded)}.</p>" if confounded else "")

@@ -158,7 +158,7 @@ def output_of(name: str, columns: Mapping[str, ColumnRole]) -> str | None:
 # Columns of a table whose effects are confounded: constant, equal or collinear ones.
 
 
-CLOSE = 0.98
+COLLINEAR_CORRELATION = 0.98
 """Correlation above which two columns carry the same information."""
 
 
@@ -182,17 +182,17 @@ def column_messages(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[st
         return notes
     values = np.argsort(np.argsort(frame[moving].to_numpy(dtype=float), axis=0), axis=0)
     size = np.atleast_2d(np.abs(np.corrcoef(values, rowvar=False)))
-    close = [(i, k) for i, k in combinations(range(len(moving)), 2) if size[i, k] > CLOSE]
+    close = [(i, k) for i, k in combinations(range(len(moving)), 2) if size[i, k] > COLLINEAR_CORRELATION]
     for i, k in close:
         first, second = moving[i], moving[k]
         same = "is a copy of" if alike(frame[first], frame[second]) else "follows"
         notes.append(f"{first} {same} {second}: their effects are confounded")
     if not close:
-        notes += _collinear(frame[moving])
+        notes += _collinearity_sentence(frame[moving])
     return notes
 
 
-def _collinear(frame: pd.DataFrame) -> list[str]:
+def _collinearity_sentence(frame: pd.DataFrame) -> list[str]:
     """A sentence about columns of which one is a linear combination of the others."""
     scaled = (frame - frame.mean()) / frame.std()
     values, vectors = np.linalg.eigh(np.corrcoef(scaled.to_numpy(dtype=float), rowvar=False))
@@ -218,7 +218,7 @@ class GapProgress:
 Report = Callable[[GapProgress], None]
 
 
-def silent(progress: GapProgress) -> None:
+def ignore_progress(progress: GapProgress) -> None:
     """Ignore the progress."""
 
 

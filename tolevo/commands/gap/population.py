@@ -56,11 +56,11 @@ def floor(
     `centred`: about the mean of each batch; `scaled`: with the width of the law as well.
     """
     drawn = law.histogram.rvs(size=(BATCHES, count), random_state=rng)
-    drawn = matched(law, drawn, scaled) if centred else drawn
+    drawn = match_to_law(law, drawn, scaled) if centred else drawn
     return float(np.quantile(_distances(law, drawn), fraction))
 
 
-def matched(law: Law, units: Array, scaled: bool = False) -> Array:
+def match_to_law(law: Law, units: Array, scaled: bool = False) -> Array:
     """Units (..., n) moved to the mean of the law, and stretched to its width if `scaled`."""
     about = units - units.mean(axis=-1, keepdims=True)
     if scaled:
@@ -94,7 +94,7 @@ GROWTHS = np.geomspace(1.03, 4.0, 24) - 1.0
 STEPS = np.linspace(0.75, 5.0, 12)
 SHARES = np.array([0.06, 0.12, 0.25, 0.5, 0.75, 0.88])
 FARTHEST = 20.0
-MOST = 400
+MAX_GRID_OR_UNITS = 400
 """Units of a simulated batch; a likelihood ratio does not depend on their number. Also the most
 starting points of a fit."""
 
@@ -152,7 +152,7 @@ class BatchLikelihood:
     def _grid(self, coarse: bool) -> Array:
         """Starting points (m, k)."""
         axes = [kind.coarse if coarse else kind.starts for kind in self._kinds()]
-        while np.prod([len(axis) for axis in axes]) > MOST:
+        while np.prod([len(axis) for axis in axes]) > MAX_GRID_OR_UNITS:
             axes = [axis[::2] for axis in axes]
         return np.array(list(product(*axes)), dtype=np.float64)
 
@@ -207,7 +207,7 @@ class BatchLikelihood:
 def threshold(law: Law, candidates: Sequence[Candidate], target: Target, count: int, plan: GapPlan) -> float:
     """The threshold: a quantile of the best of all effects on batches drawn from the null model."""
     rng = np.random.default_rng([plan.seed, 6])
-    shape = (plan.settings.simulations, min(count, MOST))
+    shape = (plan.settings.simulations, min(count, MAX_GRID_OR_UNITS))
     x = law.histogram.rvs(size=shape, random_state=rng)
     x -= x.mean(axis=1, keepdims=True)
     at = np.asarray(x.min() + law.step * (np.arange(1 + int(np.ptp(x) / law.step)) + 0.5))
@@ -389,7 +389,7 @@ def misfit(batch: Batch, fit: Fit, wider: Scatter | None) -> Misfit | None:
     def compared(scaled: bool) -> tuple[float, float]:
         rng = np.random.default_rng([plan.seed, 9])
         limit = floor(law, len(units.x), rng, 1.0 - 0.5 * plan.settings.false_rate, True, scaled)
-        return distance(law, matched(law, units.x, scaled)), limit
+        return distance(law, match_to_law(law, units.x, scaled)), limit
 
     plainly, stretched = compared(scaled=False), compared(scaled=True)
     exceeded = [far > limit for far, limit in (plainly, stretched)]
@@ -425,7 +425,7 @@ def scatter(batch: Batch, fit: Fit) -> tuple[Scatter, ...]:
     return tuple(sorted(equivalent, key=attrgetter("distance")))
 
 
-def carrying(setup: Setup, scatter_effect: Scatter) -> Setup:
+def setup_with_scatter(setup: Setup, scatter_effect: Scatter) -> Setup:
     """The setup of the model with an effect on the scatter in it, which may move the mean."""
     plan = replace(setup.plan, active=(*setup.plan.active, scatter_effect.active))
     by = scatter_effect.moves
@@ -463,13 +463,13 @@ def _fitted_scatter(batch: Batch, units: Units, candidate: Candidate, level: str
         ends,
         gain,
         np.nan,
-        _held_out(units, centred, free),
+        _held_out_likelihood(units, centred, free),
         price - 2.0 * used(x, at),
         mean_effect=level if apart else "",
     )
 
 
-def _held_out(units: Units, centred: BatchLikelihood, start: Array) -> Improvement:
+def _held_out_likelihood(units: Units, centred: BatchLikelihood, start: Array) -> Improvement:
     """Twice the increase of the log likelihood of held-out units."""
     x, gains = units.centred, []
     for block in np.unique(units.labels):

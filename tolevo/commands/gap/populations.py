@@ -18,7 +18,8 @@ from ...models.measurable import Column, Role, Source
 from ...section import Array
 from .data import GapData
 from .input_changes import KINDS, Change, Tables, UnitLaw
-from .library import on_scatter, predictor
+from .library import acts_on_scatter as on_scatter
+from .library import predictor
 from .population import likelier
 from .records import Attribution, InputChange, Measurement, PopulationLine, Rival
 from .result import Ending
@@ -65,7 +66,7 @@ def along(order: Array) -> Statistic:
     return lambda x: np.asarray(x @ weight)
 
 
-def unlike(quantiles: Array) -> Statistic:
+def shape_distance(quantiles: Array) -> Statistic:
     """Distance from a population with these `quantiles` (n,) once mean and scatter are the same.
 
     In standard deviations: the 2-Wasserstein distance after standardisation.
@@ -101,7 +102,7 @@ def between_lots(of_lot: NDArray[np.int64]) -> Statistic | None:
     return ratio
 
 
-def two_of(law: Law = NORMAL) -> Statistic:
+def two_supplier_ratio(law: Law = NORMAL) -> Statistic:
     """Twice the log likelihood ratio of two suppliers to one, for equal mean and scatter.
 
     `law` is that of one supplier about its mean. The best of a few fixed mixtures counts: its
@@ -163,7 +164,7 @@ def batches(count: int) -> int:
     return int(np.clip(DRAWN // count, 300, 1000))
 
 
-def rarely(values: Array, rate: float) -> float:
+def rare_value(values: Array, rate: float) -> float:
     """The value that a fraction `rate` of simulated values (b,) exceeds. The tail is extrapolated
     as exponential, as that of a likelihood ratio is; that of a normal falls more steeply.
     """
@@ -207,7 +208,7 @@ class Compared:
         limits = {}
         for look in self.looks:
             far = simulated[look.name] - middle[look.name]
-            limits[look.name] = rarely(np.abs(far) if look.signed else far, rate)
+            limits[look.name] = rare_value(np.abs(far) if look.signed else far, rate)
         return limits
 
     def _line(
@@ -246,7 +247,7 @@ EXACT = 1e-9
 PLAIN = ("mean", "two suppliers", "first to last unit")
 SHAPES = ("standard deviation", "skewness", "kurtosis")
 """Statistics of the differences themselves, and those of the units with the differences added."""
-NONE = "no difference detected: measured is as simulated"
+NO_DIFFERENCE = "no difference detected: measured is as simulated"
 
 
 def compared(end: Ending) -> tuple[PopulationLine, ...]:
@@ -260,7 +261,7 @@ def compared(end: Ending) -> tuple[PopulationLine, ...]:
         return ()
     models = ("before", "after") if end.fit.members or end.analysis.scatter else ("before",)
     if population:
-        return tuple(line for k, model in enumerate(models) for line in _of_batch(end, model, k))
+        return tuple(line for k, model in enumerate(models) for line in _batch_lines(end, model, k))
     plain = predictor(end.setup.plan, end.setup.data)({})
     residuals = np.split(residual_of(end.setup, end.fit), len(end.setup.data.outputs))
     lines: tuple[PopulationLine, ...] = ()
@@ -268,11 +269,11 @@ def compared(end: Ending) -> tuple[PopulationLine, ...]:
         for at, output in enumerate(end.setup.data.outputs):
             corrected = end.setup.data.measured[output.name] - residuals[at]
             simulated = plain[output.name] if model == "before" else corrected
-            lines += _of_pairs(end, at, model, stream, simulated)
+            lines += _pair_lines(end, at, model, stream, simulated)
     return lines
 
 
-def _of_batch(end: Ending, model: str, stream: int) -> tuple[PopulationLine, ...]:
+def _batch_lines(end: Ending, model: str, stream: int) -> tuple[PopulationLine, ...]:
     """The lines of the deviations of units from the model's prediction."""
     initial = end.analysis.initial_null_model
     setup, fit = (end.setup, end.fit) if model == "after" else (initial.setup, initial.null_fit)
@@ -285,7 +286,7 @@ def _of_batch(end: Ending, model: str, stream: int) -> tuple[PopulationLine, ...
     order = unit_numbers(measurements)[kept].astype(float)
     lots = between_lots(labels_of(measurements[Role.LOT])[1][kept]) if Role.LOT in measurements else None
     quantiles = law.histogram.ppf((np.arange(len(x)) + 0.5) / len(x))
-    looks = looks_of(output.unit, order, two_of(law), unlike(quantiles), lots)
+    looks = looks_of(output.unit, order, two_supplier_ratio(law), shape_distance(quantiles), lots)
     rng = np.random.default_rng([setup.plan.seed, 14, stream])
     drawn = law.histogram.rvs(size=(batches(len(x)), len(x)), random_state=rng)
     shown = setup.data.measured[output.name][kept] - x
@@ -295,7 +296,7 @@ def _of_batch(end: Ending, model: str, stream: int) -> tuple[PopulationLine, ...
     return whole.lines(model, output.name, offset, rng)
 
 
-def _of_pairs(end: Ending, at: int, model: str, stream: int, simulated: Array) -> tuple[PopulationLine, ...]:
+def _pair_lines(end: Ending, at: int, model: str, stream: int, simulated: Array) -> tuple[PopulationLine, ...]:
     setup = end.setup
     output, kept = setup.data.outputs[at], end.analysis.initial_null_model.noises[at].counted
     s, measured = simulated[kept], setup.data.measured[output.name][kept]
@@ -310,7 +311,7 @@ def _of_pairs(end: Ending, at: int, model: str, stream: int, simulated: Array) -
     drawn = rng.permuted(np.tile(r, (count, 1)), axis=1) * rng.choice([-1.0, 1.0], (count, len(r)))
     # one supplier is drawn as such: permuted measurements would keep a second one
     normal = float(np.std(r)) * rng.standard_normal((count, len(r)))
-    looks = tuple(_drawn(look, normal) if look.name == "two suppliers" else look for look in looks)
+    looks = tuple(_simulate_look(look, normal) if look.name == "two suppliers" else look for look in looks)
     whole = Compared(looks, r, drawn, setup.plan.settings.false_rate, LEAST_NAMED)
     return whole.lines(model, output.name, _shown(s, order), rng)
 
@@ -324,7 +325,7 @@ def _looks(unit: str, s: Array, order: Array) -> tuple[Look, ...]:
     moved = SHAPES if float(np.std(s)) > 0.0 else ()
     return tuple(
         replace(look, of=beyond(look.of)) if look.name in moved else look
-        for look in looks_of(unit, order, two_of())
+        for look in looks_of(unit, order, two_supplier_ratio())
         if look.name in (*PLAIN, *moved)
     )
 
@@ -338,7 +339,7 @@ def _shown(s: Array, order: Array) -> dict[str, float]:
     }
 
 
-def _drawn(look: Look, normal: Array) -> Look:
+def _simulate_look(look: Look, normal: Array) -> Look:
     """The same statistic with normal simulated batches."""
     return replace(look, of=lambda x: look.of(x if len(x) == 1 else normal))
 
@@ -346,7 +347,19 @@ def _drawn(look: Look, normal: Array) -> Look:
 def _unchanged_line(look: Look, model: str, output: str, value: float) -> PopulationLine:
     difference = low = high = chance = would_show = 0.0
     return PopulationLine(
-        model, output, look.aspect, look.name, look.unit, value, value, difference, low, high, chance, would_show, NONE
+        model,
+        output,
+        look.aspect,
+        look.name,
+        look.unit,
+        value,
+        value,
+        difference,
+        low,
+        high,
+        chance,
+        would_show,
+        NO_DIFFERENCE,
     )
 
 
@@ -364,7 +377,7 @@ OUT_OF_QUESTION = 10.0
 """Tolerances from which the amount that an excluded input would need is no size of a part, and not told."""
 UNLIKELY = 0.005
 """Level of each test of whether the best change explains the batch."""
-SURE = float((ndtri(0.95) + ndtri(0.9)) ** 2)
+DETECTION_FACTOR = float((ndtri(0.95) + ndtri(0.9)) ** 2)
 """Squared size, in standard errors, of an effect that is detected nine times out of ten."""
 
 
@@ -480,7 +493,7 @@ def parts_of(change: Change, amount: float) -> int:
     else:
         size = fraction**2 * (1.0 if change.kind == "shift" else 1.0 / 12.0)
         variance = scatter
-    return int(max(np.ceil(SURE * variance / size), 3)) if size > 0.0 else 0
+    return int(max(np.ceil(DETECTION_FACTOR * variance / size), 3)) if size > 0.0 else 0
 
 
 def _scatter(source: Source) -> tuple[float, float]:
@@ -494,14 +507,14 @@ def _scatter(source: Source) -> tuple[float, float]:
 # Attribution of a batch's difference to an input: by likelihood, and by the inputs' limits.
 
 
-def of_batch(end: Ending) -> tuple[Attribution, ...]:
+def attribute_batch(end: Ending) -> tuple[Attribution, ...]:
     """The inputs that may cause the gap of a batch; empty where there is no gap."""
     analysis, data = end.analysis, end.setup.data
     sources = None if end.setup.plan.model is None else end.setup.plan.model.sources()
     if not analysis.significant or sources is None or not data.target.population:
         return ()
     names, output = _names(end), data.outputs[0]
-    if why := _refused(end):
+    if why := _refusal_reason(end):
         return (Attribution(names, output.name, "", (), "cannot tell", (), why),)
     y, u = _units(end)
     settings = end.setup.plan.settings
@@ -511,12 +524,12 @@ def of_batch(end: Ending) -> tuple[Attribution, ...]:
         given = _subtracted_effects(end)
         text = given or f"no change of an input is significant: cannot tell with n = {len(y)}"
         return (Attribution(names, output.name, "", (), "none" if given else "cannot tell", (), text),)
-    attributions = decided(weighed, names, output.name, output.unit)
+    attributions = decide_changes(weighed, names, output.name, output.unit)
     basis = f" ({sources.basis})" if sources.basis else ""
     return tuple(replace(attribution, text=f"{attribution.text}{basis}") for attribution in attributions)
 
 
-def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attribution, ...]:
+def decide_changes(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attribution, ...]:
     """A record for each remaining kind of change, or a single record with why none remains."""
 
     def of(kind: str, verdict: str, text: str, names: tuple[str, ...] = ()) -> Attribution:
@@ -543,7 +556,7 @@ def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attr
 
 def explanation(weighed: Weighed, unit: str) -> str:
     """A sentence on the remaining changes, and the measurement that would decide between them."""
-    names = [_described(change) for change in weighed.standing]
+    names = [_describe_change(change) for change in weighed.standing]
     names += [weighed.rival] if weighed.mixed else []
     if len(names) == 1:
         change = weighed.standing[0]
@@ -558,7 +571,7 @@ def explanation(weighed: Weighed, unit: str) -> str:
     return text if source is None else f"{text}; measure the {source.part} of {count} parts"
 
 
-def _described(change: Change) -> str:
+def _describe_change(change: Change) -> str:
     """The change of an input, or of the gauge, in words."""
     kind = "noise" if change.source is None and change.kind == "widening" else change.kind
     return f"{kind} of {change.name}"
@@ -568,7 +581,7 @@ def _names(end: Ending) -> str:
     return ", ".join([*end.fit.names, *(effect.candidate.name for effect in end.analysis.scatter[:1])])
 
 
-def _refused(end: Ending) -> str:
+def _refusal_reason(end: Ending) -> str:
     """Why no attribution to inputs is made; empty where it is."""
     count = len(end.setup.data)
     if not end.setup.plan.settings.effects_at_most or count < LEAST_NAMED:
@@ -620,13 +633,13 @@ def order_of(data: GapData) -> Array:
 
 
 GAIN_LOW, GAIN_HIGH = -0.5, 1.0
-BIAS_AT_MOST = 3.0
+MAX_BIAS_RATIO = 3.0
 """In root mean squares of the recorded values. Both are assumptions: more would be noticed at
 once.
 """
 NEWTON = 3
 STEP = 1e-4
-MEASURED_AGAIN = 3
+REMEASURED_PARTS = 3
 """Number of parts whose measurement is to be repeated."""
 
 
@@ -708,7 +721,7 @@ class Records:
 
     def _fitted(self, column: Column, kind: str, size: float) -> Wrong:
         """The error with its likeliest admissible amount, by Newton's method."""
-        low, high = (GAIN_LOW, GAIN_HIGH) if kind == "gain" else (-BIAS_AT_MOST * size, BIAS_AT_MOST * size)
+        low, high = (GAIN_LOW, GAIN_HIGH) if kind == "gain" else (-MAX_BIAS_RATIO * size, MAX_BIAS_RATIO * size)
         step = STEP * (1.0 if kind == "gain" else size)
         amount, wanted, slope = 0.0, 0.0, np.zeros_like(self.y)
         for _ in range(NEWTON):
@@ -771,7 +784,7 @@ class Records:
         return whole - sum(pays)
 
 
-def of_recorded(end: Ending) -> tuple[Attribution, ...]:
+def attribute_to_records(end: Ending) -> tuple[Attribution, ...]:
     """The recorded inputs that alone may cause the units' deviations, empty where these are noise."""
     if len(end.setup.data) < LEAST_NAMED:
         return ()
@@ -834,7 +847,7 @@ def _record(end: Ending, wrong: Wrong, stands: bool, distance: float) -> InputCh
         float("nan"),
         max(distance, 0.0),
         why,
-        MEASURED_AGAIN if stands and wrong.is_input else 0,
+        REMEASURED_PARTS if stands and wrong.is_input else 0,
     )
 
 
@@ -844,7 +857,7 @@ def _text(end: Ending, records: Records, standing: list[Wrong], alone: bool) -> 
         size = f"{first.amount:.3g} {first.unit}".rstrip()
         return f"{first.kind} of {first.name} as it was recorded ({size}) explains these units"
     names = [*(f"{wrong.kind} of {wrong.name}" for wrong in standing), *end.fit.names]
-    return f"cannot tell between {', '.join(names)}; measure {first.name} of {MEASURED_AGAIN} parts again"
+    return f"cannot tell between {', '.join(names)}; measure {first.name} of {REMEASURED_PARTS} parts again"
 
 
 def _outputs(end: Ending) -> str:
@@ -860,8 +873,8 @@ SHOWN = 3
 def attribution_of(end: Ending) -> tuple[Attribution, ...]:
     """The inputs that may cause a difference; empty where rows are no units."""
     if end.setup.data.target.population:
-        return of_batch(end)
-    return of_recorded(end) if has_units(end) else ()
+        return attribute_batch(end)
+    return attribute_to_records(end) if has_units(end) else ()
 
 
 def inputs_instead(end: Ending, attributions: Sequence[Attribution]) -> tuple[Rival, ...]:

@@ -20,9 +20,16 @@ from ...models.effects.measurements import SESSION
 from ...models.measurable import Column, Role
 from ...section import Array, Output
 from ...units import converted
-from .data import LEAST, GapData, assembled, clock_faults, late, numbered, of_one_measurement, one_per_unit, too_few
+from .data import MIN_UNITS as LEAST
+from .data import GapData, clock_faults, of_one_measurement
+from .data import assemble_data as assembled
+from .data import average_repeats as one_per_unit
+from .data import late_clock_messages as late
+from .data import number_units as numbered
+from .data import too_few_units_fault as too_few
 from .fit import Fit
-from .next_points import NO_POINT, RANGE, axes_of, candidates, inside
+from .next_points import NO_POINT, RANGE, axes_of, candidates
+from .next_points import rows_in_range as inside
 from .plan import GapPlan, alike, column_messages, output_of
 
 # Ranges of the next measurement that do not fit the data.
@@ -53,7 +60,7 @@ def range_faults(plan: GapPlan, data: GapData, place: str) -> list[Fault]:
 # Implausible units: measurements far outside the range of any test bench.
 
 
-MOST = {
+PLAUSIBLE_MAXIMA = {
     Role.ANGLE: (1000.0 * tau, "1000 turns"),
     Role.TORQUE: (1e6, "1e6 N m"),
     Role.FORCE: (1e7, "1e7 N"),
@@ -64,7 +71,7 @@ MOST = {
     Role.TIME: (3e8, "ten years"),
 }
 """Span or magnitude, in the units of `Measurements`, that is beyond a test bench."""
-LITTLE = radians(0.5)
+MIN_TURN_RAD = radians(0.5)
 """[rad] Span that a turning angle exceeds; that of a unit with locked input does not."""
 FACTOR = 20.0
 """Ratio of a measurement to its prediction that is implausible in the same unit."""
@@ -77,17 +84,17 @@ STIFFNESS = {("angle", "Nm"): ("arcmin", 1e-3, 2e4), ("length", "N"): ("um", 1e-
 Reducers have 0.1 to 5000 N m/arcmin, from small harmonic drives to large cycloidal ones; screws 1
 to 5000 N/um.
 """
-ALIKE = 0.9
+MIN_FOLLOWING_RATIO = 0.9
 """Correlation from which a measurement and its prediction are of the same quantity."""
 
 
-def implausible(data: GapData) -> list[str]:
+def implausible_unit_sentences(data: GapData) -> list[str]:
     """Sentences about columns whose unit is probably not the stated one."""
-    return [*_beyond(data), *_still(data), *_scaled(data), *_stiff(data)]
+    return [*_implausible_magnitudes(data), *_still_angle_note(data), *_scale_note(data), *_stiffness_note(data)]
 
 
-def _beyond(data: GapData) -> Iterator[str]:
-    for role, (most, text) in MOST.items():
+def _implausible_magnitudes(data: GapData) -> Iterator[str]:
+    for role, (most, text) in PLAUSIBLE_MAXIMA.items():
         if role not in data.measurements or data.target.units.get(role) in ("m", "m/s"):
             continue
         x = np.asarray(data.measurements[role], dtype=float)
@@ -96,15 +103,15 @@ def _beyond(data: GapData) -> Iterator[str]:
             yield f"{_doubt(data, role)} It reaches beyond {text}"
 
 
-def _still(data: GapData) -> Iterator[str]:
+def _still_angle_note(data: GapData) -> Iterator[str]:
     """An angle that hardly turns, on a unit that is not locked."""
     turning = data.target.units.get(Role.ANGLE) == "rad" and Role.POSITION not in data.measurements
     span = float(np.ptp(data.measurements[Role.ANGLE])) if turning else 0.0
-    if 0.0 < span < LITTLE and not data.target.locked:
+    if 0.0 < span < MIN_TURN_RAD and not data.target.locked:
         yield f"{_doubt(data, Role.ANGLE)} It spans {np.degrees(span):.2g} deg in all"
 
 
-def _scaled(data: GapData) -> Iterator[str]:
+def _scale_note(data: GapData) -> Iterator[str]:
     """A measurement that is many times its prediction, or a small part of it."""
     for output in data.outputs:
         if output.name not in data.predicted:
@@ -117,7 +124,7 @@ def _scaled(data: GapData) -> Iterator[str]:
             )
 
 
-def _stiff(data: GapData) -> Iterator[str]:
+def _stiffness_note(data: GapData) -> Iterator[str]:
     """A measurement that follows the load as that of no gear or axis does."""
     role = next((r for r in (Role.TORQUE, Role.FORCE) if r in data.measurements), None)
     if role is None or data.target.population:
@@ -128,13 +135,13 @@ def _stiff(data: GapData) -> Iterator[str]:
         spread = float(np.std(load) * np.std(y))
         slope = _covariance(load, y) / max(float(np.var(load)), 1e-300)
         if spread > 0.0 and abs(slope) * np.std(load) > FOLLOWS * np.std(y):
-            description = unlikely(1.0 / slope, output.unit, "N" if role is Role.FORCE else "Nm")
+            description = unlikely_stiffness(1.0 / slope, output.unit, "N" if role is Role.FORCE else "Nm")
             if description:
                 doubt = f"{_doubt(data, role)} Or that of {output.name}?"
                 yield f"{doubt} It follows the load with a stiffness of {description}"
 
 
-def unlikely(stiffness: float, unit: str, load: str, more: float = 1.0) -> str:
+def unlikely_stiffness(stiffness: float, unit: str, load: str, more: float = 1.0) -> str:
     """The description of a stiffness [load per unit] that no drive has, else empty.
 
     A compliance in addition to a simulation may be stiffer than a drive by the factor `more`.
@@ -157,7 +164,7 @@ def unlikely_numbers(fit: Fit, data: GapData) -> list[str]:
         for member, sizes in zip(fit.members, fit.coefficients, strict=True)
         if member.name == "torsional_compliance"
         for output, size in zip(member.candidate.effect.reached(data.target), sizes, strict=False)
-        if size > 0.0 and (description := unlikely(1.0 / float(size), output.unit, load, STIFFER))
+        if size > 0.0 and (description := unlikely_stiffness(1.0 / float(size), output.unit, load, STIFFER))
     ]
 
 
@@ -165,7 +172,7 @@ def _factor(measured: Array, predicted: Array) -> float:
     """The ratio of the measurement to the prediction; 0 where they are not correlated."""
     spread = float(np.std(measured) * np.std(predicted))
     covariance = _covariance(measured, predicted)
-    if spread == 0.0 or covariance < ALIKE * spread:
+    if spread == 0.0 or covariance < MIN_FOLLOWING_RATIO * spread:
         return 0.0
     return covariance / float(np.var(predicted))
 
@@ -180,7 +187,7 @@ def _doubt(data: GapData, role: Role) -> str:
 
 
 TIME = Column("time_s", "s", "order of measuring", False, role=Role.TIME)
-SAME = 1e-12
+VARIATION_TOLERANCE = 1e-12
 """Relative range below which measurements count as all the same."""
 NO_DIRECTION = "a direction is +1 or -1; remove the column where a speed has its sign, otherwise the rows at rest"
 NO_NOISE = "must be above 0; remove the column where the noise is not known"
@@ -190,7 +197,7 @@ NO_VARIATION = (
 )
 NO_PREDICTION = "the model has no finite prediction here: outside of its range; remove the row"
 REPEAT = Column("repeat", "", "number of the repeat", False, role=Role.REPEAT)
-LARGEST = 1e100
+MAX_MEASURABLE = 1e100
 """Largest measurement: its square is still finite."""
 ABSOLUTE_ZERO = -273.15
 """[degC]"""
@@ -240,7 +247,7 @@ def checked_table(
         optional=[*wanted, *labels],
         text={c.name for c in columns if c.text} | set(labels),
     )
-    frame, new_faults = _dropped(plan, frame, new_faults, place, notes)
+    frame, new_faults = _drop_bad_rows(plan, frame, new_faults, place, notes)
     faults += new_faults + _block_faults(plan, cells, frame, place)
     if not faults and plan.model is not None:
         if population:
@@ -271,7 +278,7 @@ def checked_table(
         return None, faults
     understood = (*table.lines(place), *(f"{place}: {note}" for note in fitted.notes))
     data = replace(data, understood=understood, table=table.record(), digest=_digest(table, path))
-    return replace(data, notes=(*implausible(data), *data.notes)), []
+    return replace(data, notes=(*implausible_unit_sentences(data), *data.notes)), []
 
 
 def _units(plan: GapPlan) -> dict[str, str]:
@@ -293,10 +300,14 @@ def _unused(plan: GapPlan, cells: pd.DataFrame, ignored: Sequence[str], known: S
 
 def _unused_note(unused: Sequence[str]) -> list[str]:
     """The note on columns without a role."""
-    return [f"not used, without a role: {listed(unused)} (docs/conventions.md lists the roles)"] if unused else []
+    return (
+        [f"not used, without a role: {abbreviated_list(unused)} (docs/conventions.md lists the roles)"]
+        if unused
+        else []
+    )
 
 
-def listed(names: Iterable[str]) -> str:
+def abbreviated_list(names: Iterable[str]) -> str:
     """The first ten of some names."""
     first = [*islice(names, 11)]
     return ", ".join(first[:10] + ["..."] * (len(first) > 10))
@@ -357,7 +368,7 @@ def _missing_outputs(plan: GapPlan, cells: pd.DataFrame, outputs: tuple[Output, 
     return [] if outputs else [Fault(place, f"contains none of the measured outputs: {names}")]
 
 
-def _dropped(
+def _drop_bad_rows(
     plan: GapPlan, frame: pd.DataFrame, faults: list[Fault], place: str, notes: list[str]
 ) -> tuple[pd.DataFrame, list[Fault]]:
     """Rows with a cell that is no finite number: faults, or dropped where the plan states it."""
@@ -367,7 +378,7 @@ def _dropped(
     if not plan.drop_bad_rows:
         return frame, [*faults, Fault("data.drop_bad_rows", "set it to true to drop these rows")]
     bad = frame.isna().any(axis=1) | (frame == "").any(axis=1)
-    rows = listed(str(at) for at in frame.index[bad])
+    rows = abbreviated_list(str(at) for at in frame.index[bad])
     notes.append(f"{int(bad.sum())} rows with a cell that is no finite number were dropped, as requested: rows {rows}")
     return frame[~bad], other_faults
 
@@ -434,14 +445,14 @@ def _cells(frame: pd.DataFrame, column: str, bad: pd.Series[bool], place: str, t
 
 def _measured_faults(frame: pd.DataFrame, name: str, prediction: str | None, place: str) -> list[Fault]:
     """Faults of a measurement that never changes, or that the prediction copies."""
-    faults = _cells(frame, name, frame[name].abs() > LARGEST, place, "is beyond all measurable values")
+    faults = _cells(frame, name, frame[name].abs() > MAX_MEASURABLE, place, "is beyond all measurable values")
     values = frame[name].dropna().to_numpy()
-    if len(values) > 1 and np.ptp(values) <= SAME * np.abs(values).max():
+    if len(values) > 1 and np.ptp(values) <= VARIATION_TOLERANCE * np.abs(values).max():
         faults.append(Fault(f"{place}: column {name}", "is the same in every row: nothing was measured"))
     if prediction in frame:
         both = frame[[name, prediction]].dropna()
         residual = (both[name] - both[prediction]).to_numpy()
-        moved = len(both) > 1 and np.ptp(residual) <= SAME * np.abs(values).max()
+        moved = len(both) > 1 and np.ptp(residual) <= VARIATION_TOLERANCE * np.abs(values).max()
         if moved or (len(both) and alike(both[name], both[prediction])):
             text = f"is a copy of {name}: a prediction comes from the simulation, not from the data"
             faults.append(Fault(f"{place}: column {prediction}", text))

@@ -12,10 +12,11 @@ from ...section import Array
 from .analysis import Analysis
 from .fit import Member, is_term
 from .generic import LEVELS
-from .linear import projected_out
+from .linear import project_out as projected_out
 from .population import distance, floor, held_out_units
 from .records import Remainder, UnresolvedTerm
-from .result import Ending, ended, rmse
+from .result import Ending, rmse
+from .result import finish_analysis as ended
 from .unresolved import effect_of, table_of
 
 OF_ROWS = "RMSE on held-out rows; the floor is the noise"
@@ -43,9 +44,9 @@ def gaps(end: Ending) -> Gaps:
     before = initial.setup.residual - end.before.fitted
     after = setup.residual - end.after.fitted
     if setup.data.target.population:
-        return _of_units(end, before, after)
+        return _population_gaps(end, before, after)
     levels = {o.name: noise.level for o, noise in zip(setup.data.outputs, initial.noises, strict=True)}
-    first, last = (_with_total(end, _by_output(end, raw)) for raw in (before, after))
+    first, last = (_add_total(end, _by_output(end, raw)) for raw in (before, after))
     return Gaps(first, last, levels | {"total": 1.0}, OF_ROWS)
 
 
@@ -67,14 +68,14 @@ def _by_output(end: Ending, raw: Array) -> dict[str, float]:
     return {output.name: rmse(part, noise.good) for output, part, noise in parts}
 
 
-def _with_total(end: Ending, by_output: dict[str, float]) -> dict[str, float]:
+def _add_total(end: Ending, by_output: dict[str, float]) -> dict[str, float]:
     """Gaps by output with the total: their root mean square, each in units of its noise."""
     levels = [noise.level for noise in end.analysis.initial_null_model.noises]
     scaled = np.array(list(by_output.values())) / np.array(levels)
     return by_output | {"total": float(np.sqrt(np.mean(scaled**2)))}
 
 
-def _of_units(end: Ending, before: Array, after: Array) -> Gaps:
+def _population_gaps(end: Ending, before: Array, after: Array) -> Gaps:
     """The gaps of a population. Effects on the scatter act on its first output, where outliers then
     count as well.
     """
@@ -95,17 +96,17 @@ def _of_units(end: Ending, before: Array, after: Array) -> Gaps:
         first[output.name] = distance(law, x)
         last[output.name] = distance(whole, y)
         least[output.name] = floor(whole, len(y), rng)
-    return Gaps(_with_total(end, first), _with_total(end, last), _with_total(end, least), OF_UNITS)
+    return Gaps(_add_total(end, first), _add_total(end, last), _add_total(end, least), OF_UNITS)
 
 
 # The unidentified remainder given the identified effects, as records.
 
 
-MOST = 3
+MAX_REMAINDERS = 3
 """Number of forms listed in addition to the terms."""
 
 
-def removed_from(analysis: Analysis) -> tuple[str, ...]:
+def removed_effects(analysis: Analysis) -> tuple[str, ...]:
     """Effects that were accepted and are not in the answer: their form is not that of the data."""
     return (*(analysis.fit.names[at] for at in analysis.identified.withdrawn), *analysis.removed)
 
@@ -126,15 +127,15 @@ def remainder_of(end: Ending) -> tuple[Remainder, ...]:
     if not end.remains:
         return ()
     if not end.rows:
-        return _of_scatter(end)
+        return _scatter_remainder(end)
     together: dict[tuple[str, frozenset[str]], list[Member]] = {}
     for member in end.fit.terms:
         term = effect_of(member).term
         together.setdefault((term.output, frozenset(term.variables)), []).append(member)
-    return (*(_of_terms(end, members) for members in together.values()), *_of_forms(end))
+    return (*(_term_remainders(end, members) for members in together.values()), *_form_remainders(end))
 
 
-def _of_scatter(end: Ending) -> tuple[Remainder, ...]:
+def _scatter_remainder(end: Ending) -> tuple[Remainder, ...]:
     """Units with a scatter that no effect explains; the floor is what chance reaches."""
     misfit, output = end.analysis.misfit, end.setup.data.outputs[0]
     if misfit is None:
@@ -147,12 +148,12 @@ def _of_scatter(end: Ending) -> tuple[Remainder, ...]:
     return (Remainder(output.name, ("scatter of the units",), text, far, output.unit, ratio, fraction),)
 
 
-def _beyond(end: Ending) -> float:
+def _excess_over_noise(end: Ending) -> float:
     """The squared gap in excess of the noise, in noise units."""
     return max(end.analysis.null_model.null_fit.rss - end.analysis.search.fitter.space.count, 1e-300)
 
 
-def _of_terms(end: Ending, members: Sequence[Member]) -> Remainder:
+def _term_remainders(end: Ending, members: Sequence[Member]) -> Remainder:
     """Terms of the same variables as one: each may be many times larger than their sum."""
     terms, setup = [effect_of(member).term for member in members], end.setup
     first = terms[0]
@@ -166,7 +167,7 @@ def _of_terms(end: Ending, members: Sequence[Member]) -> Remainder:
         white = white + fitter.white(member) @ coefficients
     rms, unit = float(np.std(added)), setup.data.outputs[at].unit
     white = projected_out(white, fitter.q)  # without the part that the zeros and free parameters span
-    fraction = min(1.0, float(white @ white) / _beyond(end))
+    fraction = min(1.0, float(white @ white) / _excess_over_noise(end))
     text = ", and ".join(dict.fromkeys(shape(term) for term in terms))
     return Remainder(first.output, first.variables, text, rms, unit, rms / _level(end, at), fraction)
 
@@ -175,14 +176,14 @@ def _level(end: Ending, output: int) -> float:
     return end.analysis.null_model.noises[output].level
 
 
-def _of_forms(end: Ending) -> tuple[Remainder, ...]:
+def _form_remainders(end: Ending) -> tuple[Remainder, ...]:
     """The strongest form of each variable that is still significant given the terms."""
     generic, remaining = end.analysis.null_model.generic, end.analysis.identified.residual_forms
     remainders: dict[tuple[int, str], Remainder] = {}
     for at in end.analysis.identified.significant:
         form, output = generic.forms[at], int(generic.outputs[at])
         key = (output, form.variable)
-        if key in remainders or len(remainders) >= MOST:
+        if key in remainders or len(remainders) >= MAX_REMAINDERS:
             continue
         declared_output = end.setup.data.outputs[output]
         ratio = float(np.sqrt(max(remaining.gains[at], 0.0) / end.analysis.search.fitter.space.rows_per_output))
@@ -198,7 +199,7 @@ def _of_forms(end: Ending) -> tuple[Remainder, ...]:
             ratio * _level(end, output),
             declared_output.unit,
             ratio,
-            min(1.0, float(remaining.gains[at]) / _beyond(end)),
+            min(1.0, float(remaining.gains[at]) / _excess_over_noise(end)),
         )
     return tuple(remainders.values())
 

@@ -10,13 +10,15 @@ import numpy as np
 from ...models.effects import EffectParameter
 from ...section import Array
 from .abstain import acts_in
-from .analysis import Analysis, predicts_as_well, without
+from .analysis import Analysis, predicts_as_well
+from .analysis import analysis_without_effect as without
 from .blocks import HeldOut
 from .close import Corrected, corrected
 from .fit import Fit, Fitter, Member, is_term
-from .linear import basis, projected_out
+from .linear import basis
+from .linear import project_out as projected_out
 from .setup import Setup
-from .unresolved import whole_of
+from .unresolved import whole_term as whole_of
 
 # The bias of an effect's parameter due to the form of the generic terms that are fitted with it.
 #
@@ -28,14 +30,14 @@ from .unresolved import whole_of
 # / |g|^2 of the parameter, between none and all of it: the standard deviation is taken as 0.6 of it.
 
 
-LITTLE = 0.01
+NEGLIGIBLE_FRACTION = 0.01
 """Fraction of a parameter's column within a form below which they have nothing in common."""
 STEP = 1e-4
 """Relative step of a derivative."""
 EITHER = 0.36
 """Variance of a value between two ends, over the square of their distance, such that an interval of
 90 % about one end contains the other."""
-SURE = 2.0
+SIGNIFICANCE_FACTOR = 2.0
 """Standard errors from which two fits differ by more than noise."""
 LEAST_CHANCE = 0.05
 """Least variance of their difference, as a fraction of that of the wider fit."""
@@ -50,7 +52,7 @@ def misfit_of(analysis: Analysis, fit: Fit) -> dict[tuple[str, str], float]:
     variances: dict[tuple[str, str], float] = {}
     for at in named:
         member = fit.members[at]
-        numbers = [parameter.name for parameter in (*member.candidate.linear, *_fitted(member))]
+        numbers = [parameter.name for parameter in (*member.candidate.linear, *_fitted_parameters(member))]
         others = [columns[k] for k in named if k != at]
         for k, number in enumerate(numbers):
             given_columns = [fitter.base, np.delete(columns[at], k, axis=1), *others]
@@ -62,7 +64,7 @@ def misfit_of(analysis: Analysis, fit: Fit) -> dict[tuple[str, str], float]:
     return variances
 
 
-def of_weights(model: Corrected, plain: Corrected) -> dict[tuple[str, str], float]:
+def variance_of_weights(model: Corrected, plain: Corrected) -> dict[tuple[str, str], float]:
     """Added variance of numbers that differ between the weighted fit and one with equal weights: if
     the form is right they differ by noise alone.
 
@@ -71,7 +73,7 @@ def of_weights(model: Corrected, plain: Corrected) -> dict[tuple[str, str], floa
     away = plain.values - model.values
     variance, plain_variance = (np.diag(fitted_model.covariance) for fitted_model in (model, plain))
     chance = np.maximum(plain_variance - variance, LEAST_CHANCE * plain_variance)
-    sure = away**2 > SURE**2 * chance
+    sure = away**2 > SIGNIFICANCE_FACTOR**2 * chance
     return {
         (number.owner, number.name): EITHER * float(square)
         for number, square, significant in zip(model.numbers, away**2, sure, strict=True)
@@ -79,7 +81,7 @@ def of_weights(model: Corrected, plain: Corrected) -> dict[tuple[str, str], floa
     }
 
 
-def _fitted(member: Member) -> list[EffectParameter]:
+def _fitted_parameters(member: Member) -> list[EffectParameter]:
     """The nonlinear parameters that are fitted."""
     return [parameter for parameter in member.candidate.shape if not parameter.choices and member.candidate.linear]
 
@@ -87,7 +89,7 @@ def _fitted(member: Member) -> list[EffectParameter]:
 def _columns(fitter: Fitter, fit: Fit, at: int) -> Array:
     """Whitened derivatives (N, k) of the outputs with respect to each parameter of a member."""
     member, columns = fit.members[at], [fitter.white(fit.members[at])]
-    for parameter in _fitted(member):
+    for parameter in _fitted_parameters(member):
         here = member.shape[parameter.name]
         step = STEP * (abs(here) or 1.0) * (-1.0 if here >= parameter.high else 1.0)
         moved = {**member.shape, parameter.name: here + step}
@@ -104,7 +106,7 @@ def _part(analysis: Analysis, fit: Fit, term: int, g: Array) -> float:
     bias = float(g @ added) ** 2 / float(g @ g)
     q = basis(projected_out(fitter.white(whole_of(member, analysis.setup.data)), fitter.q))
     fraction = float(np.sum((q.T @ g) ** 2)) / float(g @ g)
-    if fraction < LITTLE:
+    if fraction < NEGLIGIBLE_FRACTION:
         return 0.0
     if q.shape[1] == fitter.white(member).shape[1]:
         return EITHER * bias
@@ -168,7 +170,7 @@ class Ending:
         return "lot_offset" in self.fit.names and "lot_mixture" in names
 
 
-def ended(analysis: Analysis) -> Ending:
+def finish_analysis(analysis: Analysis) -> Ending:
     """The final fit of the identified effects, in the full model. An effect is removed, and the
     others are fitted and tested again, where the joint interval of its parameters given the others
     contains 0. The same holds for an effect that may be an error of a larger one's form, unless
@@ -177,11 +179,11 @@ def ended(analysis: Analysis) -> Ending:
     Every turn excludes an effect for good, or keeps one in `needed`: there are at most two turns
     for each effect of the library.
     """
-    ending, needed = _ended(analysis), set[str]()
-    while ending.rows and (weak := _weak(ending, needed)) is not None:
+    ending, needed = _widen_ending(analysis), set[str]()
+    while ending.rows and (weak := _weakest_effect(ending, needed)) is not None:
         name, larger = weak
         reduced = without(analysis, name, larger)
-        after = _ended(reduced)
+        after = _widen_ending(reduced)
         if larger and not _predicts_as_well(after):
             needed.add(name)
         else:
@@ -189,7 +191,7 @@ def ended(analysis: Analysis) -> Ending:
     return ending
 
 
-def _weak(end: Ending, needed: Collection[str]) -> tuple[str, str] | None:
+def _weakest_effect(end: Ending, needed: Collection[str]) -> tuple[str, str] | None:
     """The first effect to be removed, and the larger effect whose form it may belong to (empty
     where its parameters may be 0); None where all stay. An effect in `needed` belongs to no other
     form.
@@ -230,7 +232,7 @@ def _is_form(end: Ending, small: int, large: int) -> bool:
     return bool(small_norm < large_norm and alike > FORM_ALIKE and apart < FORM_OFF * large_norm)
 
 
-def _ended(analysis: Analysis) -> Ending:
+def _widen_ending(analysis: Analysis) -> Ending:
     search = analysis.search
     withdrawn = analysis.identified.withdrawn
     kept = analysis.fit.without(*withdrawn)
@@ -242,7 +244,7 @@ def _ended(analysis: Analysis) -> Ending:
     end = Ending(analysis, fit, model, null_model.search.tested(null_model.null_fit), search.tested(fit))
     extra_widths = misfit_of(analysis, fit)
     if end.identified and end.rows and not analysis.setup.free and not search.fitter.space.is_plain:
-        weighed = of_weights(model, corrected(analysis.setup, search.fitter.space, fit, plain=True))
+        weighed = variance_of_weights(model, corrected(analysis.setup, search.fitter.space, fit, plain=True))
         extra_widths = {key: extra_widths.get(key, 0.0) + weighed.get(key, 0.0) for key in {**extra_widths, **weighed}}
     return replace(end, model=model.widened(extra_widths))
 

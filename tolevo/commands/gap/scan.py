@@ -10,19 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ...journal import recalled
+from ...journal import recall_arrays as recalled
 from ...models.measurable import Role
 from ...section import Array
 from .fit import Fit, Fitter, Member, Space
 from .generic import Form
 from .library import Candidate, Columns, grid
-from .linear import Groups, joined, projected_out
+from .linear import Groups
+from .linear import join_groups as joined
+from .linear import project_out as projected_out
 
 CHUNK = 250
 """Number of noise records that are simulated at once."""
-ALIKE = 1e-9
+GAIN_TIE_TOLERANCE = 1e-9
 """Fraction of a gain that is rounding error."""
-FAR = 300.0
+ASYMPTOTIC_GAIN = 300.0
 """Half of a gain from which the first term of the tail's expansion suffices."""
 
 
@@ -75,7 +77,7 @@ def thresholds(
             noise = rng.standard_normal((len(q), min(CHUNK, simulations - start)))
             scale = np.sum(projected_out(noise, q) ** 2, axis=0) / (len(q) - q.shape[1])
             tops.append(np.max(named.gains(noise) / scale, axis=0, initial=0.0))
-            levels.append(strongest(forms, forms.gains(noise) / scale))
+            levels.append(strongest_evidence(forms, forms.gains(noise) / scale))
         return np.concatenate(tops), np.concatenate(levels)
 
     tops, levels = recalled(("thresholds", q), simulated)
@@ -83,7 +85,7 @@ def thresholds(
     return Thresholds(float(library_limit), float(np.quantile(levels, 1.0 - 0.5 * rate)))
 
 
-def strongest(groups: Groups, gains: Array) -> Array:
+def strongest_evidence(groups: Groups, gains: Array) -> Array:
     """The largest evidence (S,) of gains (g, S); in groups of one size, that of the largest gain."""
     sizes = np.unique(groups.sizes)
     largest = [np.max(gains[groups.sizes == size], axis=0) for size in sizes]
@@ -100,10 +102,10 @@ def evidence(groups: Groups, gains: Array) -> Array:
 def _evidence(sizes: NDArray[np.int64], gains: Array) -> Array:
     half = sizes.reshape(-1, *([1] * (gains.ndim - 1))) / 2.0
     x = np.maximum(gains, 0.0) / 2.0
-    chance = special.gammaincc(half, np.minimum(x, FAR))
+    chance = special.gammaincc(half, np.minimum(x, ASYMPTOTIC_GAIN))
     with np.errstate(divide="ignore"):
         far = x - (half - 1.0) * np.log(np.maximum(x, 1.0)) + special.gammaln(half)
-        return np.asarray(np.where(x < FAR, -np.log(chance), far))
+        return np.asarray(np.where(x < ASYMPTOTIC_GAIN, -np.log(chance), far))
 
 
 @dataclass(frozen=True)
@@ -124,7 +126,7 @@ def scan(fitter: Fitter, white: Groups, dictionary: Dictionary, members: Sequenc
     for member, gain in zip(dictionary.members, gains.tolist(), strict=True):
         if member.name in taken:
             continue
-        if member.name not in best or gain > (1.0 + ALIKE) * best[member.name].gain:
+        if member.name not in best or gain > (1.0 + GAIN_TIE_TOLERANCE) * best[member.name].gain:
             best[member.name] = ScanResult(member, gain)
     return sorted(best.values(), key=lambda candidate: -float(f"{candidate.gain:.9g}"))
 

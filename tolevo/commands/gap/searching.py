@@ -15,7 +15,8 @@ from .abstain import NullModel
 from .blocks import block_labels
 from .fit import Fit, Fitter, Space
 from .library import Candidate, Columns
-from .linear import Groups, basis, products, projected_out
+from .linear import Groups, basis, products
+from .linear import project_out as projected_out
 from .noise import Noise, autocorrelation, outliers, residual_scale, robust_scale, size_follows
 from .scan import Dictionary, Remaining, Thresholds, evidence, thresholds
 from .selection import Search
@@ -26,9 +27,9 @@ from .setup import Setup, values_of
 
 CERTAIN = 14.0
 """Evidence from which a generic form is removed before the noise is estimated."""
-FEW = 0.03
+MAX_OUTLIERS_WITH_LAW = 0.03
 """Fraction of the units of a batch up to which extreme ones count as outliers."""
-MANY = 0.06
+MAX_OUTLIERS = 0.06
 """Fraction of the measurements up to which extreme ones are outliers; more are a missing effect."""
 PASSES = 2
 
@@ -59,10 +60,14 @@ class Remainder:
     def good(self, residual: Array, sigma: Array) -> NDArray[np.bool_]:
         """False (n,) for outliers; all True where too many are extreme: a separate group."""
         inliers = outliers(residual, sigma, self.least(sigma))
-        return np.ones_like(inliers) if np.mean(~inliers) > (FEW if self.law else MANY) else inliers
+        return (
+            np.ones_like(inliers)
+            if np.mean(~inliers) > (MAX_OUTLIERS_WITH_LAW if self.law else MAX_OUTLIERS)
+            else inliers
+        )
 
 
-def estimated(remainder: Remainder) -> Noise:
+def estimate_noise(remainder: Remainder) -> Noise:
     """The noise of one output."""
     n = len(remainder.residual)
     kept = np.column_stack([remainder.certain_columns, _slow(n)])
@@ -70,8 +75,8 @@ def estimated(remainder: Remainder) -> Noise:
     noise = Noise(sigma * _first_scale(remainder, kept, sigma), remainder.source)
     chosen = kept
     for _ in range(PASSES):
-        noise, chosen = _improved(remainder, kept, noise)
-    return _scaled(remainder, chosen, noise)
+        noise, chosen = _improve_noise(remainder, kept, noise)
+    return _scale_noise(remainder, chosen, noise)
 
 
 def _slow(n: int) -> Array:
@@ -85,21 +90,21 @@ def _first_scale(remainder: Remainder, kept: Array, sigma: Array) -> float:
     return max(robust_scale(projected_out(remainder.residual / sigma, q)), remainder.law, remainder.resolution, 1e-300)
 
 
-def _improved(remainder: Remainder, kept: Array, noise: Noise) -> tuple[Noise, Array]:
+def _improve_noise(remainder: Remainder, kept: Array, noise: Noise) -> tuple[Noise, Array]:
     """One pass: remove forms, then estimate outliers, size and autocorrelation of the residual."""
     start = _start(remainder, kept, noise)
-    whole, trend = _with_forms(remainder, start, np.ones(len(remainder.slow), dtype=bool))
-    tried = [(_noise_given(remainder, whole, noise), whole)]
+    whole, trend = _add_certain_forms(remainder, start, np.ones(len(remainder.slow), dtype=bool))
+    tried = [(_noise_given_columns(remainder, whole, noise), whole)]
     if trend:  # a trend or autocorrelated noise: the likelier
-        plain, _ = _with_forms(remainder, start, ~np.array(remainder.slow))
-        tried.append((_noise_given(remainder, plain, noise), plain))
+        plain, _ = _add_certain_forms(remainder, start, ~np.array(remainder.slow))
+        tried.append((_noise_given_columns(remainder, plain, noise), plain))
     scores = [_likelihood(remainder.residual, chosen, tried_noise) for tried_noise, chosen in tried]
     return tried[int(np.argmax(scores))]
 
 
-def _noise_given(remainder: Remainder, chosen: Array, noise: Noise) -> Noise:
+def _noise_given_columns(remainder: Remainder, chosen: Array, noise: Noise) -> Noise:
     white = replace(noise, rho=0.0, good=None)
-    residual = remainder.residual - _fitted(remainder, chosen, white)
+    residual = remainder.residual - _robust_fit(remainder, chosen, white)
     good = remainder.good(residual, noise.sigma)
     estimate = replace(white, good=None if good.all() else good)
     if remainder.known_sigma is None:
@@ -112,7 +117,7 @@ def _noise_given(remainder: Remainder, chosen: Array, noise: Noise) -> Noise:
     return replace(estimate, rho=autocorrelation(remainder.residual, chosen, estimate))
 
 
-def _fitted(remainder: Remainder, chosen: Array, noise: Noise) -> Array:
+def _robust_fit(remainder: Remainder, chosen: Array, noise: Noise) -> Array:
     """A fit (n,) that is robust against outliers: they are clipped, and the fit is repeated."""
     y = whole = noise.whiten(remainder.residual)
     q = basis(noise.whiten(chosen))
@@ -147,7 +152,7 @@ def _start(remainder: Remainder, kept: Array, noise: Noise) -> Start:
     return Start(kept, q, residual, groups, *products(groups, q, residual))
 
 
-def _with_forms(remainder: Remainder, start: Start, allowed: NDArray[np.bool_]) -> tuple[Array, bool]:
+def _add_certain_forms(remainder: Remainder, start: Start, allowed: NDArray[np.bool_]) -> tuple[Array, bool]:
     """The kept columns and those of `allowed` forms (g,) with certain evidence; and if any is slow."""
     if not allowed.any():
         return start.certain_columns, False
@@ -179,11 +184,11 @@ def _likelihood(residual: Array, chosen: Array, noise: Noise) -> float:
     return float(spread - 0.5 * n * np.log(whitened @ whitened / n) - 0.5 * np.log(n) * q.shape[1])
 
 
-def _scaled(remainder: Remainder, chosen: Array, noise: Noise) -> Noise:
+def _scale_noise(remainder: Remainder, chosen: Array, noise: Noise) -> Noise:
     """The noise at its final size, from repeats where there are any."""
     if remainder.known_sigma is not None:
         return replace(noise, sigma=remainder.known_sigma)
-    pure = _pure(remainder)
+    pure = _repeat_std(remainder)
     if pure is not None:
         level = np.sqrt(np.mean(noise.sigma**2))
         return replace(noise, sigma=noise.sigma * pure / level, source="repeats")
@@ -193,7 +198,7 @@ def _scaled(remainder: Remainder, chosen: Array, noise: Noise) -> Noise:
     return replace(noise, sigma=noise.sigma * scale)
 
 
-def _pure(remainder: Remainder) -> float | None:
+def _repeat_std(remainder: Remainder) -> float | None:
     """Standard deviation between repeats of the same inputs, where there are ten or more."""
     if remainder.repeats is None:
         return None
@@ -208,14 +213,14 @@ def _pure(remainder: Remainder) -> float | None:
 # The quantity that an instrument measures: the prediction with all effects added to it.
 
 
-COARSE = 0.25
+COARSE_STEP_RATIO = 0.25
 """Fraction of the residual's scatter from which the steps of measurements are noted."""
 
 ITERATIONS, CLOSER = 8, 0.01
 """Largest number of iterations, and the fraction of the squares that a further one must save."""
 
 
-def as_read(setup: Setup, fit: Fit | None = None) -> Setup:
+def setup_as_read(setup: Setup, fit: Fit | None = None) -> Setup:
     """The setup in which an instrument measures the zeros and the effects of a fit as well.
 
     Without a fit the zero of an output is the median of its residual. The setup is unchanged where
@@ -226,7 +231,7 @@ def as_read(setup: Setup, fit: Fit | None = None) -> Setup:
     outputs = setup.data.outputs
     if fit is None:
         parts = np.split(setup.residual, len(outputs))
-        notes = [_coarse(setup, o, x) for o, x in zip(outputs, parts, strict=True)]
+        notes = [_coarse_step_note(setup, o, x) for o, x in zip(outputs, parts, strict=True)]
         setup = replace(setup, notes=(*setup.notes, *(note for note in notes if note)))
         more = {
             o.name: np.full(len(x), np.median(x) if o.name in setup.data.zeros else 0.0)
@@ -241,7 +246,7 @@ def as_read(setup: Setup, fit: Fit | None = None) -> Setup:
     return replace(setup, columns=Columns(setup.data, setup.columns.predict, more))
 
 
-def read_again(setup: Setup, space: Space, fit: Fit) -> tuple[Setup, Fit]:
+def reread_by_instrument(setup: Setup, space: Space, fit: Fit) -> tuple[Setup, Fit]:
     """The setup in which the instrument measures what the members of a fit add, and their fit in
     it; iterated to convergence where a member acts on the measurement itself.
     """
@@ -251,7 +256,7 @@ def read_again(setup: Setup, space: Space, fit: Fit) -> tuple[Setup, Fit]:
         fit = fitter.refined(fit.members)
         if before - fit.rss < CLOSER * fit.rss or not any(_reads(setup, member.candidate) for member in fit.members):
             break
-        setup, before = as_read(setup, fit), fit.rss
+        setup, before = setup_as_read(setup, fit), fit.rss
     return setup, fit
 
 
@@ -260,10 +265,10 @@ def resolution(setup: Setup, output: str) -> float:
     return float((step_of(setup.data.measured[output]) or 0.0) / np.sqrt(12.0))
 
 
-def _coarse(setup: Setup, output: Output, residual: Array) -> str:
+def _coarse_step_note(setup: Setup, output: Output, residual: Array) -> str:
     """The note on measurements whose steps are a large part of their residual (n,), else ""."""
     scatter, whole = resolution(setup, output.name), float(np.std(residual))
-    if scatter <= COARSE * whole:
+    if scatter <= COARSE_STEP_RATIO * whole:
         return ""
     step, percent = scatter * np.sqrt(12.0), 100.0 * min(scatter / whole, 1.0)
     return (
@@ -278,7 +283,7 @@ def _reads(setup: Setup, candidate: Candidate) -> bool:
     return candidate.is_nonlinear and bool(candidate.effect.act(data.measurements, values, data.target).reading)
 
 
-SAME = 0.02
+NOISE_TOLERANCE = 0.02
 """Change of the noise's level and autocorrelation below which they count as unchanged."""
 
 
@@ -307,7 +312,7 @@ def searching(
     return NullModel(setup, noises, search, remaining, forms)
 
 
-def in_noise(null_model: NullModel, noises: tuple[Noise, ...]) -> NullModel:
+def change_noise(null_model: NullModel, noises: tuple[Noise, ...]) -> NullModel:
     """The same null model in the space of another noise, with the same thresholds."""
     search, outputs = null_model.search, null_model.generic.outputs
     return searching(null_model.setup, noises, search.dictionary, null_model.forms, outputs, search.thresholds)
@@ -326,7 +331,7 @@ def noise_of(setup: Setup, contributions: Sequence[Array]) -> tuple[Noise, ...]:
         rounding = 0.0 if setup.laws else resolution(setup, output.name)
         kept = np.column_stack(columns)
         remainder = Remainder(residual, kept, setup.generic, inputs, slow, data.repeats, known, source, law, rounding)
-        noises.append(estimated(remainder))
+        noises.append(estimate_noise(remainder))
     return tuple(noises)
 
 
@@ -352,8 +357,8 @@ def spread_of(noises: Sequence[Noise]) -> float:
 def alike(first: Sequence[Noise], second: Sequence[Noise]) -> bool:
     """Whether two estimates of the noise are practically the same."""
     return all(
-        abs(a.level / b.level - 1.0) < SAME
-        and abs(a.rho - b.rho) < SAME
+        abs(a.level / b.level - 1.0) < NOISE_TOLERANCE
+        and abs(a.rho - b.rho) < NOISE_TOLERANCE
         and a.outliers == b.outliers
         and a.varies_with == b.varies_with
         for a, b in zip(first, second, strict=True)

@@ -11,9 +11,11 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from .blocks import HeldOut, Improvement, Training, held_out, improvement
+from .blocks import HeldOut, Improvement, Training, improvement
+from .blocks import predict_held_out as held_out
 from .fit import Fit, Fitter, Member
-from .linear import Groups, projected_out
+from .linear import Groups
+from .linear import project_out as projected_out
 from .plan import GapSettings
 from .records import Step
 from .scan import Dictionary, ScanResult, Thresholds, scan
@@ -26,7 +28,7 @@ WITHIN = 40.0
 BOTH = "significant, and held-out rows are predicted better"
 UNITS = "units scatter significantly in this form, held-out units as well"
 NO_BETTER = "held-out rows are not predicted better"
-SMALL = "its contribution is below the practical limit"
+BELOW_PRACTICAL_LIMIT = "its contribution is below the practical limit"
 NO_FORM = "its form is not that of the data: it is not significant given the other terms"
 AS_WELL = "fits at least as well as any generic form, given the others"
 TERM = "held-out rows are predicted better, and no effect of the library has this form"
@@ -143,14 +145,14 @@ def select(search: Search, quick: bool = False) -> Selection:
     while len(fit.members) < most and len(visited) <= VISITED * most:
         grown = _next(search, fit, rejected)
         if grown is None and not quick:
-            grown = masked(search, fit, rejected)
+            grown = masked_pair(search, fit, rejected)
         if grown is None:
             break
         new = grown.names[len(fit.members) :]
         name = " + ".join(new)
         gain = fit.rss - grown.rss
         if not _matters(search, gain, len(new)):
-            _note(steps, search, fit, before, "reject", name, SMALL, gain)
+            _note(steps, search, fit, before, "reject", name, BELOW_PRACTICAL_LIMIT, gain)
             break
         after = search.tested(grown)
         better = improvement(before, after, search.labels)
@@ -159,7 +161,7 @@ def select(search: Search, quick: bool = False) -> Selection:
             _note(steps, search, fit, after, "reject", name, NO_BETTER, gain, better)
             continue
         _note(steps, search, grown, after, "add", name, BOTH, gain, better)
-        fit = _retested(search, grown, steps, accepted)
+        fit = _retest_effects(search, grown, steps, accepted)
         accepted.append((grown, after))
         if frozenset(fit.names) in visited:  # effects selected before: try another path from here
             rejected.add(frozenset(new))
@@ -214,7 +216,7 @@ def _next(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | None
     return next((larger for larger in fits if fit.rss - larger.rss > limit and larger.score < fit.score), None)
 
 
-def masked(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | None:
+def masked_pair(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | None:
     """The best fit with two more effects, each significant only with the other; else None.
 
     An effect that was rejected alone may be one of them: without the other its fit was biased.
@@ -240,10 +242,10 @@ def masked(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | Non
     return best if min(alone) > limit else None
 
 
-def _retested(search: Search, fit: Fit, steps: list[Step], accepted: list[tuple[Fit, HeldOut]]) -> Fit:
+def _retest_effects(search: Search, fit: Fit, steps: list[Step], accepted: list[tuple[Fit, HeldOut]]) -> Fit:
     """The fit after each effect was exchanged for every candidate, or dropped, if that is better."""
     for _ in range(4):
-        better = _swapped(search, fit) or _dropped(search, fit)
+        better = _exchange_effect(search, fit) or _drop_effect(search, fit)
         if better is None:
             return fit
         if sorted(better.names) == sorted(fit.names):  # the same names, fitted better
@@ -259,7 +261,7 @@ def _retested(search: Search, fit: Fit, steps: list[Step], accepted: list[tuple[
     return fit
 
 
-def _swapped(search: Search, fit: Fit) -> Fit | None:
+def _exchange_effect(search: Search, fit: Fit) -> Fit | None:
     """A better fit with one effect exchanged; None where there is none."""
     best = fit
     for at in range(len(fit.members)):
@@ -270,7 +272,7 @@ def _swapped(search: Search, fit: Fit) -> Fit | None:
     return None if best is fit else best
 
 
-def _dropped(search: Search, fit: Fit) -> Fit | None:
+def _drop_effect(search: Search, fit: Fit) -> Fit | None:
     """A fit without an effect that is not significant given the others; None where all are."""
     smaller_fits = (search.fitter.fit(fit.without(at)) for at in range(len(fit.members) - 1))
     return next((smaller for smaller in smaller_fits if smaller.rss - fit.rss < search.thresholds.library), None)
@@ -346,20 +348,20 @@ def rivals(search: Search, fit: Fit, identified: Sequence[int]) -> list[Other]:
     reach = search.settings.set_distance
     excluded = {member.name for member in fit.members}
     for at in identified:
-        for rival in _near(search, fit.without(at)):
+        for rival in _nearby_fits(search, fit.without(at)):
             if rival.names[-1] != fit.names[at] and rival.score - fit.score <= reach:
                 key = ((rival.names[-1],), (fit.names[at],))
                 alternatives[key] = Other(rival, *key, rival.score - fit.score)
     for pair in combinations(identified, 2):  # a single effect instead of two
         names = tuple(fit.names[k] for k in pair)
-        for rival in _near(search, fit.without(*pair)):
+        for rival in _nearby_fits(search, fit.without(*pair)):
             new_name = rival.names[-1]
             if new_name not in excluded and rival.score - fit.score <= reach:
                 alternatives[(new_name,), names] = Other(rival, (new_name,), names, rival.score - fit.score)
     return sorted(alternatives.values(), key=attrgetter("distance"))
 
 
-def _near(search: Search, others: Sequence[Member]) -> list[Fit]:
+def _nearby_fits(search: Search, others: Sequence[Member]) -> list[Fit]:
     """The best fits with one more effect in addition to `others`."""
     return search.refined(others, scan(search.fitter, search.white, search.dictionary, others))
 

@@ -20,26 +20,19 @@ from ...section import Array
 from .data import GapData
 from .fit import Fit, Member
 from .library import Columns, predictor
-from .linear import basis, projected_out
-from .next_field import (
-    Ahead,
-    Chosen,
-    Contest,
-    Field,
-    Predictions,
-    added,
-    distance,
-    exchanged,
-    of_record,
-    placed,
-    zero_prediction,
-)
+from .linear import basis
+from .linear import project_out as projected_out
+from .next_field import Ahead, Chosen, Contest, Field, Predictions, distance, zero_prediction
+from .next_field import exchange_design as exchanged
+from .next_field import greedy_design as added
+from .next_field import place_at_rows as placed
+from .next_field import predict_record as of_record
 from .records import Measurement, Separation
 from .result import Ending
 from .selection import Other, Search
 from .setup import Setup
 
-MOST = 1e4
+MAX_REPETITIONS = 1e4
 """Largest multiple of the number of measurements for which a result is given."""
 DRAWN = 2000
 """Number of samples of the new measurements."""
@@ -61,7 +54,7 @@ class Duel:
     @classmethod
     def of(cls, record: tuple[Predictions, Predictions], points: tuple[Predictions, Predictions], ahead: float) -> Duel:
         """The duel from both predictions at the record and at the new measurements, whitened."""
-        wide = tuple(_open(old.columns, new.columns) for old, new in zip(record, points, strict=True))
+        wide = tuple(_undetermined_columns(old.columns, new.columns) for old, new in zip(record, points, strict=True))
         apart = points[0].values - points[1].values
         r = np.asarray(np.linalg.qr(np.column_stack([apart, *wide]), mode="r"))
         first = 1 + wide[0].shape[1]
@@ -87,17 +80,17 @@ class Duel:
 
     def times_until(self, chance: float) -> float:
         """The multiple of the measurements for that probability; inf where none suffices."""
-        if self.chance(MOST) < chance:
+        if self.chance(MAX_REPETITIONS) < chance:
             return float("inf")
-        least = next((k for k in (1.0 / MOST, 1.0) if self.chance(k) < chance), None)
+        least = next((k for k in (1.0 / MAX_REPETITIONS, 1.0) if self.chance(k) < chance), None)
         if least is None:
-            return 1.0 / MOST
-        ends = (np.log(least), np.log(MOST))
+            return 1.0 / MAX_REPETITIONS
+        ends = (np.log(least), np.log(MAX_REPETITIONS))
         power = optimize.brentq(lambda power: self.chance(float(np.exp(power))) - chance, *ends, xtol=1e-3)
         return float(np.exp(power))
 
 
-def _open(record: Array, new: Array) -> Array:
+def _undetermined_columns(record: Array, new: Array) -> Array:
     """New columns (n, p) times a root of the covariance of their coefficients given the record."""
     size = np.sqrt(np.sum(record**2, axis=0) + np.sum(new**2, axis=0))
     kept = size > 0.0
@@ -116,7 +109,7 @@ SUPPORT = 60
 """Number of measurements that are chosen one by one; further ones repeat them."""
 HOPELESS = 1e-4
 """Discrimination per measurement below which no design separates."""
-LITTLE = 2.0
+MIN_REACHABLE_GAIN = 2.0
 """Gain that a pair must be able to reach to be considered in a design for several."""
 FEWEST = 2
 VARIANTS = 6
@@ -126,7 +119,7 @@ ROUNDS = 2
 CERTAIN = 0.95
 TIE = 1e-9
 """Discrimination of a pair with the same columns."""
-NONE = "no design in this range separates them"
+NO_SEPARATING_DESIGN = "no design in this range separates them"
 
 
 @dataclass(frozen=True)
@@ -152,7 +145,7 @@ class Pair:
         return min(contest.level(chosen)[0] for contest in self.contests)
 
 
-def paired(end: Ending, rival: Other, field: Field | None = None) -> Pair:
+def pair_of_rival(end: Ending, rival: Other, field: Field | None = None) -> Pair:
     """A pair, the rival at its fit; with a field, its contest there."""
     fitter = end.analysis.search.fitter
     best, record = of_record(fitter, end.fit), of_record(fitter, rival.fit)
@@ -177,19 +170,19 @@ def design(end: Ending, field: Field, pairs: Sequence[Pair], count: int) -> tupl
     """
     current = list(pairs)
     for _ in range(ROUNDS):
-        chosen = _exchanged(current, count)
-        wider = [_with_worst(end, field, pair, chosen) for pair in current]
+        chosen = _exchange_pairs(current, count)
+        wider = [_add_worst_rival(end, field, pair, chosen) for pair in current]
         if all(new is old for new, old in zip(wider, current, strict=True)):
             return np.resize(chosen, count), current
         current = wider
-    return np.resize(_exchanged(current, count), count), current
+    return np.resize(_exchange_pairs(current, count), count), current
 
 
-def _exchanged(pairs: Sequence[Pair], count: int) -> Chosen:
+def _exchange_pairs(pairs: Sequence[Pair], count: int) -> Chosen:
     return exchanged([contest for pair in pairs for contest in pair.contests], min(count, SUPPORT))
 
 
-def _with_worst(end: Ending, field: Field, pair: Pair, chosen: Chosen) -> Pair:
+def _add_worst_rival(end: Ending, field: Field, pair: Pair, chosen: Chosen) -> Pair:
     """The pair with the rival's values that imitate best at this design, where they are new."""
     fitter, best = end.analysis.search.fitter, pair
     for fit in variants(end.analysis.search, pair.rival.fit):
@@ -218,7 +211,7 @@ def separation(end: Ending, pair: Pair, new: Ahead, alike: Ahead) -> Separation:
     """The separation of a pair by the planned measurements, and by as many like the present ones."""
     planned_best = new.predicted(end.fit)
     levels = [
-        joined(pair.best, record, planned_best, new.predicted(rival_fit))
+        joint_discrimination(pair.best, record, planned_best, new.predicted(rival_fit))
         for rival_fit, record in zip(pair.fits, pair.records, strict=True)
     ]
     planned, like = (
@@ -237,7 +230,7 @@ def record_of(
     planned, alike = duels
     if levels[1] <= TIE:
         nan = float("nan")
-        return Separation(pair.names, pair.instead_of, *levels, nan, nan, nan, 0, NONE, possible=False)
+        return Separation(pair.names, pair.instead_of, *levels, nan, nan, nan, 0, NO_SEPARATING_DESIGN, possible=False)
     needed = count * planned.times_until(CERTAIN)
     number = max(FEWEST, int(np.ceil(needed))) if np.isfinite(needed) else 0
     chance, like = planned.chance(), alike.chance()
@@ -249,7 +242,7 @@ def record_of(
     return Separation(pair.names, pair.instead_of, *levels, chance, like, planned.chance(by=apart), number, text)
 
 
-def joined(best: Predictions, rival: Predictions, new_best: Predictions, new_rival: Predictions) -> float:
+def joint_discrimination(best: Predictions, rival: Predictions, new_best: Predictions, new_rival: Predictions) -> float:
     """The discrimination by the record and new measurements together."""
     values = np.concatenate([best.values, new_best.values])
     rival_values = np.concatenate([rival.values, new_rival.values])
@@ -292,7 +285,7 @@ def separating(setup: Setup, levels: Array, fit: Fit, rival: Fit) -> Measurement
         return Measurement(OTHER_QUANTITIES[names])
     best: tuple[float, Design] | None = None
     for design in _designs(setup.data, np.random.default_rng([setup.plan.seed, 3])):
-        if not _within(setup, design):
+        if not _is_within_range(setup, design):
             continue
         size = _difference(setup, levels, design, fit, rival)
         if np.isfinite(size) and (best is None or size > 1.05 * best[0]):
@@ -306,7 +299,7 @@ def separating(setup: Setup, levels: Array, fit: Fit, rival: Fit) -> Measurement
     return Measurement(text, design.inputs, size, count)
 
 
-def _within(setup: Setup, design: Design) -> bool:
+def _is_within_range(setup: Setup, design: Design) -> bool:
     """Whether the model has a prediction at all points of a design."""
     model = setup.plan.model
     outside = {} if model is None else model.outside(design.table)

@@ -20,8 +20,10 @@ from ...section import Array, Output
 from .data import GapData
 from .fit import Fit
 from .generic import Form, generic, groups_of
-from .library import Candidate, Columns, candidates, grid, law_of, not_considered, predictor, with_lots
-from .linear import Groups, basis, projected_out
+from .library import Candidate, Columns, candidates, grid, law_of, not_considered, predictor
+from .library import add_lot_offsets as with_lots
+from .linear import Groups, basis
+from .linear import project_out as projected_out
 from .plan import GapPlan
 from .read import finite_faults
 
@@ -32,18 +34,18 @@ from .read import finite_faults
 # sign are wrong.
 
 
-FAR = 0.25
+REVERSED_SIGN_RATIO = 0.25
 """Residual squares with the opposite sign, as a fraction of those with the given one, below which a
 sign is doubted.
 """
 SHAPES = 12
 """Number of points of an effect's grid that are tried."""
 ROWS = 600
-LEAST = 20
+MIN_ROWS = 20
 """Number of rows from which a sign is tested."""
 STEPS = 4
 """Number of effects that are fitted one after the other: a dominating wave has no sign."""
-ENOUGH = 0.98
+MIN_RSS_RATIO = 0.98
 """Largest fraction of the squares that may remain after a further effect."""
 FALLS = -0.7
 """Correlation from which a prediction falls with the load."""
@@ -61,7 +63,7 @@ def turned(
     data: GapData, predicted: Mapping[str, Array], base: Array, library: Sequence[Candidate], columns: Columns
 ) -> list[str]:
     """Sentences about outputs that fit far better with the opposite sign; `base` (N, p) is free."""
-    if data.target.population or len(data) < LEAST:
+    if data.target.population or len(data) < MIN_ROWS:
         return []
     rows = np.unique(np.linspace(0, len(data) - 1, min(len(data), ROWS)).astype(np.int64))
     blocks = list(_blocks(data, library, columns))
@@ -75,16 +77,16 @@ def turned(
         as_given = _best(y - p, output_blocks)
         reversed_output, reversed_gap = _best(-y - p, output_blocks), _best(p - y, output_blocks)
         best = min(reversed_output, reversed_gap, key=attrgetter("rss"))
-        if best.rss < FAR * as_given.rss:
+        if best.rss < REVERSED_SIGN_RATIO * as_given.rss:
             ratio = float(np.sqrt(as_given.rss / max(best.rss, 1e-300)))
             note = _of_output if best is reversed_output else partial(_of_gap, data, library)
             sentences.append(f"is the sign of {output.name} reversed? {note(output.name, best.name, ratio)}")
-        elif text := _falls(data, output, predicted[output.name]):
+        elif text := _falling_prediction_note(data, output, predicted[output.name]):
             sentences.append(text)
     return sentences
 
 
-def _falls(data: GapData, output: Output, predicted: Array) -> str:
+def _falling_prediction_note(data: GapData, output: Output, predicted: Array) -> str:
     """The note on a prediction that falls with the load, which winds a drive up, else empty."""
     load = next((c for c in data.inputs if c.role in (Role.TORQUE, Role.FORCE)), None)
     if load is None or kind_of(output.unit) not in POSITIONS or not np.ptp(predicted):
@@ -120,7 +122,7 @@ def _best(gap: Array, blocks: Sequence[tuple[Candidate, Array]]) -> _Best:
         if not tried:
             break
         rss, rest, candidate = min(tried, key=lambda attempt: attempt[0])
-        if rss > ENOUGH * whole:
+        if rss > MIN_RSS_RATIO * whole:
             break
         whole, gap = rss, rest
         taken.add(candidate.name)
@@ -135,12 +137,12 @@ def _residual_of(gap: Array, candidate: Candidate, x: Array) -> tuple[float, Arr
     x = x[:, kept]
     sizes, *_ = np.linalg.lstsq(x, gap, rcond=1e-9)
     if (sizes < low).any() or (sizes > high).any():
-        sizes = _within(x, gap, low, high)
+        sizes = _clip_and_refit(x, gap, low, high)
     rest = np.asarray(gap - x @ sizes)
     return float(rest @ rest), rest
 
 
-def _within(x: Array, gap: Array, low: Array, high: Array) -> Array:
+def _clip_and_refit(x: Array, gap: Array, low: Array, high: Array) -> Array:
     """Sizes within their bounds: those that leave them are held at the end, the others refitted."""
     held, sizes = np.zeros(len(low), dtype=bool), np.zeros(len(low))
     for _ in range(len(low)):
@@ -221,19 +223,19 @@ class Setup:
         return np.array(offsets, dtype=float)
 
 
-def prepared(plan: GapPlan, full: GapData) -> Setup:
+def prepare_setup(plan: GapPlan, full: GapData) -> Setup:
     """The setup of the rows that are used. Raises InputError where the model has no prediction."""
-    data, notes = thinned(plan, full)
+    data, notes = thin_data(plan, full)
     predicted = predictor(plan, data)({})
     raise_all(finite_faults({o.name: predicted[o.name] for o in data.outputs}, data.rows))
-    at = recalibrated(plan, data, predicted)
+    at = recalibrate(plan, data, predicted)
     if data.target.population and at and plan.rebuild is not None:
         plan = replace(plan, model=plan.rebuild(at))  # the scatter of its units changes too
     parts = _parts(plan, data, at)
     forms, columns = generic(data, parts["predicted"])
     library, more_notes = with_lots(candidates(plan.library, data), data, parts["residual"])
     laws = {o.name: law_of(plan, o.name) for o in data.outputs} if data.target.population else {}
-    if why := unidentifiable(data, laws):
+    if why := unidentifiable_reason(data, laws):
         plan = replace(plan, settings=replace(plan.settings, effects_at_most=0))
         more_notes.append(why)
     return Setup(
@@ -259,7 +261,7 @@ def residual_of(setup: Setup, fit: Fit, but: Sequence[str] = ()) -> Array:
     return np.asarray(residual)
 
 
-def unidentifiable(data: GapData, laws: Mapping[str, Law]) -> str:
+def unidentifiable_reason(data: GapData, laws: Mapping[str, Law]) -> str:
     """Why no cause can be identified from a batch; empty where one can."""
     if laws and len(data) < LEAST_NAMED:
         return f"cannot tell with n = {len(data)}: no cause is identified from fewer than {LEAST_NAMED} units"
@@ -272,7 +274,7 @@ def unidentifiable(data: GapData, laws: Mapping[str, Law]) -> str:
     return ""
 
 
-def moved_to(setup: Setup, at: Mapping[str, float], changes: Mapping[str, Array]) -> Setup:
+def move_setup(setup: Setup, at: Mapping[str, float], changes: Mapping[str, Array]) -> Setup:
     """The setup with the model at other parameters, its columns with `changes` inside it."""
     return replace(setup, **_parts(setup.plan, setup.data, at, changes))
 
@@ -294,7 +296,7 @@ def _parts(
     }
 
 
-def thinned(plan: GapPlan, full: GapData) -> tuple[GapData, tuple[str, ...]]:
+def thin_data(plan: GapPlan, full: GapData) -> tuple[GapData, tuple[str, ...]]:
     """The rows that are used, where there are too many one at random from each stretch of equal
     length; and the note on it.
     """
@@ -311,7 +313,7 @@ def thinned(plan: GapPlan, full: GapData) -> tuple[GapData, tuple[str, ...]]:
     return full.some(rows), (text,)
 
 
-def recalibrated(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) -> dict[str, float]:
+def recalibrate(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) -> dict[str, float]:
     """The free parameters, within their tolerances, at which the null model fits best. For a batch,
     the ones nearest to nominal at which the model's mean is that of the units.
     """
@@ -327,7 +329,7 @@ def recalibrated(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) -
         return dict(zip(plan.free, (middle + x * half).tolist(), strict=True))
 
     def residual(x: Array) -> Array:
-        scaled = (measured - _moved(plan, data, parameters(x))) / scale
+        scaled = (measured - _predict_moved(plan, data, parameters(x))) / scale
         if population:
             return np.append(np.sqrt(len(data)) * np.mean(scaled), x)
         return projected_out(scaled, q)
@@ -358,7 +360,7 @@ def change_of(
 ) -> Array:
     """The change (N,) of the outputs per tolerance of a free parameter, by central differences."""
     ends = (at[name] + sign * STEP * plan.free[name] for sign in (1.0, -1.0))
-    up, down = (_moved(plan, data, {**at, name: end}, changes) for end in ends)
+    up, down = (_predict_moved(plan, data, {**at, name: end}, changes) for end in ends)
     return np.asarray((up - down) / (2.0 * STEP))
 
 
@@ -371,7 +373,7 @@ def nominal(plan: GapPlan, name: str) -> float:
     return float(inner.get(key, 0.0)) if isinstance(inner, Mapping) else 0.0
 
 
-def _moved(
+def _predict_moved(
     plan: GapPlan, data: GapData, parameters: Mapping[str, float], changes: Mapping[str, Array] = NO_CHANGES
 ) -> Array:
     assert plan.rebuild is not None

@@ -19,13 +19,17 @@ from ...algorithms.checkpoint import Checkpoint
 from ...directory import MANIFEST, Ownership
 from ...errors import Fault, RunError, raise_all, refuse
 from ...execution import Execution, Lost, executor_of
-from ...files import digest_of, loads, sealed_record, unsealed_record, write_text
-from ...journal import Section, unrecorded
+from ...files import digest_of, loads, write_text
+from ...files import seal_record as sealed_record
+from ...files import unseal_record as unsealed_record
+from ...journal import Section
+from ...journal import recording_suspended as unrecorded
 from ...section import Array, differences, flat
 from .analysis import Analysis
 from .data import GapData
 from .fit import Fit, is_term
-from .plan import GapPlan, GapProgress, Report, silent
+from .plan import GapPlan, GapProgress, Report
+from .plan import ignore_progress as silent
 from .selection import Search, select
 
 # What an analysis resumes from, by its identity: the steps of its search, and the replicates of its
@@ -35,7 +39,7 @@ from .selection import Search, select
 FILE = "replicates.jsonl"
 STEPS = "steps.npz"
 CONFIGURATION = "config.toml"
-WHOLE = "gap.json"
+RESULT_FILE = "gap.json"
 """Written last: the analysis has ended where it exists."""
 BUDGET = "settings.bootstrap"
 """The key whose value may grow when an analysis is resumed."""
@@ -117,7 +121,7 @@ class Replicates:
         return json.dumps(sealed_record(record, of=_name(self.identity))) + "\n"
 
 
-def opened(place: Ownership, identity: Identity, resume: bool) -> Replicates:
+def open_replicates(place: Ownership, identity: Identity, resume: bool) -> Replicates:
     """The replicates of an analysis into a directory: none, or with `resume` those that it holds.
 
     Raises InputError where it holds another analysis, or none.
@@ -138,7 +142,7 @@ def opened(place: Ownership, identity: Identity, resume: bool) -> Replicates:
 
 def is_complete(place: Ownership, identity: Identity) -> bool:
     """Whether a directory holds this analysis, complete; earlier versions had no manifest."""
-    files = (place.folder / FILE, place.folder / WHOLE)
+    files = (place.folder / FILE, place.folder / RESULT_FILE)
     if place.standing.unfinished is not None or not all(file.is_file() for file in files):
         return False
     if (place.folder / MANIFEST).exists() and not place.standing.complete:
@@ -268,7 +272,7 @@ def _replicates(search: Search, fit: Fit, seed: int, chunk: Chunk) -> dict[int, 
 
 def _replicate(search: Search, fit: Fit, seed: int, number: int) -> Replicate:
     rng = np.random.default_rng([seed, 4, number])
-    again = replace(search, fitter=search.fitter.of_record(_drawn(search, fit, rng)))
+    again = replace(search, fitter=search.fitter.of_record(_draw_record(search, fit, rng)))
     selected = select(again, quick=True).fit
     # the generic terms are in every replicate, as in the answer
     if fit.terms:
@@ -280,7 +284,7 @@ def _replicate(search: Search, fit: Fit, seed: int, number: int) -> Replicate:
     }
 
 
-def _drawn(search: Search, fit: Fit, rng: np.random.Generator) -> Array:
+def _draw_record(search: Search, fit: Fit, rng: np.random.Generator) -> Array:
     """A whitened record: the prediction of the fit, and its residuals redrawn in stretches."""
     space, y = search.fitter.space, search.fitter.y
     n = space.rows_per_output

@@ -19,7 +19,8 @@ from .data import GapData
 from .fit import Fitter, Member
 from .generic import FROM_LEAST, LEVELS, ODD, STEP, SWING, Form, knots, origin, stretches
 from .library import Candidate
-from .linear import basis, projected_out
+from .linear import basis
+from .linear import project_out as projected_out
 
 WITHIN = 0.9
 """Fraction of an effect's column in the span of a form from which the form is taken without it; a
@@ -127,30 +128,30 @@ def member_of(term: Term, data: GapData, fitter: Fitter, named: Sequence[Member]
     q, r, order = linalg.qr(form, mode="economic", pivoting=True)
     rank = int(np.sum(np.abs(np.diag(r)) > 1e-5 * max(float(np.abs(r[0, 0])), 1e-300)))
     q, r, kept = q[:, :rank], r[:rank, :rank], order[:rank]
-    inside = [q.T @ column for column in _within(q, fitter, named)]
+    inside = [q.T @ column for column in _columns_in_span(q, fitter, named)]
     if len(kept) == 1:
-        return None if inside else _mixed(term, data, np.eye(term.count)[:, kept])
+        return None if inside else _mix_term(term, data, np.eye(term.count)[:, kept])
     spanned = basis(np.column_stack(inside)) if inside else np.zeros((rank, 0))
     rest = linalg.null_space(spanned.T) if spanned.shape[1] else np.eye(rank)
     if rest.shape[1] == 0:
         return None
     mix = np.zeros((term.count, rest.shape[1]))
     mix[kept] = np.linalg.solve(r, rest)
-    return _mixed(term, data, mix / np.abs(mix).max(axis=0))
+    return _mix_term(term, data, mix / np.abs(mix).max(axis=0))
 
 
-def whole_of(member: Member, data: GapData) -> Member:
+def whole_term(member: Member, data: GapData) -> Member:
     """A term with all columns of its form."""
     return member_with(Unresolved(effect_of(member).term), data)
 
 
-def _within(q: NDArray[Any], fitter: Fitter, named: Sequence[Member]) -> list[Array]:
+def _columns_in_span(q: NDArray[Any], fitter: Fitter, named: Sequence[Member]) -> list[Array]:
     """Columns of effects that lie in the span of a form with basis q (N, r)."""
     columns = (column for member in named for column in projected_out(fitter.white(member), fitter.q).T)
     return [c for c in columns if float(np.sum((q.T @ c) ** 2)) > WITHIN * float(c @ c) > 0.0]
 
 
-def _mixed(term: Term, data: GapData, mix: Array) -> Member:
+def _mix_term(term: Term, data: GapData, mix: Array) -> Member:
     return member_with(Unresolved(term, mix if mix.shape[1] < term.count or term.count > 1 else None), data)
 
 

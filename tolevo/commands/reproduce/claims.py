@@ -172,7 +172,7 @@ def outcome(claim: Claim, interpretation: Interpretation, quantities: Sequence[Q
         tuple(quantity.standard_error for quantity in quantities),
         deviation,
         all(
-            _excess(claim, value, difference) <= 0.0 and _clear(claim, difference, quantity.standard_error)
+            _excess(claim, value, difference) <= 0.0 and _is_beyond_chance(claim, difference, quantity.standard_error)
             for value, difference, quantity in zip(computed, deviation, quantities, strict=True)
         ),
     )
@@ -195,7 +195,7 @@ def verdict(claim: Claim, outcomes: Sequence[Outcome]) -> Verdict:
     if word is Word.NOT_REPRODUCED and len(outcomes) > 1:
         count = len(outcomes) - 1
         parts.append(f"nor does it hold under {count} other reading{'s' if count > 1 else ''}")
-    if any(_doubtful(claim, outcomes[shown])):
+    if any(_is_decided_by_chance(claim, outcomes[shown])):
         parts.append("another draw may change the verdict: the value lies within two standard errors of the limit")
     if claim.why:
         parts.append(claim.why)
@@ -229,12 +229,12 @@ def _excess(claim: Claim, value: float, difference: float) -> float:
             return abs(difference) - slack
 
 
-def _clear(claim: Claim, difference: float, error: float) -> bool:
+def _is_beyond_chance(claim: Claim, difference: float, error: float) -> bool:
     """Whether a sampled value is above or below by more than chance; other relations do not ask."""
     return claim.relation not in ("above", "below") or abs(difference) >= DOUBT * error
 
 
-def _doubtful(claim: Claim, result: Outcome) -> list[bool]:
+def _is_decided_by_chance(claim: Claim, result: Outcome) -> list[bool]:
     """Whether each value lies so near to its limit that chance decides."""
     return [
         error > 0.0 and abs(_excess(claim, value, difference)) < DOUBT * error
@@ -306,7 +306,7 @@ def check(task: ClaimTask) -> Checked:
     Raises ModelError, with the claim named, where an interpretation has no finite value.
     """
     with pinned():
-        results = [_recomputed(task, interpretation) for interpretation in task.claim.interpretations]
+        results = [_recompute(task, interpretation) for interpretation in task.claim.interpretations]
     decided = verdict(task.claim, [computed for computed, _ in results])
     tables: dict[str, ComputedTable] = {}
     for _, more in results:
@@ -320,11 +320,11 @@ def generator(seed: int, name: str) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=tuple(map(int, words))))
 
 
-def _recomputed(task: ClaimTask, interpretation: Interpretation) -> tuple[Outcome, dict[str, ComputedTable]]:
+def _recompute(task: ClaimTask, interpretation: Interpretation) -> tuple[Outcome, dict[str, ComputedTable]]:
     claim = task.claim
     try:
         computed = interpretation.recipe.recomputed(generator(task.seed, claim.id))
-        quantities = [_in_unit(quantity, claim.unit) for quantity in computed.quantities]
+        quantities = [_convert_quantity(quantity, claim.unit) for quantity in computed.quantities]
     except (ArithmeticError, ModelError, ValueError) as error:
         raise ModelError(f"claim {claim.id}, {interpretation.recipe.by}: {error}") from error
     except InputError as error:
@@ -334,7 +334,7 @@ def _recomputed(task: ClaimTask, interpretation: Interpretation) -> tuple[Outcom
     return outcome(claim, interpretation, quantities), dict(computed.tables)
 
 
-def _in_unit(quantity: Quantity, unit: str) -> Quantity:
+def _convert_quantity(quantity: Quantity, unit: str) -> Quantity:
     """A quantity in the unit of its claim. Raises ValueError where it cannot be, or not finite."""
     source, target = ("" if text == "1" else text for text in (quantity.unit, unit))
     value = float(converted(quantity.value, source, target))

@@ -87,7 +87,7 @@ MODEL_KEYS = ("model", "parameters", "variables", "effect")
 PROBLEM_KEYS = ("problem", "parameters", "variables", "costs", "propagation", "limits", "grouping", "effect")
 
 
-def by_model(section: Section, count: int) -> Recipe | None:
+def read_model_statistic(section: Section, count: int) -> Recipe | None:
     """A statistic of a model's outputs; None where the model cannot be set up."""
     configuration = configured(section, MODEL_KEYS)
     section.accept(["at", "output", "statistic", "level", "threshold", "units", "derivative"])
@@ -151,7 +151,7 @@ def _statistic(section: Section, drawn: int, rows: int) -> Statistic:
     return Statistic(name, (level if name == "quantile" else threshold) or 0.0)
 
 
-def by_problem(section: Section, count: int) -> Recipe | None:
+def read_problem_outputs(section: Section, count: int) -> Recipe | None:
     """Outputs of a problem at a design; None where problem or design are faulty."""
     configuration = configured(section, PROBLEM_KEYS)
     section.accept(["reference", "design", "output", "derivative"])
@@ -187,7 +187,7 @@ STUDY = "study"
 
 def read_recipe(section: Section, count: int, unit: str, study: str) -> Recipe | None:
     """The recipe of an interpretation of a claim in `unit`; None where it is faulty."""
-    derived = _derived(section, _recipe(section, count, study, unit))
+    derived = _read_derivative(section, _recipe(section, count, study, unit))
     if derived is not None and unit:
         convertible(section, derived, unit)
     return derived
@@ -202,16 +202,16 @@ def _recipe(section: Section, count: int, study: str, unit: str = "") -> Recipe 
         return None
     match kinds[0]:
         case "calculation":
-            return _by_calculation(section, count, study)
+            return _read_calculation(section, count, study)
         case "model":
-            return by_model(section, count)
+            return read_model_statistic(section, count)
         case "problem":
-            return by_problem(section, count)
+            return read_problem_outputs(section, count)
         case _:
-            return _by_formula(section, count, unit, study)
+            return _read_formula(section, count, unit, study)
 
 
-def _by_calculation(section: Section, count: int, study: str) -> Recipe | None:
+def _read_calculation(section: Section, count: int, study: str) -> Recipe | None:
     kind = load_named(section, "calculation", "calculations")
     if kind is None:
         section.accept(["quantity", "parameters", "derivative"])
@@ -225,7 +225,7 @@ def _by_calculation(section: Section, count: int, study: str) -> Recipe | None:
     return ByCalculation(kind, tuple(parameters.items()), names, section.place("quantity"))
 
 
-def _by_formula(section: Section, count: int, unit: str, study: str) -> Recipe | None:
+def _read_formula(section: Section, count: int, unit: str, study: str) -> Recipe | None:
     value = section.take("formula")
     texts = [value] if isinstance(value, str) else section.names("formula") or []
     if count and texts and len(texts) != count:
@@ -259,7 +259,9 @@ def _terms(section: Section, study: str) -> dict[str, tuple[Recipe, str]]:
         unit = term.text("unit")
         if not unit:
             term.fault("unit", 'is missing: the unit in which it enters the formula, "1" for none')
-        recipe = _constant(term, unit or "1") if "value" in term else _derived(term, _recipe(term, 1, study, "1"))
+        recipe = (
+            _constant(term, unit or "1") if "value" in term else _read_derivative(term, _recipe(term, 1, study, "1"))
+        )
         term.finish()
         if recipe is not None and unit:
             convertible(term, recipe, unit)
@@ -272,7 +274,7 @@ def _constant(section: Section, unit: str) -> Recipe | None:
     return None if value is None else Constant(value, unit)
 
 
-def _derived(section: Section, recipe: Recipe | None) -> Recipe | None:
+def _read_derivative(section: Section, recipe: Recipe | None) -> Recipe | None:
     """The derivative of the recipe, where the table states one."""
     if "derivative" not in section:
         return recipe
@@ -299,7 +301,7 @@ SHIPPED = "claims_*.toml"
 HALF_UNIT = "half a unit of the last printed digit"
 
 
-def shipped() -> tuple[Path, ...]:
+def shipped_claims() -> tuple[Path, ...]:
     """The files of claims that come with the package, by name."""
     return tuple(sorted(Path(str(files("tolevo.configs"))).glob(SHIPPED)))
 
@@ -310,7 +312,7 @@ def read_claims(paths: Sequence[Path], overrides: Sequence[str] = ()) -> Reprodu
     Raises InputError with every fault of every file.
     """
     faults: list[Fault] = []
-    read = {path: _source(path, overrides, faults) for path in (paths or shipped())}
+    read = {path: _source(path, overrides, faults) for path in (paths or shipped_claims())}
     sources = {path: source for path, source in read.items() if source is not None}
     names: list[str] = []
     for path, source in sources.items():
@@ -338,13 +340,13 @@ def _source(path: Path, overrides: Sequence[str], faults: list[Fault]) -> Source
 
 def _file(table: Table, faults: list[Fault]) -> ClaimsFile:
     top = Section(table, "", faults)
-    document = Document(_needed(top, "document"), _needed(top, "title"), top.text("reference") or "")
+    document = Document(_required_text(top, "document"), _required_text(top, "title"), top.text("reference") or "")
     seed = top.integer("seed", Range(low=0), None)
     study = top.text("study") or ""
     positions: dict[str, int] = {}
     claims = []
     for at, claim_table in enumerate(top.tables("claim")):
-        section = _placed(top, claim_table, at)
+        section = _place_claim(top, claim_table, at)
         name = section.text("id")
         if not name:
             section.fault("id", "is missing: name the claim")
@@ -358,13 +360,13 @@ def _file(table: Table, faults: list[Fault]) -> ClaimsFile:
     return ClaimsFile(document, 0 if seed is None else seed, tuple(claims))
 
 
-def _placed(top: Section, table: Table | Any, at: int) -> Section:
+def _place_claim(top: Section, table: Table | Any, at: int) -> Section:
     """The claim number `at`; its place holds its id, by which a reader finds it."""
     name = table.get("id")
     return top.of(f"claim[{at}] ({name})" if isinstance(name, str) else f"claim[{at}]", table)
 
 
-def _needed(section: Section, key: str, remedy: str = "") -> str:
+def _required_text(section: Section, key: str, remedy: str = "") -> str:
     """A text that must be there."""
     value = section.text(key)
     if (value is None and key not in section) or (value is not None and not value.strip()):
@@ -374,7 +376,7 @@ def _needed(section: Section, key: str, remedy: str = "") -> str:
 
 def _claim(section: Section, name: str, study: str) -> Claim | None:
     """A claim, None where it is so faulty that it cannot be tested."""
-    place, quantity = _needed(section, "place"), _needed(section, "quantity")
+    place, quantity = _required_text(section, "place"), _required_text(section, "quantity")
     unit = _unit(section)
     relation = section.text("relation", RELATIONS) or "equal"
     printed, step = _printed(section)
@@ -396,7 +398,7 @@ def _claim(section: Section, name: str, study: str) -> Claim | None:
 
 
 def _unit(section: Section) -> str:
-    unit = _needed(section, "unit", ': write the unit of the printed value, "1" where it has none')
+    unit = _required_text(section, "unit", ': write the unit of the printed value, "1" where it has none')
     if unit:
         try:
             dimension(unit)

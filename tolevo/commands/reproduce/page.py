@@ -84,7 +84,7 @@ def _caption(table: ComputedTable, chart: Chart) -> str:
 # The page of recomputed claims: a single HTML file that needs no network.
 
 
-MOST = 60
+MAX_ROWS_SHOWN = 60
 """Rows of a calculation's table on the page; the file next to it has all."""
 MEANING = (
     "Reproduced: the document is right in its literal interpretation. Reproduced under the stated reading: "
@@ -100,7 +100,7 @@ def claims_page(result: ClaimsResult) -> str:
     }
     parts = [section("Verdicts", described(MEANING, result.counts.rename_axis("document").reset_index()))]
     # tables in `detail` have their whole height, because their reasons are long
-    failed = _failed(result.table)
+    failed = _failed_claims(result.table)
     if not failed.startswith("<p>"):
         parts.append(section("Not reproduced", failed))
     documents = [_document(source, result.table) for source in result.documents]
@@ -113,7 +113,7 @@ def claims_page(result: ClaimsResult) -> str:
     return document("Claims recomputed", parts, scripts)
 
 
-def _failed(claims: pd.DataFrame) -> str:
+def _failed_claims(claims: pd.DataFrame) -> str:
     """The claims that are not reproduced, in short."""
     failed = claims[claims["verdict"] == "not reproduced"]
     return table(
@@ -170,6 +170,6 @@ def _numbers(values: Sequence[float]) -> str:
 
 def _calculation(computed: ComputedTable, drawn: str) -> str:
     frame = pd.DataFrame({axis.name: values for axis, values in zip(computed.columns, computed.values, strict=True)})
-    rest = len(frame) - MOST
+    rest = len(frame) - MAX_ROWS_SHOWN
     more = f"<p>{rest} more rows are in the file.</p>" if rest > 0 else ""
-    return f"<p>{escape(computed.meaning)}</p>\n{drawn}\n{table(frame.head(MOST))}{more}"
+    return f"<p>{escape(computed.meaning)}</p>\n{drawn}\n{table(frame.head(MAX_ROWS_SHOWN))}{more}"

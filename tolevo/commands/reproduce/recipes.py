@@ -134,7 +134,7 @@ class Recipe(ABC):
         raise NotImplementedError(f"{type(self).__name__} has no input {name}")
 
 
-def continuous(parameters: Iterable[Parameter]) -> dict[str, str | None]:
+def units_of_numbers(parameters: Iterable[Parameter]) -> dict[str, str | None]:
     """The units of the parameters that are real numbers, by name."""
     return {parameter.name: parameter.unit for parameter in parameters if isinstance(parameter.default, float)}
 
@@ -142,7 +142,7 @@ def continuous(parameters: Iterable[Parameter]) -> dict[str, str | None]:
 # Values of a calculation.
 
 
-KEPT = 64
+MAX_CACHED_RESULTS = 64
 """Results of calculations without chance that a process keeps."""
 
 
@@ -173,14 +173,14 @@ class ByCalculation(Recipe):
     def _computed(self, rng: np.random.Generator) -> Computed:
         if self.kind.sampled:
             return self.kind().compute(dict(self.parameters), rng)
-        return _without_chance(self.kind, tuple(map(_hashable, self.parameters)))
+        return _deterministic_result(self.kind, tuple(map(_hashable, self.parameters)))
 
     @property
     def by(self) -> str:
         return f"calculation {self.kind.name}"
 
     def shift_units(self) -> dict[str, str | None]:
-        return continuous(self.kind.parameters)
+        return units_of_numbers(self.kind.parameters)
 
     def shifted(self, name: str, step: float) -> ByCalculation:
         values = self.kind().completed(dict(self.parameters))
@@ -197,8 +197,8 @@ def _hashable(item: tuple[str, Value]) -> tuple[str, Hashable]:
     return name, (frozenset(value.items()) if isinstance(value, Mapping) else value)
 
 
-@lru_cache(maxsize=KEPT)
-def _without_chance(kind: type[Calculation], parameters: tuple[tuple[str, Hashable], ...]) -> Computed:
+@lru_cache(maxsize=MAX_CACHED_RESULTS)
+def _deterministic_result(kind: type[Calculation], parameters: tuple[tuple[str, Hashable], ...]) -> Computed:
     """A result that does not depend on random numbers."""
     values: dict[str, Value] = {
         name: dict(value) if isinstance(value, frozenset) else value for name, value in parameters
@@ -389,7 +389,7 @@ class ByModel(Recipe):
     def shift_units(self) -> dict[str, str | None]:
         columns = {column.name: column.unit for column in self.kind.columns}
         variables = {variable.name: variable.unit for variable in self.kind.variables}
-        return {name: columns.get(name) for name in self.at} | variables | continuous(self.kind.parameters)
+        return {name: columns.get(name) for name in self.at} | variables | units_of_numbers(self.kind.parameters)
 
     def shifted(self, name: str, step: float) -> ByModel:
         if name in self.at:
@@ -432,7 +432,7 @@ class ByProblem(Recipe):
 
     def shift_units(self) -> dict[str, str | None]:
         variables = {variable.name: variable.unit for variable in self.problem.variables}
-        return variables | continuous(self.problem.declaration.parameters)
+        return variables | units_of_numbers(self.problem.declaration.parameters)
 
     def shifted(self, name: str, step: float) -> ByProblem:
         if name in self.problem.names:

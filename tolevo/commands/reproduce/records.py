@@ -17,17 +17,17 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def _stored(values: NDArray[np.generic]) -> dict[str, Any]:
+def _encode_array(values: NDArray[np.generic]) -> dict[str, Any]:
     """An array with its type; numbers that are not finite are text, since JSON cannot hold them."""
     plain = [str(value) if value != value or value in (inf, -inf) else value for value in values.tolist()]
     return {"type": values.dtype.str, "values": plain}
 
 
-def _array(stored: Any) -> NDArray[np.generic]:
+def _decode_array(stored: Any) -> NDArray[np.generic]:
     return np.asarray(stored["values"]).astype(stored["type"])
 
 
-Column = Annotated[NDArray[np.generic], PlainValidator(_array), PlainSerializer(_stored)]
+Column = Annotated[NDArray[np.generic], PlainValidator(_decode_array), PlainSerializer(_encode_array)]
 """Numbers or text (n,); a table is made of them, and pages store them."""
 
 

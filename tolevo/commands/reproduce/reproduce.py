@@ -32,7 +32,7 @@ from .records import ClaimsResult, ComputedTable
 Pairs = Sequence[tuple[ClaimTask, Checked]]
 
 
-def assembled(plan: ReproducePlan, pairs: Pairs) -> ClaimsResult:
+def assemble_result(plan: ReproducePlan, pairs: Pairs) -> ClaimsResult:
     """The result of all claims."""
     documents = tuple(source.file.document for source in plan.sources)
     table = pd.DataFrame([row(documents[task.document].name, task.claim, checked) for task, checked in pairs])
@@ -85,12 +85,12 @@ def tables_of(pairs: Pairs) -> dict[str, ComputedTable]:
     for task, checked in pairs:
         for name, table in checked.tables.items():
             same_name = [earlier for stem, earlier in tables.items() if stem.split(".")[0] == name]
-            if not any(_equal(table, earlier) for earlier in same_name):
+            if not any(_are_equal_tables(table, earlier) for earlier in same_name):
                 tables[f"{name}.{task.claim.id}" if name in tables else name] = table
     return tables
 
 
-def _equal(a: ComputedTable, b: ComputedTable) -> bool:
+def _are_equal_tables(a: ComputedTable, b: ComputedTable) -> bool:
     return a.columns == b.columns and all(
         np.array_equal(first, second) for first, second in zip(a.values, b.values, strict=True)
     )
@@ -136,7 +136,7 @@ def read_checked(folder: Path, task: ClaimTask) -> Checked | None:
         raise refuse(str(path), f"cannot be read: {error}; remove it, or start again with --overwrite") from error
 
 
-def all_kept(folder: Path, tasks: Iterable[ClaimTask]) -> dict[str, Checked]:
+def read_kept_claims(folder: Path, tasks: Iterable[ClaimTask]) -> dict[str, Checked]:
     """Every claim that was checked before, by its key. Raises InputError with all damaged ones."""
     checked_claims, faults = dict[str, Checked](), list[Fault]()
     for task in tasks:
@@ -173,7 +173,7 @@ TABLES, FIGURES = "tables", "figures"
 
 def write(result: ClaimsResult, folder: Path) -> None:
     """Verdicts as CSV and JSON, the tables and figures of the calculations, and the page."""
-    write_text(folder / "claims.csv", csv_text(flat(result.table)))
+    write_text(folder / "claims.csv", csv_text(flatten_claims(result.table)))
     write_text(folder / "claims.json", as_json(claims_record(result)))
     for stem, table in result.tables.items():
         (folder / TABLES).mkdir(exist_ok=True)
@@ -182,11 +182,11 @@ def write(result: ClaimsResult, folder: Path) -> None:
         (folder / FIGURES).mkdir(exist_ok=True)
         write_bytes(folder / FIGURES / f"{drawing.name}.png", as_png(drawing.figure))
         write_bytes(folder / FIGURES / f"{drawing.name}.svg", as_svg(drawing.figure))
-    write_text(folder / page_data.NAME, page_data.dumped(result))
+    write_text(folder / page_data.NAME, page_data.dump_result(result))
     write_text(folder / "report.html", claims_page(result))
 
 
-def flat(table: pd.DataFrame) -> pd.DataFrame:
+def flatten_claims(table: pd.DataFrame) -> pd.DataFrame:
     """The table without interpretations that are not shown; several numbers are joined by `; `."""
     flat_table = table.drop(columns="readings")
     for name in ("printed", "computed", "standard_error", "deviation"):
@@ -244,7 +244,7 @@ def _reproduce(
     tasks, out = tuple(tasks_of(plan)), place.folder
     if resume and holds_another(place):
         raise refuse("--resume", f"{out} holds no claims: name the directory of a reproduction")
-    known = all_kept(out, tasks) if resume else {}
+    known = read_kept_claims(out, tasks) if resume else {}
     begin = len(known)
     place.begin(keep=files_of(out, (task for task in tasks if task.key in known)))
     try:
@@ -252,7 +252,7 @@ def _reproduce(
     except KeyboardInterrupt:
         saved = f"interrupted: {len(known)} of {len(tasks)} claims are checked and saved in {out}; {GO_ON}"
         return ReproduceOutcome("interrupted", out, (saved,))
-    result = assembled(plan, [(task, known[task.key]) for task in tasks])
+    result = assemble_result(plan, [(task, known[task.key]) for task in tasks])
     write(result, out)
     place.complete()
     resumed_note = (f"{begin} claims had been checked before",) if begin else ()

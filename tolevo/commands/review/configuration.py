@@ -12,7 +12,8 @@ from typing import Any
 import pandas as pd
 
 from ... import tables
-from ...configuration.cost_files import MeasuredFile, number_in, opened_parts, together
+from ...configuration.cost_files import MeasuredFile, number_in, opened_parts
+from ...configuration.cost_files import join_characteristics as together
 from ...configuration.parameters import BOUNDS
 from ...configuration.reader import read_table
 from ...configuration.source import Table, load
@@ -56,7 +57,7 @@ class Reopened:
     notes: tuple[str, ...] = ()
 
 
-def reopened(run: Path, parts: Sequence[Path], since: Sequence[Path], options: tables.ReadOptions) -> Reopened:
+def reopen_run(run: Path, parts: Sequence[Path], since: Sequence[Path], options: tables.ReadOptions) -> Reopened:
     """The problem of the run in a directory with the parts of some files; raises InputError with
     every fault. A directory among them is the result of `tolevo gap` on the units themselves.
     """
@@ -64,12 +65,12 @@ def reopened(run: Path, parts: Sequence[Path], since: Sequence[Path], options: t
     table, allocated = _run(run, faults)
     units = [path for path in parts if path.is_dir()]
     files = [path for path in parts if not path.is_dir()]
-    attributed = "; ".join(_attributed(path, faults) for path in units)
+    attributed = "; ".join(_attribution_phrase(path, faults) for path in units)
     if not files:
         faults.append(Fault("PARTS", "names no file of measured parts"))
     if table is None:
         raise InputError(faults)
-    _with_promise(table, faults)
+    _add_promise(table, faults)
     before = _problem(table, faults)
     if before is None:
         raise InputError(faults)
@@ -78,8 +79,8 @@ def reopened(run: Path, parts: Sequence[Path], since: Sequence[Path], options: t
     sizes = {label: (size, owner.unit) for owner in owners if (size := owner.nominal) for label in owner.names}
     options = replace(options, sizes=sizes)
     notes: list[str] = []
-    now = _anew(table, owners, _opened(files, options, faults), faults, notes)
-    earlier = _anew(table, owners, _opened(since, options, faults), faults, notes) if since else None
+    now = _replace_samples(table, owners, _open_files(files, options, faults), faults, notes)
+    earlier = _replace_samples(table, owners, _open_files(since, options, faults), faults, notes) if since else None
     raise_all(faults)
     shifting = {owner.name for owner in owners if owner.shifts}
     anew = [_with_sample_means(now[0], shifting), now[0]]
@@ -94,11 +95,11 @@ def reopened(run: Path, parts: Sequence[Path], since: Sequence[Path], options: t
     return Reopened(before, design, problems[0], reset, now[1], since_problem, attributed, earlier_parts, tuple(notes))
 
 
-def reviewed(run: Path, parts: Sequence[Path], since: Sequence[Path], options: tables.ReadOptions) -> str:
+def review_text(run: Path, parts: Sequence[Path], since: Sequence[Path], options: tables.ReadOptions) -> str:
     """The text of `tolevo review`: sentences and the table of the parts. Raises InputError with
     every fault.
     """
-    opened = reopened(run, parts, since, options)
+    opened = reopen_run(run, parts, since, options)
     names = opened.measured_parts
     again = [name for name in names if name in opened.earlier]
     result = review(
@@ -139,10 +140,10 @@ def _design(problem: ToleranceProblem, allocated: Mapping[str, Any]) -> dict[str
     return design
 
 
-def _with_promise(table: Table, faults: list[Fault]) -> None:
+def _add_promise(table: Table, faults: list[Fault]) -> None:
     """Give a run without a promise the yield of its limits as its promise."""
     if "promise" in table:
-        table["limits"] = _without_promise(table.get("limits", {}))
+        table["limits"] = _remove_promise(table.get("limits", {}))
         return
     limits = table.get("limits", {})
     limit = next((limits.pop(name) for name in YIELDS if name in limits), None)
@@ -153,10 +154,10 @@ def _with_promise(table: Table, faults: list[Fault]) -> None:
     table["promise"] = {YIELD: yield_percent, "statement": ASSURED}
 
 
-def _without_promise(limits: Table) -> Table:
+def _remove_promise(limits: Table) -> Table:
     """Limits without those that a promise sets, of every requirement."""
     return {
-        name: _without_promise(bound) if isinstance(bound, dict) else bound
+        name: _remove_promise(bound) if isinstance(bound, dict) else bound
         for name, bound in limits.items()
         if name not in (*YIELDS, PROMISED)
     }
@@ -224,7 +225,7 @@ def _owners(table: Table, problem: ToleranceProblem, design: dict[str, float]) -
     return owners
 
 
-def _opened(paths: Sequence[Path], options: tables.ReadOptions, faults: list[Fault]) -> list[MeasuredFile]:
+def _open_files(paths: Sequence[Path], options: tables.ReadOptions, faults: list[Fault]) -> list[MeasuredFile]:
     """The opened files."""
     opened = []
     for path in paths:
@@ -235,15 +236,17 @@ def _opened(paths: Sequence[Path], options: tables.ReadOptions, faults: list[Fau
     return opened
 
 
-def _anew(
+def _replace_samples(
     table: Table, owners: Sequence[Owner], files: Sequence[MeasuredFile], faults: list[Fault], notes: list[str]
 ) -> tuple[Table, tuple[str, ...]]:
     """The tables with the values of the files in place of earlier ones, and whose are new."""
     anew = {
-        owner.name: measured for owner in owners if (measured := _measured(owner, files, faults, notes)) is not None
+        owner.name: measured
+        for owner in owners
+        if (measured := _measured_table(owner, files, faults, notes)) is not None
     }
     for file in files:
-        if unused := [name for name in file.labels if not any(_means(file, owner, name) for owner in owners)]:
+        if unused := [name for name in file.labels if not any(_refers_to_owner(file, owner, name) for owner in owners)]:
             notes.append(f"{file.place}: not used: {', '.join(unused)}")
     if not anew and not faults:
         names = ", ".join(owner.name for owner in owners)
@@ -257,16 +260,16 @@ def _anew(
     return reopened_table, tuple(anew)
 
 
-def _means(file: MeasuredFile, owner: Owner, name: str) -> bool:
+def _refers_to_owner(file: MeasuredFile, owner: Owner, name: str) -> bool:
     """Whether a characteristic of a file is that of an owner."""
     return any(label in owner.names for label, characteristic in file.names.items() if characteristic == name)
 
 
-def _measured(owner: Owner, files: Sequence[MeasuredFile], faults: list[Fault], notes: list[str]) -> Table | None:
+def _measured_table(owner: Owner, files: Sequence[MeasuredFile], faults: list[Fault], notes: list[str]) -> Table | None:
     """The table of an owner with what the files hold of it; None where they hold nothing."""
     samples, names = [], []
     for file in files:
-        for name in dict.fromkeys(name for name in file.names.values() if _means(file, owner, name)):
+        for name in dict.fromkeys(name for name in file.names.values() if _refers_to_owner(file, owner, name)):
             try:
                 samples.append(file.values(name))
                 names.append(file.place)
@@ -320,7 +323,7 @@ def _problem(table: Table, faults: list[Fault]) -> ToleranceProblem | None:
     return problem
 
 
-def _attributed(folder: Path, faults: list[Fault]) -> str:
+def _attribution_phrase(folder: Path, faults: list[Fault]) -> str:
     """What `gap.json` in a directory says in one phrase."""
     try:
         analysis = json.loads(content(folder / GAP))

@@ -16,12 +16,13 @@ from ...problems.stack import Stack
 from ...problems.stack.definition import Part
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array
-from ..run.changes import against
-from ..run.promise import Least, cheapest, cheapest_at, promised_limits
+from ..run.changes import value_against_limit as against
+from ..run.promise import Least, cheapest_at, promised_limits
+from ..run.promise import cheapest_design as cheapest
 
 CHANGED = 0.01
 """Probability below which a difference of scatter or mean is not attributed to chance."""
-SAME = 0.02
+ZONE_TOLERANCE = 0.02
 """Relative change of a tolerance below which it stays as it is."""
 AS_MADE = "as made"
 """Advice on a standard deviation that is estimated from parts and set by no drawing."""
@@ -51,20 +52,20 @@ def review(
     """
     promise = before.promise
     assert promise is not None
-    full = _full(before, design)
-    present = _full(now, design)
+    full = _full_design(before, design)
+    present = _full_design(now, design)
     lines = [
         f"promised: {promise.words()}",
         f"when it was promised, at the drawing's values: {_compliance(before, full)}",
         f"by the present parts: {_compliance(now, present)}",
-        *(f"by the present parts the drawing breaks a limit: {broken}" for broken in _broken(now, present)),
+        *(f"by the present parts the drawing breaks a limit: {broken}" for broken in _broken_limits(now, present)),
     ]
     least = Least.none(before)
     if reset is not None:
-        least = cheapest(cheapest_at(reset, {}), _full(reset, design))
+        least = cheapest(cheapest_at(reset, {}), _full_design(reset, design))
     if reset is not None and np.isfinite(least.cost):
         # standard deviations estimated from parts cost the same in both
-        lines.append(_compared(reset, least, float(reset.cost_of(_full(reset, design)[None, :])[0])))
+        lines.append(_compare_costs(reset, least, float(reset.cost_of(_full_design(reset, design)[None, :])[0])))
     else:
         lines.append("no allocation keeps the promise by the present parts, even at the tightest tolerances")
     then, latest = characteristics(before), characteristics(now)
@@ -79,13 +80,13 @@ def review(
         sample = latest[name].sample
         lines += [f"{name} {finding.text}" for finding in (sample.findings if sample is not None else ())]
     if since is not None:
-        lines += _since(since, now, earlier, design)
+        lines += _change_sentences(since, now, earlier, design)
     if attributed:
         lines.append(f"the units' own measurement: {attributed}")
     return Review(tuple(lines), pd.DataFrame(rows))
 
 
-def _compared(problem: ToleranceProblem, least: Least, cost: float) -> str:
+def _compare_costs(problem: ToleranceProblem, least: Least, cost: float) -> str:
     """The least cost by the present parts in comparison with the cost of the drawing."""
     currency = problem.settings.money.currency
     text = f"the least cost that keeps the promise now is {f'{least.cost:.4g} {currency}'.rstrip()}"
@@ -99,7 +100,7 @@ def _compared(problem: ToleranceProblem, least: Least, cost: float) -> str:
     return f"{text}; the drawing costs {drawn}: a new allocation {change} ({percent}); {now}"
 
 
-def _full(problem: ToleranceProblem, design: Mapping[str, float]) -> Array:
+def _full_design(problem: ToleranceProblem, design: Mapping[str, float]) -> Array:
     """A full design (all variables,) with the tolerances of the drawing."""
     full = problem.corner(tight=True) if isinstance(problem, Stack) else problem.complete(problem.xl[None, :])[0]
     for at, name in enumerate(problem.names):
@@ -111,7 +112,7 @@ def _savings(problem: ToleranceProblem, design: Mapping[str, float], new_design:
     """The saving (all,) of each value of a new design alone, from the cost of the drawing; that of a
     tolerance together with its process. NaN where it is not known.
     """
-    full, names = _full(problem, design), problem.names
+    full, names = _full_design(problem, design), problem.names
     changed = np.repeat(full[None, :], len(full), axis=0)
     np.fill_diagonal(changed, new_design)
     for at, name in enumerate(names):
@@ -154,7 +155,7 @@ def _compliance(problem: ToleranceProblem, design: Array) -> str:
     )
 
 
-def _broken(problem: ToleranceProblem, design: Array) -> list[str]:
+def _broken_limits(problem: ToleranceProblem, design: Array) -> list[str]:
     """The limits other than the promise that a full design (all,) breaks, each with its value."""
     outputs, of_promise = problem.outputs_of(design[None, :]), promised_limits(problem)
     sentences = []
@@ -184,7 +185,7 @@ class Characteristic:
 def characteristics(problem: ToleranceProblem) -> dict[str, Characteristic]:
     """The parts of a stack, or the tolerances of another problem, by name."""
     if isinstance(problem, Stack):
-        return {part.name: _of_part(problem, part) for part in problem.definition.parts}
+        return {part.name: _part_characteristic(problem, part) for part in problem.definition.parts}
     by_name = {}
     for at, v in enumerate(problem.variables):
         setting = problem.settings.variables[v.name]
@@ -195,7 +196,7 @@ def characteristics(problem: ToleranceProblem) -> dict[str, Characteristic]:
     return by_name
 
 
-def _of_part(stack: Stack, part: Part) -> Characteristic:
+def _part_characteristic(stack: Stack, part: Part) -> Characteristic:
     t, cp = f"{part.name}_t", np.nan if part.one_sided else _capability(part.distribution)
     return Characteristic(part.name, part.unit, stack.names.index(t), t, part.sample, cp, part.fixed, stated=True)
 
@@ -209,7 +210,7 @@ def _row(
     advice = "keep"
     if not np.isfinite(new):
         advice = "unknown"
-    elif abs(new / t - 1.0) > SAME:
+    elif abs(new / t - 1.0) > ZONE_TOLERANCE:
         advice = AS_MADE if now.fixed and made else ("loosen" if new > t else "tighten")
     return {
         "part": then.name,
@@ -230,11 +231,11 @@ def _capability(law: Distribution) -> float:
     return float(1.0 / (3.0 * np.sqrt(m2 - m1**2)))
 
 
-def _since(
+def _change_sentences(
     since: ToleranceProblem, now: ToleranceProblem, made: Sequence[str], design: Mapping[str, float]
 ) -> list[str]:
     """Sentences on the differences of the parts from the earlier ones."""
-    lines = [f"by the earlier parts: {_compliance(since, _full(since, design))}"]
+    lines = [f"by the earlier parts: {_compliance(since, _full_design(since, design))}"]
     earlier, latest = characteristics(since), characteristics(now)
     for name in made:
         old, new = earlier[name].sample, latest[name].sample

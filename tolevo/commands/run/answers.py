@@ -22,11 +22,15 @@ from ...section import Array
 from ...units import drawing_number, plain_number
 from .changes import step_words, words
 from .decide import Decisions
-from .plan import NEAR, RunPlan, shown_point
-from .prices import PERCENT, used_up
-from .promise import cheapest, cheapest_at, promised_limits
-from .proofs import EXACT, distance_words, exact_table, informative, percent
+from .plan import MAX_LIMIT_DISTANCE as NEAR
+from .plan import RunPlan, shown_point
+from .prices import PERCENT
+from .prices import points_at_limit as used_up
+from .promise import cheapest_at, promised_limits
+from .promise import cheapest_design as cheapest
+from .proofs import EXACT, distance_words, exact_table, percent
 from .proofs import ProvenFront as Exact
+from .proofs import are_informative_bounds as informative
 from .references import gain_column
 
 # The choices of a front, as parts of the result of a run.
@@ -61,10 +65,10 @@ FORMAT = 1
 """Version of the files of a run: `summary.json` names it; a reader refuses what is newer."""
 
 
-def with_choices(result: RunResult, decisions: Decisions, plan: RunPlan, exact: Exact | None) -> RunResult:
+def add_choices(result: RunResult, decisions: Decisions, plan: RunPlan, exact: Exact | None) -> RunResult:
     """The result with its choices, and with all that the page needs in the summary."""
     summary = dict(result.summary) | {
-        "choices": _short(decisions.choices, plan.problem),
+        "choices": _summarise_choices(decisions.choices, plan.problem),
         "rounding": _rounding(decisions, plan),
         "format": FORMAT,
         "title": result.title,
@@ -98,7 +102,7 @@ def _mechanism(problem: ToleranceProblem) -> dict[str, object]:
     return {"mechanism": known} if set(known) - {"name"} else {}
 
 
-def _short(choices: pd.DataFrame, problem: ToleranceProblem) -> dict[str, object]:
+def _summarise_choices(choices: pd.DataFrame, problem: ToleranceProblem) -> dict[str, object]:
     """By rule: the row of the front, its objectives, and what rounding does to them."""
     columns = ["point", "meaning", *problem.objectives, "rounded_feasible", "unchanged_percent"]
     columns += [f"rounded_{name}" for name in problem.objectives]
@@ -125,11 +129,11 @@ def _none_if_empty(frame: pd.DataFrame) -> pd.DataFrame | None:
 COST = "cost"
 ROUGH = 30.0
 """Residual of the conditions of an optimum [percent] beyond which they give no price in a sentence."""
-ALIKE = 1e-9
+COST_TOLERANCE = 1e-9
 """Relative difference below which two values count as equal."""
 TENTH = 0.1
 """Fraction of a limit by which it is loosened, to state what that saves."""
-SMALL = 0.01
+RELAXATION_FRACTION = 0.01
 """The same where its price is known alone, which holds for small changes."""
 
 
@@ -264,7 +268,7 @@ class Sentences:
         unknown = [self.limit(limit) for limit in held if not saved[limit.name]]
         if unknown:
             plural = ("limit of", "binds", "it") if len(unknown) == 1 else ("limits of", "bind", "them")
-            what = f"{self._here} the {plural[0]} {listed(unknown)} {plural[1]}"
+            what = f"{self._here} the {plural[0]} {join_with_and(unknown)} {plural[1]}"
             saved[""] = f"{what}; what loosening {plural[2]} would save is not known."
         return " ".join(filter(None, saved.values()))
 
@@ -284,7 +288,7 @@ class Sentences:
         which single steps they forbid, or that it is not known.
         """
         none = ", and none adds to the cost"
-        if self._cost <= self.floor + ALIKE * abs(self._cost):
+        if self._cost <= self.floor + COST_TOLERANCE * abs(self._cost):
             return f"{none}: nothing in the ranges is cheaper"
         within, without = self._solved({}), self._solved(dict.fromkeys(limits, Bound()))
         if within is not None and without is not None and within - without <= EXACT / 100.0 * abs(within):
@@ -321,7 +325,7 @@ class Sentences:
         levels = {name: float(row[name]) for name in self.names if name != COST}
         if COST not in self.names or set(limits) & promised_limits(self.problem):
             return None
-        relaxed = cheapest_at(self.problem.relaxed(limits), {n: v + ALIKE * abs(v) for n, v in levels.items()})
+        relaxed = cheapest_at(self.problem.relaxed(limits), {n: v + COST_TOLERANCE * abs(v) for n, v in levels.items()})
         if not any(limit.count for limit in relaxed.limits):
             return self.floor
         form = closed_form(relaxed)
@@ -347,7 +351,7 @@ class Sentences:
         if priced is not None:
             price, proven = priced
             how = "by the multiplier of the proven optimum" if proven else "estimated by the conditions of an optimum"
-            small = _step(limit, lower, SMALL)
+            small = _step(limit, lower, RELAXATION_FRACTION)
             change = f"{'lowering' if lower else 'raising'} it by {drawing_number(small)}{unit}"
             if price * small <= max(self._cost - self.floor, 0.0):
                 return f"{binds}: {change} would save about {self.money(price * small)} ({how})."
@@ -379,7 +383,7 @@ class Sentences:
             others = [n for n in self.names if n != COST]
             good = np.ones(len(front), dtype=bool)
             for n in others:
-                good &= front[n].to_numpy(dtype=float) <= float(row[n]) + ALIKE * abs(float(row[n]))
+                good &= front[n].to_numpy(dtype=float) <= float(row[n]) + COST_TOLERANCE * abs(float(row[n]))
             if np.any(good):
                 saved = float(row[COST]) - float(front.loc[good, COST].min())
                 text = self.limit(self._limit(name))
@@ -418,7 +422,7 @@ class Sentences:
         )
 
 
-def listed(texts: list[str]) -> str:
+def join_with_and(texts: list[str]) -> str:
     """Like "a, b and c"."""
     return " and ".join([*([", ".join(texts[:-1])] if len(texts) > 1 else []), texts[-1]])
 
@@ -438,7 +442,7 @@ RIGID = "backlash_"
 """Prefix of the outputs that are searched within a fraction of a second."""
 
 
-def with_assumptions(
+def add_assumptions(
     result: RunResult,
     problem: ToleranceProblem,
     history: Sequence[Progress],
@@ -503,7 +507,7 @@ def assumptions_cost(
     these costs are not defined: another problem than cost against backlash, least cost without a
     limit on backlash, or no allocation even without a change.
     """
-    if not _applicable(problem):
+    if not _applies(problem):
         return None
     variants = problem.variants()
     rows: list[dict[str, Any]] = []
@@ -515,7 +519,7 @@ def assumptions_cost(
     return pd.DataFrame(rows) if len(rows) > 1 else None
 
 
-def _applicable(problem: ToleranceProblem) -> bool:
+def _applies(problem: ToleranceProblem) -> bool:
     """Whether the run asks for cost against backlash, or for least cost at a backlash."""
     others = [name for name in problem.objectives if name != "cost"]
     if len(problem.objectives) != len(others) + 1 or not problem.declaration.sampled:
@@ -576,7 +580,7 @@ def _least_value(branch: Branch, cost: int, start: Array, limit: Array) -> float
 # The promise of a run and what is known of measured parts, as parts of its result.
 
 
-def with_capability(result: RunResult, problem: ToleranceProblem) -> RunResult:
+def add_capability(result: RunResult, problem: ToleranceProblem) -> RunResult:
     """The result with what is known of measured parts, where there are some."""
     if not problem.samples():
         return result
@@ -585,7 +589,7 @@ def with_capability(result: RunResult, problem: ToleranceProblem) -> RunResult:
     return replace(result, capability=capability_table(problem))
 
 
-def _rounded(result: RunResult, problem: ToleranceProblem, point: int) -> Array | None:
+def _rounded_design(result: RunResult, problem: ToleranceProblem, point: int) -> Array | None:
     """The full design (all variables,) of a point with the values of its drawing, if it has one."""
     allocation = result.allocation
     if allocation is None or result.front.empty or point not in set(allocation["point"]):
@@ -597,14 +601,14 @@ def _rounded(result: RunResult, problem: ToleranceProblem, point: int) -> Array 
     return np.array(designs_of(problem, row)[0])
 
 
-def with_promise(result: RunResult, problem: ToleranceProblem) -> RunResult:
+def add_promise(result: RunResult, problem: ToleranceProblem) -> RunResult:
     """The result with its promise at the knee or at the only point, where a promise is made."""
     if not promised_limits(problem):
         return result
     from .promise import promise_outcome  # its statistics take long to import
 
     point = chosen_point(result)
-    outcome = promise_outcome(problem, result.front, point, _rounded(result, problem, point))
+    outcome = promise_outcome(problem, result.front, point, _rounded_design(result, problem, point))
     if outcome is None:
         return result
     answers = dict(result.answers) | {"promise": outcome.sentence}

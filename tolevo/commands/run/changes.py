@@ -23,7 +23,7 @@ from .choice import COST
 
 
 Mask = NDArray[np.bool_]
-SLACK = 1e-9
+ROOM_TOLERANCE = 1e-9
 """Relative difference that counts as none."""
 
 
@@ -63,7 +63,7 @@ def neighbours(problem: ToleranceProblem, design: Array, values: dict[str, Array
         low, high = problem.room(name, design)
         column = problem.names.index(name)
         value = design[column]
-        edge = SLACK * max(abs(low), abs(high))
+        edge = ROOM_TOLERANCE * max(abs(low), abs(high))
         within = np.clip(orderable[(orderable >= low - edge) & (orderable <= high + edge)], low, high)
         if not len(within):
             continue
@@ -139,7 +139,7 @@ class Ranking:
         limits = use.shape[1] - len(self._objectives_except_cost)
         violation = np.maximum(use[:, :limits], 0.0).sum(axis=1)
         worse = np.max(use[:, limits:], axis=1, initial=0.0)
-        return np.stack([violation, np.where(worse > SLACK, worse, 0.0), cost], axis=1)
+        return np.stack([violation, np.where(worse > ROOM_TOLERANCE, worse, 0.0), cost], axis=1)
 
     @property
     def _objectives_except_cost(self) -> list[str]:
@@ -151,7 +151,7 @@ def best(keys: Array) -> NDArray[np.int64]:
     return np.lexsort(keys.T[::-1])
 
 
-SAME = 1e-9
+VALUE_TOLERANCE = 1e-9
 """Relative difference below which two values count as equal."""
 NAMED = 8
 """Steps that a sentence names at most."""
@@ -182,17 +182,19 @@ def changes(
     used = 0
     for point, design in designs.items():
         every = list(_steps(problem, design, values))
-        steps = _few(problem, every, int(np.clip(VALUES // size, FEW, MOST)))
+        steps = _select_steps(problem, every, int(np.clip(VALUES // size, FEW, MOST)))
         used += len(steps) * size
         if rows and used > IN_ALL:
             break
         tried = np.stack([design, *(step[3] for step in steps)])
-        outputs = _evaluated(whole, tried)
+        outputs = _evaluate_designs(whole, tried)
         cost = outputs.get(COST, np.zeros(len(tried)))
-        names = [n for n in dict.fromkeys((*problem.objectives, *_limited(problem))) if n != COST]
+        names = [n for n in dict.fromkeys((*problem.objectives, *_limited_outputs(problem))) if n != COST]
         moved = {name: column - column[0] for name in names for column in (whole.values(tried, outputs, name),)}
         for at, (variable, to, value, _) in enumerate(steps, start=1):
-            broken = _broken(whole, tried[at : at + 1], {name: column[at : at + 1] for name, column in outputs.items()})
+            broken = _broken_limits(
+                whole, tried[at : at + 1], {name: column[at : at + 1] for name, column in outputs.items()}
+            )
             rows.append(
                 {"point": point, "variable": variable.name, "to": to, "value": value}
                 | {"cost_change": cost[at] - cost[0]}
@@ -203,7 +205,7 @@ def changes(
     return pd.DataFrame(rows) if rows else pd.DataFrame({"point": [], "cost_change": [], "breaks": []})
 
 
-def _few(problem: ToleranceProblem, steps: list[Step], most: int) -> list[Step]:
+def _select_steps(problem: ToleranceProblem, steps: list[Step], most: int) -> list[Step]:
     """At most so many steps, those that save most."""
     if len(steps) <= most:
         return steps
@@ -211,27 +213,27 @@ def _few(problem: ToleranceProblem, steps: list[Step], most: int) -> list[Step]:
     return [steps[at] for at in np.sort(order)]
 
 
-def _limited(problem: ToleranceProblem) -> list[str]:
+def _limited_outputs(problem: ToleranceProblem) -> list[str]:
     return [limit.name for limit in problem.limits if limit.count]
 
 
-def _evaluated(problem: ToleranceProblem, designs: Array) -> dict[str, Array]:
+def _evaluate_designs(problem: ToleranceProblem, designs: Array) -> dict[str, Array]:
     """The outputs that are asked for of full designs, a batch at a time."""
     parts = [problem.needed_outputs(designs[at : at + BATCH]) for at in range(0, len(designs), BATCH)]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def _broken(problem: ToleranceProblem, design: Array, outputs: Mapping[str, Array]) -> dict[str, str]:
+def _broken_limits(problem: ToleranceProblem, design: Array, outputs: Mapping[str, Array]) -> dict[str, str]:
     """The limits that a full design (1, all) breaks, and by which values."""
     broken = {}
     for limit in problem.limits:
         value = problem.values(design, outputs, limit.name)
         if not limit.kept(value)[0]:
-            broken[limit.name] = f"{words(limit.name)} {against(float(value[0]), limit)}"
+            broken[limit.name] = f"{words(limit.name)} {value_against_limit(float(value[0]), limit)}"
     return broken
 
 
-def against(value: float, limit: Limit) -> str:
+def value_against_limit(value: float, limit: Limit) -> str:
     """Like "0.1783 instead of at most 0.17 mm", with as many digits as show the difference."""
     if np.isnan(value):
         return "has no value"
@@ -266,30 +268,31 @@ def _steps(problem: ToleranceProblem, design: Array, values: Mapping[str, Mappin
             low, high = problem.interval(variable.name)
             near = [value for value in (own - 1.0, own + 1.0) if low <= value <= high]
             yield from (
-                (variable, f"grade {value:g}", value, _moved(problem, design, variable, value)) for value in near
+                (variable, f"grade {value:g}", value, _move_variable(problem, design, variable, value))
+                for value in near
             )
         elif variable.tolerance and not variable.integer:
-            for value, grade in _next(problem, variable, design, values.get(variable.name, {})):
+            for value, grade in _adjacent_values(problem, variable, design, values.get(variable.name, {})):
                 to = grade or f"{drawing_number(value)} {variable.unit}".rstrip()
-                yield variable, to, value, _moved(problem, design, variable, value)
+                yield variable, to, value, _move_variable(problem, design, variable, value)
 
 
-def _next(
+def _adjacent_values(
     problem: ToleranceProblem, variable: Variable, design: Array, values: Mapping[float, str]
 ) -> list[tuple[float, str]]:
     """The orderable values below and above that of a design, in the room that it has."""
     low, high = problem.room(variable.name, design)
     own = float(design[problem.names.index(variable.name)])
-    within = [value for value in values if low * (1.0 - SAME) <= value <= high * (1.0 + SAME)]
-    below = max((value for value in within if value < own * (1.0 - SAME)), default=None)
-    above = min((value for value in within if value > own * (1.0 + SAME)), default=None)
+    within = [value for value in values if low * (1.0 - VALUE_TOLERANCE) <= value <= high * (1.0 + VALUE_TOLERANCE)]
+    below = max((value for value in within if value < own * (1.0 - VALUE_TOLERANCE)), default=None)
+    above = min((value for value in within if value > own * (1.0 + VALUE_TOLERANCE)), default=None)
     return [(min(max(value, low), high), values[value]) for value in (below, above) if value is not None]
 
 
 def _processes(problem: ToleranceProblem, variable: Variable, design: Array, own: int) -> list[Step]:
     """The other processes of a part; of grades to choose from, the next on either side."""
     others = [
-        (variable, label, float(number), _moved(problem, design, variable, float(number)))
+        (variable, label, float(number), _move_variable(problem, design, variable, float(number)))
         for number, label in enumerate(variable.labels)
         if number != own and problem.interval(variable.name)[0] <= number <= problem.interval(variable.name)[1]
     ]
@@ -309,7 +312,7 @@ def _is_free(problem: ToleranceProblem, name: str) -> bool:
     return any(variable.name == name for variable in problem.free)
 
 
-def _moved(problem: ToleranceProblem, design: Array, variable: Variable, value: float) -> Array:
+def _move_variable(problem: ToleranceProblem, design: Array, variable: Variable, value: float) -> Array:
     """The full design with another value, in the room that a chosen process leaves."""
     moved = design.copy()
     moved[problem.names.index(variable.name)] = value
@@ -328,17 +331,17 @@ def advice(problem: ToleranceProblem, tried: pd.DataFrame, design_values: Mappin
     currency = problem.settings.money.currency
     others = [name for name in problem.objectives if name != COST]
     size = max(abs(float(design_values.get(COST, 0.0))), 1e-300)
-    saving = tried[tried["cost_change"] < -SAME * size]
+    saving = tried[tried["cost_change"] < -VALUE_TOLERANCE * size]
     if saving.empty:
         return "No step of one tolerance by itself to the next value that can be ordered saves anything."
     kept = saving[saving["breaks"] == ""]
     if kept.empty:
         untried = int(tried["untried"].iloc[0])
         which = f"each of the {len(saving)} steps that save most" if untried else "every step"
-        return f"No tolerance can be loosened by itself: {which} breaks a limit ({_listed(saving)})."
+        return f"No tolerance can be loosened by itself: {which} breaks a limit ({_list_steps(saving)})."
     worse = [kept[f"change_{name}"].to_numpy(dtype=float) / (abs(design_values[name]) or 1.0) for name in others]
     loss = np.max([np.zeros(len(kept)), *worse], axis=0)
-    rate = -kept["cost_change"].to_numpy(dtype=float) / size / np.maximum(loss, SAME)
+    rate = -kept["cost_change"].to_numpy(dtype=float) / size / np.maximum(loss, VALUE_TOLERANCE)
     best = kept.iloc[int(np.argmax(rate))].to_dict()
     units = {o.name: o.unit for o in problem.outputs}
     text = f"Loosen first: {step_words(best)}: saves {_money(-float(best['cost_change']), currency)}"
@@ -347,13 +350,13 @@ def advice(problem: ToleranceProblem, tried: pd.DataFrame, design_values: Mappin
         direction = "rises" if change > 0.0 else "falls"
         if change:
             text += f"; {words(name)} {direction} by {plain_number(abs(change), 3)} {unit}".rstrip()
-    text += "; every limit is kept" if _limited(problem) else ""
+    text += "; every limit is kept" if _limited_outputs(problem) else ""
     blocked = saving[saving["breaks"] != ""]
-    return f"{text}. {_blocked(blocked)}" if len(blocked) else f"{text}."
+    return f"{text}. {_blocked_sentence(blocked)}" if len(blocked) else f"{text}."
 
 
-def _blocked(blocked: pd.DataFrame) -> str:
-    return f"Not to be loosened by themselves: {_listed(blocked)}."
+def _blocked_sentence(blocked: pd.DataFrame) -> str:
+    return f"Not to be loosened by themselves: {_list_steps(blocked)}."
 
 
 def step_words(row: Mapping[Any, Any]) -> str:
@@ -361,7 +364,7 @@ def step_words(row: Mapping[Any, Any]) -> str:
     return f"{label_of(str(row['variable']))}, to {row['to']}"
 
 
-def _listed(rows: pd.DataFrame) -> str:
+def _list_steps(rows: pd.DataFrame) -> str:
     """The steps, the largest saving first, each with what it breaks."""
     ordered = rows.sort_values("cost_change", kind="stable").to_dict("records")
     named = [f"{step_words(row)}: {row['broken']}" for row in ordered[:NAMED]]
@@ -382,7 +385,7 @@ PAIRS = 24
 """Pairs of changes that are evaluated per round."""
 LENGTHS = 24
 """Lengths of a series of changes that are evaluated per round."""
-TINY = 1e-12
+MIN_USE = 1e-12
 """Room below which there is none."""
 
 
@@ -399,7 +402,7 @@ class Prices:
     cost: Array
 
 
-def by_moves(near: Neighbours, ranking: Ranking, most: int) -> Mask:
+def choices_by_moves(near: Neighbours, ranking: Ranking, most: int) -> Mask:
     """The best choices (at most `most`, k) of neighbours that a search by prices finds.
 
     Each round evaluates every single change, the pairs that look best where the effects of two
@@ -410,33 +413,33 @@ def by_moves(near: Neighbours, ranking: Ranking, most: int) -> Mask:
     count = len(near.at)
     masks = np.stack([np.zeros(count, dtype=bool), near.nearest])
     known = ranking.keys(near.designs(masks))
-    masks, known = _few_moves(masks, known, most)
+    masks, known = _select_moves(masks, known, most)
     for _ in range(ROUNDS):
         at, key = masks[0], known[0]
         singles = at ^ np.eye(count, dtype=bool)
         use, cost = ranking.use(near.designs(np.vstack([at[None], singles])))
         prices = Prices(use[0], float(cost[0]), use[1:] - use[0], cost[1:] - cost[0])
-        series = np.vstack([_singles(at, prices), *_pairs(at, prices, ranking)])
+        series = np.vstack([_single_changes(at, prices), *_pairs(at, prices, ranking)])
         keys = np.vstack([ranking.ranked(use[1:], cost[1:]), ranking.keys(near.designs(series))])
-        masks, known = _few_moves(np.vstack([masks, singles, series]), np.vstack([known, keys]), most)
+        masks, known = _select_moves(np.vstack([masks, singles, series]), np.vstack([known, keys]), most)
         if tuple(known[0].tolist()) >= tuple(key.tolist()):
             break
     return masks
 
 
-def _few_moves(masks: Mask, keys: Array, most: int) -> tuple[Mask, Array]:
+def _select_moves(masks: Mask, keys: Array, most: int) -> tuple[Mask, Array]:
     """The best `most` of them, in order."""
     order = best(keys)[:most]
     return masks[order], keys[order]
 
 
-def _singles(at: Mask, prices: Prices) -> Mask:
+def _single_changes(at: Mask, prices: Prices) -> Mask:
     """Changes that save, in the order of their saving per use of the remaining room."""
-    room = np.maximum(-prices.base_use, TINY)
+    room = np.maximum(-prices.base_use, MIN_USE)
     used = np.max(np.maximum(prices.use, 0.0) / room, axis=1, initial=0.0)
     rows = np.flatnonzero(prices.cost < 0.0)
-    order = rows[np.argsort(prices.cost[rows] / (used[rows] + TINY), kind="stable")]
-    return _first(at, order[:, None], prices)
+    order = rows[np.argsort(prices.cost[rows] / (used[rows] + MIN_USE), kind="stable")]
+    return _apply_first_groups(at, order[:, None], prices)
 
 
 def _pairs(at: Mask, prices: Prices, ranking: Ranking) -> tuple[Mask, Mask]:
@@ -451,10 +454,10 @@ def _pairs(at: Mask, prices: Prices, ranking: Ranking) -> tuple[Mask, Mask]:
         alone[row, pair] ^= True
     base = ranking.ranked(prices.base_use[None], np.array([prices.base_cost]))[0]
     pays = [tuple(key) < tuple(base.tolist()) for key in keys[order].tolist()]
-    return alone, _first(at, _apart(pairs[np.array(pays, dtype=bool)]), prices)
+    return alone, _apply_first_groups(at, _disjoint_pairs(pairs[np.array(pays, dtype=bool)]), prices)
 
 
-def _apart(pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+def _disjoint_pairs(pairs: NDArray[np.int64]) -> NDArray[np.int64]:
     """Pairs, from the first, that have no variable in common."""
     taken, disjoint = set[int](), []
     for first, second in pairs.tolist():
@@ -464,7 +467,7 @@ def _apart(pairs: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.array(disjoint, dtype=np.int64).reshape(-1, 2)
 
 
-def _first(at: Mask, groups: NDArray[np.int64], prices: Prices) -> Mask:
+def _apply_first_groups(at: Mask, groups: NDArray[np.int64], prices: Prices) -> Mask:
     """The design after the first n of the groups (g, size) of changes: several n around the largest
     that keeps to the remaining room where effects are added.
     """
@@ -484,7 +487,7 @@ def _first(at: Mask, groups: NDArray[np.int64], prices: Prices) -> Mask:
 
 
 RoundingMask = NDArray[np.bool_]
-ALL = 8
+MAX_EXHAUSTIVE_VARIABLES = 8
 """Variables up to which every combination of neighbours is tried at once."""
 HARD = 12
 """Variables up to which every combination is tried where no other keeps the limits."""
@@ -492,7 +495,7 @@ VERIFIED = 24
 """Best candidates that are tested by the full model."""
 
 
-def rounded(
+def round_design(
     problem: ToleranceProblem,
     design: Array,
     values: dict[str, Array],
@@ -502,8 +505,8 @@ def rounded(
 
     The cheapest combination of neighbours that keeps all limits (those of the problem, and the
     `bounds`) and is no worse in the other objectives; where there is none, the one that breaks
-    the limits least, then the least worse. Up to `ALL` variables every combination is tried, and up
-    to `HARD` where limits would break; else changes are priced one by one (`by_moves`). The full
+    the limits least, then the least worse. Up to `MAX_EXHAUSTIVE_VARIABLES` variables every
+    combination is tried, and up to `HARD` where limits would break; else changes are priced one by one (`choices_by_moves`). The full
     model decides between the best `VERIFIED`; where all of them break a limit, the quick search is
     repeated, corrected by the difference of the full model at the design: on a sample of units the
     quick one may be the more lenient.
@@ -513,24 +516,26 @@ def rounded(
         return design
     quick = Ranking(problem, design, True, bounds)
     full = Ranking(problem.reported(), design, False, bounds)
-    rounded_design, keys = _best(near, quick, full)
+    rounded_design, keys = _search_best_design(near, quick, full)
     if keys[0] > 0.0:
         quick.learn(full, design)
-        retried, retried_keys = _best(near, quick, full)
+        retried, retried_keys = _search_best_design(near, quick, full)
         rounded_design = retried if tuple(retried_keys.tolist()) < tuple(keys.tolist()) else rounded_design
     return rounded_design
 
 
-def _best(near: Neighbours, quick: Ranking, full: Ranking) -> tuple[Array, Array]:
+def _search_best_design(near: Neighbours, quick: Ranking, full: Ranking) -> tuple[Array, Array]:
     """The best design of the search, and its key."""
-    masks = _every(near) if len(near.at) <= ALL else by_moves(near, quick, VERIFIED)
-    best_design, keys = _verified(near, masks, quick, full)
-    if keys[0] > 0.0 and ALL < len(near.at) <= HARD:
-        best_design, keys = _verified(near, _every(near), quick, full)
+    masks = (
+        _all_combinations(near) if len(near.at) <= MAX_EXHAUSTIVE_VARIABLES else choices_by_moves(near, quick, VERIFIED)
+    )
+    best_design, keys = _verify_best(near, masks, quick, full)
+    if keys[0] > 0.0 and MAX_EXHAUSTIVE_VARIABLES < len(near.at) <= HARD:
+        best_design, keys = _verify_best(near, _all_combinations(near), quick, full)
     return best_design, keys
 
 
-def _every(near: Neighbours) -> RoundingMask:
+def _all_combinations(near: Neighbours) -> RoundingMask:
     """Every combination (2^k', k) of the variables that have two neighbours."""
     open_ = np.flatnonzero(near.below < near.above)
     masks = np.zeros((2 ** len(open_), len(near.at)), dtype=bool)
@@ -538,7 +543,7 @@ def _every(near: Neighbours) -> RoundingMask:
     return masks
 
 
-def _verified(near: Neighbours, masks: RoundingMask, quick: Ranking, full: Ranking) -> tuple[Array, Array]:
+def _verify_best(near: Neighbours, masks: RoundingMask, quick: Ranking, full: Ranking) -> tuple[Array, Array]:
     """The best design by the full model among the best by the quick model, and its key."""
     designs = np.unique(near.designs(masks), axis=0)
     shortlist = designs[best(quick.keys(designs))[:VERIFIED]]

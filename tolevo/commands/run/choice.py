@@ -110,7 +110,7 @@ def meaning_of(name: str) -> str:
     return "the one point of the front" if name == ONLY else RULE_KINDS[name].meaning
 
 
-def chosen(points: Points, notes: list[str] | None = None) -> dict[str, int]:
+def choose_rows(points: Points, notes: list[str] | None = None) -> dict[str, int]:
     """The row that each rule chooses; rules that do not apply, or choose none, are left out.
 
     A rule that fails is left out as well, with its name and its reason in `notes`.
@@ -156,7 +156,7 @@ COMPARED = 500
 """Points that every point's trade-off is compared with at most, evenly spaced."""
 
 
-def scaled(values: Array) -> Array:
+def scale_objectives(values: Array) -> Array:
     """Objectives (n, m) with the least of the front at 0 and its largest at 1."""
     low, span = values.min(axis=0), np.ptp(values, axis=0)
     return np.asarray((values - low) / np.where(span > 0.0, span, 1.0))
@@ -168,7 +168,7 @@ def farthest_from_chord(values: Array) -> int | None:
     Reference: Das (1999), On characterizing the "knee" of the Pareto curve, Structural
     Optimization 18, 107-115.
     """
-    return int(np.argmin(scaled(values).sum(axis=1))) if len(values) >= 3 else None
+    return int(np.argmin(scale_objectives(values).sum(axis=1))) if len(values) >= 3 else None
 
 
 def sharpest_bend(values: Array) -> int | None:
@@ -183,7 +183,7 @@ def sharpest_bend(values: Array) -> int | None:
     if values.shape[1] != 2 or len(values) < 3:
         return None
     order = np.lexsort(values.T[::-1])
-    line = scaled(values)[order]
+    line = scale_objectives(values)[order]
     at = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
     arm = ARM * at[-1]
     inner = np.flatnonzero((at >= arm) & (at <= at[-1] - arm))
@@ -210,7 +210,7 @@ def best_trade_off(values: Array) -> int | None:
     """
     if len(values) < 3:
         return None
-    points = scaled(values)
+    points = scale_objectives(values)
     sampled = points[np.unique(np.linspace(0, len(points) - 1, COMPARED).astype(int))]
     loss, gain = np.zeros((len(points), len(sampled))), np.zeros((len(points), len(sampled)))
     for a, b in zip(points.T, sampled.T, strict=True):  # one objective at a time: memory
@@ -226,13 +226,13 @@ def largest_product(values: Array) -> int | None:
 
     Reference: Nash (1950), The bargaining problem, Econometrica 18(2), 155-162.
     """
-    return int(np.argmax(np.prod(1.0 - scaled(values), axis=1))) if len(values) >= 3 else None
+    return int(np.argmax(np.prod(1.0 - scale_objectives(values), axis=1))) if len(values) >= 3 else None
 
 
 # Choices by the weights of the objectives (n, m), all of them minimised.
 
 
-def by_pseudo_weights(values: Array, weights: Array) -> int | None:
+def choose_by_weights(values: Array, weights: Array) -> int | None:
     """The point whose pseudo-weights are nearest to `weights` (m,), which add up to one.
 
     Reference: Deb (2001), Multi-objective optimization using evolutionary algorithms, section
@@ -261,7 +261,7 @@ def closeness(values: Array, weights: Array) -> Array:
     return np.asarray(np.divide(to_worst, whole, out=np.ones_like(whole), where=whole > 0.0))
 
 
-def by_topsis(values: Array, weights: Array) -> int | None:
+def choose_by_topsis(values: Array, weights: Array) -> int | None:
     """The point closest to the ideal by TOPSIS."""
     return int(np.argmax(closeness(values, weights)))
 
@@ -320,7 +320,7 @@ class PseudoWeights(ChoiceRule):
     meaning = "pseudo-weights nearest to the weights"
 
     def row(self, points: Points) -> int | None:
-        return by_pseudo_weights(points.objectives, points.weights)
+        return choose_by_weights(points.objectives, points.weights)
 
 
 class Topsis(ChoiceRule):
@@ -329,7 +329,7 @@ class Topsis(ChoiceRule):
     meaning = "closest to the ideal by TOPSIS with the weights"
 
     def row(self, points: Points) -> int | None:
-        return by_topsis(points.objectives, points.weights)
+        return choose_by_topsis(points.objectives, points.weights)
 
 
 class CheapestWithinLimits(ChoiceRule):
@@ -359,7 +359,7 @@ class BestForBudget(ChoiceRule):
         if not np.any(within) or not others:
             return None
         weights = np.maximum(points.weights[others], 1e-12)
-        sums = scaled(points.objectives)[:, others] @ weights
+        sums = scale_objectives(points.objectives)[:, others] @ weights
         return int(np.argmin(np.where(within, sums, np.inf)))
 
     def limits(self, settings: ChoiceSettings) -> Mapping[str, Bound]:
@@ -382,11 +382,11 @@ def sensitivity(points: Points, costs: Mapping[str, Array]) -> pd.DataFrame:
     """
     if COST not in points.names or points.cost is None:
         return pd.DataFrame()
-    usual, rows = chosen(points), []
+    usual, rows = choose_rows(points), []
     for curve, part in costs.items():
         for factor in FACTORS:
             cost = points.cost + (factor - 1.0) * part
-            choices = chosen(_with_cost(points, cost))
+            choices = choose_rows(_replace_cost(points, cost))
             rows += [
                 {
                     "choice": rule,
@@ -404,7 +404,7 @@ def sensitivity(points: Points, costs: Mapping[str, Array]) -> pd.DataFrame:
     return table.sort_values("choice", kind="stable", ignore_index=True) if rows else table
 
 
-def _with_cost(points: Points, cost: Array) -> Points:
+def _replace_cost(points: Points, cost: Array) -> Points:
     values = points.objectives.copy()
     values[:, points.names.index(COST)] = cost
     return replace(points, objectives=values, cost=cost)

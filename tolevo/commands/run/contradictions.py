@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...algorithms.exact.bounds import convex_pieces, restricted, row_limits, upper_limit
+from ...algorithms.exact.bounds import convex_pieces, row_limits, upper_limit
+from ...algorithms.exact.bounds import restrict_form as restricted
 from ...algorithms.exact.choices import least_cost
 from ...algorithms.exact.front import tightest
 from ...errors import Fault

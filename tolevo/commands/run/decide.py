@@ -14,9 +14,11 @@ from ...problems.limits import limits_of
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem, designs_of
 from ...section import Array
-from .changes import advice, changes, rounded
-from .choice import COST, ONLY, ChoiceSettings, Points, chosen, meaning_of, sensitivity
+from .changes import advice, changes
+from .changes import round_design as rounded
+from .choice import COST, ONLY, ChoiceSettings, Points, meaning_of, sensitivity
 from .choice import RULE_KINDS as RULES
+from .choice import choose_rows as chosen
 from .prices import contributions, prices, slopes_of
 from .tolerances import allocation, rule_message, share_of, step_of, tolerances, values_of
 
@@ -57,7 +59,7 @@ def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSetti
     rules = {v.name: rule_message(problem, v, steps[v.name]) for v in problem.free}
     by_point = {at: " ".join(n for n, choice in choices.items() if choice == at) for at in rows}
     both = {at: (designs[at], new[at]) for at in rows}
-    tried = changes(problem, {at: designs[at] for at in _tried(problem, rows)}, grades)
+    tried = changes(problem, {at: designs[at] for at in _rows_to_try(problem, rows)}, grades)
     return Decisions(
         _table(problem, front, choices, new, spread, tried),
         spread,
@@ -71,7 +73,7 @@ def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSetti
     )
 
 
-def _tried(problem: ToleranceProblem, rows: list[int]) -> list[int]:
+def _rows_to_try(problem: ToleranceProblem, rows: list[int]) -> list[int]:
     """The chosen rows whose single steps are tried: the first alone where each takes a sample."""
     return rows[:1] if problem.declaration.sampled else rows
 
@@ -95,12 +97,14 @@ def points_of(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSe
         names,
         cost,
         weights / weights.sum(),
-        _within_limits(problem, front, settings.limits) if settings.limits else None,
+        _rows_within_limits(problem, front, settings.limits) if settings.limits else None,
         settings.budget,
     )
 
 
-def _within_limits(problem: ToleranceProblem, front: pd.DataFrame, bounds: Mapping[str, Bound]) -> NDArray[np.bool_]:
+def _rows_within_limits(
+    problem: ToleranceProblem, front: pd.DataFrame, bounds: Mapping[str, Bound]
+) -> NDArray[np.bool_]:
     limits = limits_of(bounds, problem.outputs, problem.variables)
     return np.asarray(np.all([limit.kept(front[limit.name].to_numpy(dtype=float)) for limit in limits], axis=0))
 

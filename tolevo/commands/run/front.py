@@ -17,9 +17,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...algorithms.archive import ROOM, lowest_ranks, nondominated
+from ...algorithms.archive import MIN_KEPT_DESIGNS as ROOM
+from ...algorithms.archive import lowest_ranks, nondominated
 from ...algorithms.checkpoint import Checkpoint
-from ...algorithms.exact.bounds import restricted
+from ...algorithms.exact.bounds import restrict_form as restricted
 from ...algorithms.exact.choices import least_cost
 from ...algorithms.run import Values, values_of
 from ...algorithms.search import SearchResult
@@ -45,9 +46,9 @@ from .plan import RunPlan
 
 EXACT = "exact, least cost within the limits"
 """Label of the exact optimum among the references."""
-FEW = 100
+MAX_SAMPLED_CANDIDATES = 100
 """Designs recomputed at most where every design is tested on a sample of fresh units."""
-MOST = 20_000
+MAX_CANDIDATES = 20_000
 """Designs recomputed at full accuracy at most."""
 
 
@@ -61,7 +62,7 @@ def reported_front(problem: ToleranceProblem, result: SearchResult) -> pd.DataFr
     candidates = result.chosen if len(result.chosen) else result.x[_candidates(problem, result)]
     whole, designs = problem.reported(), problem.complete(candidates)
     values = whole.outputs_of(designs, errors=False) if len(designs) else {}
-    rows = _best(whole, designs, values) if len(designs) else np.arange(0)
+    rows = _nondominated_rows(whole, designs, values) if len(designs) else np.arange(0)
     if not len(rows):
         return pd.DataFrame(columns=[*problem.names, *(o.name for o in problem.outputs)])
     frame = whole.frame(designs[rows], {name: column[rows] for name, column in values.items()})
@@ -72,7 +73,7 @@ def reported_front(problem: ToleranceProblem, result: SearchResult) -> pd.DataFr
     return frame
 
 
-def _best(problem: ToleranceProblem, designs: Array, values: Mapping[str, Array]) -> NDArray[np.int64]:
+def _nondominated_rows(problem: ToleranceProblem, designs: Array, values: Mapping[str, Array]) -> NDArray[np.int64]:
     """Rows of the feasible designs that no other feasible one dominates."""
     finite = np.isfinite(problem.objective_values(values)).all(axis=1)
     rows = np.flatnonzero(finite & np.all(problem.violations(designs, values) <= 0.0, axis=1))
@@ -81,7 +82,9 @@ def _best(problem: ToleranceProblem, designs: Array, values: Mapping[str, Array]
 
 def _candidates(problem: ToleranceProblem, result: SearchResult) -> NDArray[np.int64]:
     """Rows of the archive that may be on the front; more than the most are thinned evenly."""
-    room, most = (FEW, FEW) if problem.declaration.sampled else (ROOM, MOST)
+    room, most = (
+        (MAX_SAMPLED_CANDIDATES, MAX_SAMPLED_CANDIDATES) if problem.declaration.sampled else (ROOM, MAX_CANDIDATES)
+    )
     rows = lowest_ranks(result.x, result.f, room)
     if len(rows) <= most:
         return rows
@@ -113,7 +116,7 @@ def middle_point(front: pd.DataFrame) -> pd.Series[Any]:
     return front.iloc[int(order.iloc[len(front) // 2])]
 
 
-def labelled(fronts: Mapping[str, pd.DataFrame | None]) -> pd.DataFrame | None:
+def label_fronts(fronts: Mapping[str, pd.DataFrame | None]) -> pd.DataFrame | None:
     """Fronts below each other, each with its label; None without any."""
     frames = [front.assign(label=label) for label, front in fronts.items() if front is not None]
     if not frames:
@@ -122,7 +125,7 @@ def labelled(fronts: Mapping[str, pd.DataFrame | None]) -> pd.DataFrame | None:
     return joined[["label", *(name for name in joined if name != "label")]]
 
 
-def with_references(
+def join_references(
     front: pd.DataFrame, references: pd.DataFrame, problem: ToleranceProblem
 ) -> tuple[pd.DataFrame, int, int]:
     """The front joined with the references within reach, without the points that they dominate.
@@ -136,7 +139,7 @@ def with_references(
     if not len(references):
         return front, 0, 0
     names = list(problem.objectives)
-    eligible = references[references["feasible"].astype(bool) & inside(references, problem)]
+    eligible = references[references["feasible"].astype(bool) & rows_in_range(references, problem)]
     eligible = eligible.drop(columns=["label", "feasible", "violated_limits"], errors="ignore")
     eligible = eligible.assign(knee=False)
     merged = pd.concat([front, eligible]) if len(front) else eligible
@@ -149,7 +152,7 @@ def with_references(
     return merged, len(front) - int(remaining[: len(front)].sum()), joined
 
 
-def inside(references: pd.DataFrame, problem: ToleranceProblem) -> NDArray[np.bool_]:
+def rows_in_range(references: pd.DataFrame, problem: ToleranceProblem) -> NDArray[np.bool_]:
     """Which rows lie in the search ranges and have the fixed values."""
     bounds = {v.name: (problem.xl[i], problem.xu[i]) for i, v in enumerate(problem.free)}
     bounds |= {name: (value, value) for name, value in problem.fixed.items()}
@@ -161,7 +164,7 @@ def inside(references: pd.DataFrame, problem: ToleranceProblem) -> NDArray[np.bo
 # What the alternatives of a machine would cost: equal reducers everywhere, calibrated or not.
 
 
-SAME = 1e-3
+MIN_DIFFERENCE_PERCENT = 1e-3
 """Difference [percent] below which two costs count as equal: bounds and points differ by less."""
 
 
@@ -190,7 +193,7 @@ def sentences(rows: list[dict[str, Any]]) -> tuple[str, ...]:
     """The alternatives in sentences."""
     messages = []
     for row in rows:
-        if abs(row["more_percent"]) < SAME:
+        if abs(row["more_percent"]) < MIN_DIFFERENCE_PERCENT:
             messages.append(f"{row['label']}: costs the same at equal R and equal other requirements")
             continue
         side = "more" if row["more_percent"] >= 0.0 else "less"
@@ -316,13 +319,13 @@ CHECKPOINT = "checkpoint.npz"
 CONFIGURATION = "config.toml"
 BUDGET = frozenset(f"algorithm.{name}" for name in ("generations", "evaluations", "time_limit_s"))
 """The keys that may differ between a run and the command that resumes it."""
-SAME_MODEL = 1e-6
+MODEL_TOLERANCE = 1e-6
 """Relative difference of values of a model up to which it is the same: that of other processors."""
 AFTERWARDS = ("choice.", "rounding.")
 """Tables of what is done with the front after the search."""
 
 
-def opened(plan: RunPlan, place: Ownership, resume: bool) -> Checkpoint:
+def open_checkpoint(plan: RunPlan, place: Ownership, resume: bool) -> Checkpoint:
     """The checkpoint of a run: the stored one where the run is resumed, else a new one.
 
     Raises InputError where what is there is not the same run, or has no checkpoint.
@@ -336,7 +339,7 @@ def opened(plan: RunPlan, place: Ownership, resume: bool) -> Checkpoint:
         text = f"{place.folder} holds no {CHECKPOINT} of a run; name another directory, or --overwrite"
         raise refuse("--resume", text)
     checkpoint = Checkpoint.read(path)
-    raise_all(_faults(checkpoint, plan) or _changed(checkpoint.model, model))
+    raise_all(_faults(checkpoint, plan) or _model_change_fault(checkpoint.model, model))
     checkpoint.identity = plan.configuration
     return checkpoint
 
@@ -351,9 +354,9 @@ def _model(problem: ToleranceProblem) -> Array:
     return np.concatenate([[float(zlib.crc32(version("tolevo").encode()))], *columns])
 
 
-def _changed(before: Array, now: Array) -> list[Fault]:
+def _model_change_fault(before: Array, now: Array) -> list[Fault]:
     """A fault where a model has changed since the run was begun."""
-    if before.shape == now.shape and np.allclose(before, now, rtol=SAME_MODEL, atol=0.0, equal_nan=True):
+    if before.shape == now.shape and np.allclose(before, now, rtol=MODEL_TOLERANCE, atol=0.0, equal_nan=True):
         return []
     text = "gives other values than in the run to resume, as another version or a changed file does; start again with "
     return [Fault("problem", f"{text}--overwrite")]
@@ -384,10 +387,12 @@ def _faults(checkpoint: Checkpoint, plan: RunPlan) -> list[Fault]:
         if not key.startswith(AFTERWARDS) and key not in BUDGET
     ]
     state = checkpoint.saved()
-    return faults + (_smaller(flat(old), flat(new)) if state is None else _shrunk(state, plan.budget))
+    return faults + (
+        _smaller_budget_fault(flat(old), flat(new)) if state is None else _exhausted_budget_fault(state, plan.budget)
+    )
 
 
-def _smaller(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Fault]:
+def _smaller_budget_fault(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Fault]:
     """A budget below that of a run which keeps no state: its results would be lost."""
     return [
         Fault(key, f"is {new[key]}, but the run to resume had {old[key]}: a budget may only grow")
@@ -396,7 +401,7 @@ def _smaller(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Fault]:
     ]
 
 
-def _shrunk(state: Mapping[str, Any], budget: Budget) -> list[Fault]:
+def _exhausted_budget_fault(state: Mapping[str, Any], budget: Budget) -> list[Fault]:
     """A budget that is less than what has been used."""
     used = {"generations": len(state["run.history"]), "evaluations": int(state["run.counts"][0])}
     return [

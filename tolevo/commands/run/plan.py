@@ -50,11 +50,11 @@ class RunOutcome:
 SHOWN = ("cost", "yield_percent", "interference_probability")
 """Outputs of the shown point that the page repeats, in addition to the one that is limited."""
 
-NEAR = 0.1
+MAX_LIMIT_DISTANCE = 0.1
 """Fraction of the limit by which a point may miss it to be shown in place of the knee."""
 
 
-def with_units(result: RunResult, problem: ToleranceProblem) -> RunResult:
+def add_units(result: RunResult, problem: ToleranceProblem) -> RunResult:
     """The result with the limits of validity, and one unit and the population of its shown point.
 
     Unchanged for problems without them.
@@ -89,13 +89,13 @@ def with_units(result: RunResult, problem: ToleranceProblem) -> RunResult:
 def shown_point(front: pd.DataFrame, problem: ToleranceProblem) -> tuple[int, str] | None:
     """Row of the point whose units are shown, and by what it was chosen; None without any.
 
-    The point nearest to the problem's limit; where none is `NEAR`, the knee.
+    The point nearest to the problem's limit; where none is `MAX_LIMIT_DISTANCE`, the knee.
     """
     limit = problem.shown_limit()
     if limit is None or front.empty or limit[0] not in front:
         return None
     name, most = limit
     distance = np.abs(front[name].to_numpy(dtype=float) / most - 1.0)
-    if distance.min() > NEAR and "knee" in front and front["knee"].any():
+    if distance.min() > MAX_LIMIT_DISTANCE and "knee" in front and front["knee"].any():
         return int(np.argmax(front["knee"].to_numpy(dtype=bool))), "the knee"
     return int(np.argmin(distance)), f"the point nearest to {name} {most:g}"

@@ -17,7 +17,7 @@ from .choice import COST
 
 STEP = 1e-3
 """Relative step of a tolerance where an output has no derivative."""
-MOST = 1000
+MAX_PRICED_DESIGNS = 1000
 """Points with derivatives at most, evenly spaced along the front."""
 PER_GRADE = 0.5 * np.log(2.0)
 """Relative width of a tolerance per grade: sqrt 2."""
@@ -47,10 +47,10 @@ class Slopes:
 def slopes_of(problem: ToleranceProblem, designs: Array) -> Slopes:
     """The derivatives of the objectives but the cost, and of the limited outputs, by tolerance.
 
-    At most `MOST` designs, evenly spaced. Where an objective has no derivative, that of the output
+    At most `MAX_PRICED_DESIGNS` designs, evenly spaced. Where an objective has no derivative, that of the output
     that explains it is taken; what has none is differenced, but no limited output of a sample.
     """
-    rows = np.unique(np.linspace(0, len(designs) - 1, MOST).astype(np.int64))
+    rows = np.unique(np.linspace(0, len(designs) - 1, MAX_PRICED_DESIGNS).astype(np.int64))
     selected, tolerances = designs[rows], tolerances_of(problem)
     known = problem.gradient(selected)
     names = [name for name in problem.objectives if name != COST]
@@ -175,9 +175,9 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
     if front.empty or not names or not slopes.saved.size or COST not in front:
         return pd.DataFrame()
     binding, sides, sizes = _limits_at(problem, front.iloc[rows], names)
-    fitted, residual = _fitted(problem, slopes, binding, sides, sizes)
+    fitted, residual = _fit_prices(problem, slopes, binding, sides, sizes)
     units = {output.name: output.unit for output in problem.outputs}
-    sure = _proven(front)[rows] & (residual <= FITS)
+    sure = _is_proven(front)[rows] & (residual <= FITS)
     sources = np.where(sure, "multiplier", "estimate").astype(object)
     frames = []
     for at, name in enumerate(names):
@@ -192,7 +192,7 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
     return pd.concat(frames, ignore_index=True)
 
 
-def used_up(limit: Limit, front: pd.DataFrame) -> NDArray[np.bool_]:
+def points_at_limit(limit: Limit, front: pd.DataFrame) -> NDArray[np.bool_]:
     """Whether points (n,) of a front use a limit up, by their margin and the error of their value."""
     margin, error = (
         front[name].fillna(0.0).to_numpy(dtype=float) if name in front else np.zeros(len(front))
@@ -204,7 +204,7 @@ def used_up(limit: Limit, front: pd.DataFrame) -> NDArray[np.bool_]:
     return np.asarray(margin <= np.maximum(BINDING * min(ends, default=limit.scale), ERRORS * error))
 
 
-def _fitted(
+def _fit_prices(
     problem: ToleranceProblem, slopes: Slopes, binding: NDArray[np.bool_], sides: Array, sizes: Array
 ) -> tuple[Array, Array]:
     """Prices (n, requirements) by the conditions of an optimum, and their residual [%] (n,).
@@ -237,13 +237,13 @@ def _fitted(
             continue
         used, matrix, size = used[known], matrix[:, known], size[known]
         scaled = matrix / np.where(size > 0.0, size, 1.0)
-        solution, residual = _above_zero(scaled, right)
+        solution, residual = _nonnegative_least_squares(scaled, right)
         prices[row, used] = np.divide(solution, size, out=np.zeros_like(size), where=size > 0.0)
         residuals[row] = 100.0 * residual / np.linalg.norm(right)
     return prices, residuals
 
 
-def _above_zero(matrix: Array, right: Array) -> tuple[Array, float]:
+def _nonnegative_least_squares(matrix: Array, right: Array) -> tuple[Array, float]:
     """The x >= 0 with the least residual of matrix x = right, and that residual; unit columns."""
     if matrix.shape[1] > 1:
         solution, residual = scipy.optimize.nnls(matrix, right)
@@ -264,14 +264,14 @@ def _limits_at(
     for at, name in enumerate(names):
         if name not in problem.objectives:
             limit, value = limits[name], front[name].to_numpy(dtype=float)
-            binding[:, at] = used_up(limit, front)
+            binding[:, at] = points_at_limit(limit, front)
             sides[value - limit.low < limit.high - value, at] = -1.0
             if limit.unit in PERCENT and limit.low >= 100.0:  # no more of it can be had, and no less be told
                 sizes[:, at] = np.inf
     return binding, sides, sizes
 
 
-def _proven(front: pd.DataFrame) -> NDArray[np.bool_]:
+def _is_proven(front: pd.DataFrame) -> NDArray[np.bool_]:
     if "gap_percent" not in front:
         return np.zeros(len(front), dtype=bool)
     return np.asarray(front["gap_percent"].to_numpy(dtype=float) <= PROVEN)

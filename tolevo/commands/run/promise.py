@@ -45,7 +45,7 @@ def with_statement(problem: ToleranceProblem, statement: str) -> ToleranceProble
 def cheapest_at(problem: ToleranceProblem, levels: Mapping[str, float]) -> ToleranceProblem:
     """Least cost alone, with upper limits on outputs in addition to the limits of the problem."""
     if isinstance(problem, Stack):
-        return of_stacks.cheapest_at(problem, levels)
+        return of_stacks.least_cost_at_limits(problem, levels)
     limits = dict(problem.given.limits)
     for name, high in levels.items():
         limits[name] = replace(limits.get(name, Bound()), high=high)
@@ -139,7 +139,7 @@ class Least:
         return cls(float("nan"), np.full(len(problem.variables), np.nan))
 
 
-def cheapest(problem: ToleranceProblem, near: Array | None = None) -> Least:
+def cheapest_design(problem: ToleranceProblem, near: Array | None = None) -> Least:
     """The cheapest design of a problem whose only objective is the cost: exact where it can be.
 
     Many choices without a closed form are searched (an expected yield by sampled machines). A
@@ -147,8 +147,8 @@ def cheapest(problem: ToleranceProblem, near: Array | None = None) -> Least:
     integers.
     """
     if problem.declaration.sampled and near is not None:
-        return _near(problem, near)
-    solver, budget = (Hybrid(), Budget(evaluations=EVALUATIONS)) if _many(problem) else (Exact(), Budget())
+        return _descend_from_design(problem, near)
+    solver, budget = (Hybrid(), Budget(evaluations=EVALUATIONS)) if _has_many_choices(problem) else (Exact(), Budget())
     result = search(problem, solver, budget, problem.settings.seed)
     x = result.chosen if len(result.chosen) else result.x
     if not len(x):
@@ -159,7 +159,7 @@ def cheapest(problem: ToleranceProblem, near: Array | None = None) -> Least:
     return Least(float(costs[at]), designs[at])
 
 
-def _many(problem: ToleranceProblem) -> bool:
+def _has_many_choices(problem: ToleranceProblem) -> bool:
     """Whether a problem has more choices of processes than are enumerated, and no closed form."""
     if not isinstance(problem, Stack):
         return False
@@ -167,7 +167,7 @@ def _many(problem: ToleranceProblem) -> bool:
     return choices > SETS and closed_form(problem) is None
 
 
-def _near(problem: ToleranceProblem, near: Array) -> Least:
+def _descend_from_design(problem: ToleranceProblem, near: Array) -> Least:
     """By gradients from a design (all,), at its integers, tested on fresh units."""
     run = Run(problem, Budget(), problem.settings.seed)
     free = [problem.names.index(v.name) for v in problem.free]
@@ -212,7 +212,7 @@ def promised_limits(problem: ToleranceProblem) -> set[str]:
 # Raiffa & Schlaifer 1961) is computed.
 
 
-MORE = 20
+FURTHER_PARTS = 20
 """Parts that are measured next."""
 FIRST = 3
 """Characteristics whose gain is computed by re-optimisation."""
@@ -233,7 +233,7 @@ def next_parts(problem: ToleranceProblem, first: int = FIRST, least: Least | Non
         cost = float(start[1].cost[0])
         gains = {name: shadow_gain(problem, name, start) for name in known}
     else:
-        least = least or (cheapest(problem) if known and not problem.declaration.sampled else None)
+        least = least or (cheapest_design(problem) if known and not problem.declaration.sampled else None)
         if least is None or not np.isfinite(least.cost):
             return pd.DataFrame()
         cost, gains = least.cost, shadow_gains(problem, least.design)
@@ -247,7 +247,7 @@ def next_parts(problem: ToleranceProblem, first: int = FIRST, least: Least | Non
                 "rank": rank,
                 "part": name,
                 "parts_measured": int(known[name].n),
-                "more_parts": MORE,
+                "more_parts": FURTHER_PARTS,
                 "shadow_gain": gains[name],
                 "shadow_gain_percent": 100.0 * gains[name] / cost,
                 "expected_gain": expected,
@@ -263,7 +263,7 @@ def shadow_gain(problem: ToleranceProblem, name: str, start: Solved | None = Non
     `start` is the form of the problem with its least cost, where it is known.
     """
     start = start or solved(problem)
-    better_known = closed_form(with_knowledge(problem, {name: with_more(known_of(problem)[name], 1.0)}))
+    better_known = closed_form(with_knowledge(problem, {name: add_parts(known_of(problem)[name], 1.0)}))
     if start is None or better_known is None:
         return 0.0
     form, optimum = start
@@ -295,7 +295,7 @@ def shadow_gains(problem: ToleranceProblem, design: Array) -> dict[str, float]:
     rise = 100.0 * np.exp(-0.5 * before**2) / np.sqrt(2.0 * np.pi)
     gains = {}
     for name, knowledge in known.items():
-        better_known = with_knowledge(problem, {name: with_more(knowledge, 1.0)})
+        better_known = with_knowledge(problem, {name: add_parts(knowledge, 1.0)})
         more = max(_quantile(better_known, design) - before, 0.0)
         gains[name] = float(promised["price"].iloc[0]) * rise * more
     return gains
@@ -320,32 +320,36 @@ def expected_gain(problem: ToleranceProblem, name: str, start: Solved | None = N
         return float("nan")
     known = known_of(problem)[name]
     probabilities = (np.arange(PLACES) + 0.5) / PLACES
-    ratios = stats.f.ppf(probabilities, MORE, known.df)
+    ratios = stats.f.ppf(probabilities, FURTHER_PARTS, known.df)
     costs = []
     for ratio in ratios.tolist():
-        better_known = solved(with_knowledge(problem, {name: with_more(known, ratio)}))
+        better_known = solved(with_knowledge(problem, {name: add_parts(known, ratio)}))
         if better_known is None:
             return float("nan")
         costs.append(float(better_known[1].cost[0]))
     return float(start[1].cost[0]) - float(np.mean(costs))
 
 
-def with_more(known: Knowledge, ratio: float) -> Knowledge:
-    """Knowledge with `MORE` parts whose variance is `ratio` times that known before."""
-    df = known.df + MORE
-    variance_ratio = (known.df + MORE * ratio) / df
+def add_parts(known: Knowledge, ratio: float) -> Knowledge:
+    """Knowledge with `FURTHER_PARTS` parts whose variance is `ratio` times that known before."""
+    df = known.df + FURTHER_PARTS
+    variance_ratio = (known.df + FURTHER_PARTS * ratio) / df
     gauge = known.difference
     if gauge is not None:
         gauge = replace(
-            gauge, measured=gauge.gauge + variance_ratio * gauge.part_variance, measured_df=gauge.measured_df + MORE
+            gauge,
+            measured=gauge.gauge + variance_ratio * gauge.part_variance,
+            measured_df=gauge.measured_df + FURTHER_PARTS,
         )
-    return replace(known, std=known.std * float(np.sqrt(variance_ratio)), n=known.n + MORE, df=df, difference=gauge)
+    return replace(
+        known, std=known.std * float(np.sqrt(variance_ratio)), n=known.n + FURTHER_PARTS, df=df, difference=gauge
+    )
 
 
 # Whether measured parts are normal enough for a promise to be called assured.
 
 
-FEW = 20
+MIN_SKEWED_PARTS = 20
 """Parts below which a skewed sample does not carry an assurance."""
 NOT_NORMAL = ("shape", "outlier")
 """Findings that no normal process has: an outlier is a tail whose cause is not known."""
@@ -353,17 +357,17 @@ DRAWS = 4000
 """Draws of the Bayesian bootstrap."""
 
 
-def withheld(problem: ToleranceProblem) -> list[str]:
+def withholding_reasons(problem: ToleranceProblem) -> list[str]:
     """Why the word "assured" is withheld, a phrase for each part; none where it is not."""
     return [f"{name} {why}" for name, _, sample in problem.samples() if (why := doubt(sample))]
 
 
 def any_not_normal(stack: Stack) -> bool:
     """Whether a measured part is not normal, as far as the tests show."""
-    return any(part.sample is not None and _not_normal(part.sample) for part in stack.definition.parts)
+    return any(part.sample is not None and _is_not_normal(part.sample) for part in stack.definition.parts)
 
 
-def bootstrapped(stack: Stack, design: Array) -> float:
+def bootstrap_assurance(stack: Stack, design: Array) -> float:
     """Assurance [percent] of a full design (all variables,) by the Bayesian bootstrap: the least of
     all requirements; parts without a sample are normal as stated.
     """
@@ -397,7 +401,7 @@ def _cumulants(stack: Stack, at: int) -> Array:
     return cumulants_drawn(sample.deviations * scale, DRAWS, rng)
 
 
-def _not_normal(sample: PartSample) -> bool:
+def _is_not_normal(sample: PartSample) -> bool:
     return any(finding.kind in NOT_NORMAL for finding in sample.findings)
 
 
@@ -405,7 +409,7 @@ def doubt(sample: PartSample) -> str:
     """Why a sample does not carry an assurance, empty where it does."""
     from scipy import stats  # takes long to import
 
-    if not _not_normal(sample):
+    if not _is_not_normal(sample):
         return ""
     if any(finding.kind == "outlier" for finding in sample.findings):
         return "has an outlier"
@@ -413,15 +417,15 @@ def doubt(sample: PartSample) -> str:
     skew, excess = float(stats.skew(values)), float(stats.kurtosis(values))
     if excess > abs(skew):
         return f"has heavy tails (excess kurtosis {excess:.2g})"
-    if len(values) < FEW:
-        return f"is skewed ({skew:.2g}) and has {len(values)} parts only; {FEW} are enough"
+    if len(values) < MIN_SKEWED_PARTS:
+        return f"is skewed ({skew:.2g}) and has {len(values)} parts only; {MIN_SKEWED_PARTS} are enough"
     return ""
 
 
 # The promise of a run: in one sentence, by statement, and the part it depends on most.
 
 
-SURE = 2.0
+STANDARD_ERRORS = 2.0
 """Standard errors by which an assurance by units may fall short of the confidence."""
 COSTS = ("statement", "cost", "dearer_percent", YIELD, ASSURANCE)
 
@@ -453,22 +457,22 @@ def promise_outcome(
         statement: _least(with_statement(cheapest_problem, statement), design, promise, levels)
         for statement in STATEMENTS
     }
-    costs = by_statement(cheapest_problem, least)
+    costs = costs_by_statement(cheapest_problem, least)
     ranking = next_parts(with_statement(cheapest_problem, ASSURED), least=least[ASSURED])
     summary: dict[str, Any] = promise.table() | {
         "point": point,
         ASSURANCE: _least_of(dict(row), ASSURANCE),
-        "assured_withheld": withheld(problem),
+        "assured_withheld": withholding_reasons(problem),
         "costs": {record["statement"]: record["cost"] for record in costs.to_dict("records")},
         "hangs_on": str(ranking["part"].iloc[0]) if len(ranking) else None,
     }
     if promise.statement == ASSURED and problem.declaration.sampled:
-        doubt = SURE * _least_of(dict(row), f"{ASSURANCE}_error")
+        doubt = STANDARD_ERRORS * _least_of(dict(row), f"{ASSURANCE}_error")
         summary["kept"] = bool(summary[ASSURANCE] + doubt >= promise.confidence_percent)
     if isinstance(problem, Stack):
-        summary |= _of_stack(problem, design)
+        summary |= _stack_assurance(problem, design)
     if drawing is not None:
-        summary |= _of_drawing(problem, drawing)
+        summary |= _drawing_compliance(problem, drawing)
     return PromiseOutcome(summary, sentence(summary, promise.words(), costs), costs, ranking)
 
 
@@ -479,13 +483,13 @@ def _least(problem: ToleranceProblem, design: Array, promise: Promise, levels: M
     stated = problem.promise
     assert stated is not None
     if levels or stated.statement != promise.statement:
-        return cheapest(problem, design)
+        return cheapest_design(problem, design)
     of_run = Least(float(problem.cost_of(design[None, :])[0]), design)
-    least = of_run if problem.declaration.sampled else cheapest(problem, design)
+    least = of_run if problem.declaration.sampled else cheapest_design(problem, design)
     return least if least.cost <= of_run.cost else of_run
 
 
-def _of_stack(problem: Stack, design: Array) -> dict[str, Any]:
+def _stack_assurance(problem: Stack, design: Array) -> dict[str, Any]:
     """The level of the norm, and the assurance by the Bayesian bootstrap."""
     entries: dict[str, Any] = {}
     if problem.promises is not None and (level := problem.promises.level) is not None:
@@ -495,11 +499,11 @@ def _of_stack(problem: Stack, design: Array) -> dict[str, Any]:
             "without_choice_percent": 100.0 * level.without,
         }
     if any_not_normal(problem):
-        entries["bootstrap_percent"] = bootstrapped(problem, design)
+        entries["bootstrap_percent"] = bootstrap_assurance(problem, design)
     return entries
 
 
-def _of_drawing(problem: ToleranceProblem, drawing: Array) -> dict[str, Any]:
+def _drawing_compliance(problem: ToleranceProblem, drawing: Array) -> dict[str, Any]:
     """Whether a rounded full design (all variables,) keeps the promise, and how surely."""
     designs, outputs = drawing[None, :], problem.outputs_of(drawing[None, :])
     promised = promised_limits(problem)
@@ -512,7 +516,7 @@ def _of_drawing(problem: ToleranceProblem, drawing: Array) -> dict[str, Any]:
     return {"rounded_kept": kept, f"rounded_{ASSURANCE}": _least_of(values, ASSURANCE)}
 
 
-def by_statement(problem: ToleranceProblem, least: Mapping[str, Least]) -> pd.DataFrame:
+def costs_by_statement(problem: ToleranceProblem, least: Mapping[str, Least]) -> pd.DataFrame:
     """The least cost by each statement, its plug-in yield and its assurance."""
     promise, rows = problem.promise, []
     assert promise is not None

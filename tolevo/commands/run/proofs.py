@@ -10,7 +10,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...algorithms.archive import hypervolume
-from ...algorithms.exact.bounds import Proof, convex_pieces, least_bounds, proof, reason, restricted, row_limits
+from ...algorithms.exact.bounds import Proof, convex_pieces, least_bounds, proof, reason, row_limits
+from ...algorithms.exact.bounds import restrict_form as restricted
 from ...algorithms.exact.choices import least_cost
 from ...algorithms.exact.combination import Ascent, Combination, Optimum, within
 from ...algorithms.exact.epsilon import integer_faults, scale_of
@@ -52,7 +53,7 @@ class ProvenFront:
     hypervolume: float
 
 
-def informative(problem: ToleranceProblem, proven: Proof, gap_percent: NDArray[np.float64]) -> bool:
+def are_informative_bounds(problem: ToleranceProblem, proven: Proof, gap_percent: NDArray[np.float64]) -> bool:
     """Whether bounds say something of points (n,) that lie so far above them: where limits are
     left out, the points may be held back by those alone. Where that are all limits of a least cost,
     the bound is the cost of the loosest tolerances, and says nothing.
@@ -63,7 +64,7 @@ def informative(problem: ToleranceProblem, proven: Proof, gap_percent: NDArray[n
     return not proven.omitted_limits or bool(np.nanmedian(gap_percent) <= INFORMATIVE)
 
 
-def with_bounds(
+def add_bounds(
     frame: pd.DataFrame, problem: ToleranceProblem, within: NDArray[np.bool_] | None = None
 ) -> tuple[pd.DataFrame, Proof]:
     """The frame with `bound` and `gap_percent`, and the proof of its feasible points.
@@ -121,7 +122,7 @@ def exact_front(problem: ToleranceProblem, known: np.ndarray | None = None) -> P
     if not np.all(columns["cost"] - bounds.bound <= CLOSED * np.abs(columns["cost"])):
         return None
     if not alone:
-        x = _between(problem, x)
+        x = _points_between(problem, x)
     return ProvenFront(problem.complete(x), hypervolume(_objectives(problem, x), *problem.box()))
 
 
@@ -140,7 +141,7 @@ def _objectives(problem: ToleranceProblem, x: np.ndarray) -> np.ndarray:
     return problem.objective_values(problem.outputs_of(problem.complete(x), searching=True))
 
 
-def _between(problem: ToleranceProblem, x: np.ndarray) -> np.ndarray:
+def _points_between(problem: ToleranceProblem, x: np.ndarray) -> np.ndarray:
     """Search vectors of a front and points between those that differ in no integer.
 
     Cost and requirements are convex there, so that the points lie on or below the chords.
@@ -189,13 +190,13 @@ def end_notes(problem: ToleranceProblem, front: pd.DataFrame) -> list[str]:
     units = {output.name: f" {output.unit}".rstrip() for output in problem.outputs}
     return [
         f"end of the front: the least {name} is {reached:.4g}{units[name]}; none below {proven:.4g}{units[name]} is "
-        f"possible ({_missing(reached, proven)} missing at most)"
+        f"possible ({_relative_shortfall(reached, proven)} missing at most)"
         for name, reached, proven in ends
         if proven is not None and np.isfinite(proven)
     ]
 
 
-def _missing(reached: float, proven: float) -> str:
+def _relative_shortfall(reached: float, proven: float) -> str:
     """Distance of an end of a front from the proven end, relative to it where that is above 0."""
     if proven <= 0.0:
         return f"{reached - proven:.2g}"
@@ -207,7 +208,7 @@ def proof_notes(problem: ToleranceProblem, front: pd.DataFrame, proven: Proof) -
     gap = front["gap_percent"].to_numpy(dtype=float)
     if not len(gap) or np.all(np.isnan(gap)):
         return [proven.statement] if len(gap) else []
-    if not informative(problem, proven, gap):
+    if not are_informative_bounds(problem, proven, gap):
         return [
             f"the bound is not informative: the points lie {np.nanmedian(gap):.3g} % above it "
             f"in the median, because it leaves out limits that hold them back ({proven.statement})"
@@ -239,7 +240,7 @@ ATTEMPTS = 3
 def searchable(problem: ToleranceProblem, algorithm: AlgorithmSettings | None = None) -> None:
     """Raises InputError with every reason why a problem cannot be searched as it is set."""
     many = _too_many_choices(problem) if isinstance(algorithm, Exact) else []
-    raise_all([*many, *(problem.search_faults() or unreachable(problem))])
+    raise_all([*many, *(problem.search_faults() or unreachable_limits(problem))])
 
 
 def _too_many_choices(problem: ToleranceProblem) -> list[Fault]:
@@ -248,7 +249,7 @@ def _too_many_choices(problem: ToleranceProblem) -> list[Fault]:
     return faults if faults and closed_form(problem) is None else []
 
 
-def unreachable(problem: ToleranceProblem) -> list[Fault]:
+def unreachable_limits(problem: ToleranceProblem) -> list[Fault]:
     """A fault for each upper limit that is below the least value found, with the design.
 
     Proven limits are `problem.faults()`; here the least value is that of a search by gradients at
@@ -313,7 +314,7 @@ DRIVEN = 3
 """Parts named per requirement."""
 
 
-def with_requirements(result: RunResult, problem: ToleranceProblem) -> RunResult:
+def add_requirements(result: RunResult, problem: ToleranceProblem) -> RunResult:
     """The result with its tables of requirements, where the problem has several."""
     tables = requirements_of(problem, result.front)
     return result if tables is None else replace(result, requirements=tables[0], drivers=tables[1])
@@ -421,11 +422,11 @@ def _drivers(form: Form, optimum: Optimum, combination: Combination) -> pd.DataF
             "t": optimum.t[0, j],
             "driven_by": form.outputs[first] if whole[j] > 0.0 else "",
         }
-        rows.append(row | _by_name(form, percent[:, j]))
+        rows.append(row | _fractions_by_output(form, percent[:, j]))
     return pd.DataFrame(rows)
 
 
-def _by_name(form: Form, percent: Array) -> dict[str, float]:
+def _fractions_by_output(form: Form, percent: Array) -> dict[str, float]:
     """Fractions [%] by output; rows of one output add up."""
     percentages: dict[str, float] = {}
     for name, value in zip(form.outputs, percent.tolist(), strict=True):

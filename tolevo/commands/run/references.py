@@ -28,7 +28,7 @@ from .proofs import distance_words, exact_front
 
 DISTANCE = "distance_to_front"
 """Column: from a reference to the nearest front point, in sides of the box of the hypervolume."""
-ALIKE = 1e-6
+OBJECTIVE_TOLERANCE = 1e-6
 """Difference, in sides of the box, below which values count as equal: an optimiser's last digits.
 """
 RELAXED_POINTS = 10
@@ -92,12 +92,12 @@ def side_searches(plan: RunPlan, printed: pd.DataFrame) -> tuple[SideSearch, ...
         if bounds:
             wider = problem.relaxed(bounds)
             label = str(row["label"])
-            algorithm = _fewer(plan.algorithm) if problem.declaration.sampled else plan.algorithm
+            algorithm = _thin_exact_front(plan.algorithm) if problem.declaration.sampled else plan.algorithm
             searches.append(SideSearch(label, wider, algorithm, plan.budget, seed, True, plan.engine))
     return tuple(searches)
 
 
-def _fewer(algorithm: AlgorithmSettings) -> AlgorithmSettings:
+def _thin_exact_front(algorithm: AlgorithmSettings) -> AlgorithmSettings:
     """An exact front with fewer points: each is solved on a sample of units."""
     if isinstance(algorithm, Exact):
         return replace(algorithm, points=min(algorithm.points, RELAXED_POINTS))
@@ -187,7 +187,7 @@ def compare(
             against = relaxed.get(str(row["label"])) if prefix else front
             reference = np.array([float(row[name]) for name in names])
             values = np.empty((0, len(names))) if against is None else against[names].to_numpy()
-            rows.append(gains(reference, values, ALIKE * (nadir - ideal)))
+            rows.append(gains(reference, values, OBJECTIVE_TOLERANCE * (nadir - ideal)))
             distances.append(distance(reference, values, nadir - ideal))
         comparison[prefix + DISTANCE] = distances
         for at, name in enumerate(names):
@@ -257,7 +257,7 @@ def _side(label: str, problem: ToleranceProblem, algorithm: AlgorithmSettings, b
     return SideSearch(label, problem, algorithm, budget, 1, relaxed=False, overlay=True)
 
 
-def with_distance(front: pd.DataFrame, other: pd.DataFrame, names: list[str]) -> pd.DataFrame:
+def add_distance(front: pd.DataFrame, other: pd.DataFrame, names: list[str]) -> pd.DataFrame:
     """The front with the distance of its points from the best known front, in percent of cost.
 
     It is empty at levels that the other front does not reach, where nothing is compared, unless a
@@ -366,7 +366,7 @@ def search_without_effects(plan: RunPlan) -> tuple[SideSearch, ...]:
     return (SideSearch(LABEL, before, plan.algorithm, plan.budget, plan.seed, False, plan.engine, apart=True),)
 
 
-def moved(problem: ToleranceProblem, before: pd.DataFrame, after: pd.DataFrame) -> pd.DataFrame:
+def allocation_moves(problem: ToleranceProblem, before: pd.DataFrame, after: pd.DataFrame) -> pd.DataFrame:
     """How the allocation moves: pairs of points of both fronts, cheapest at the same level.
 
     One pair per level of the second objective (one pair where there is a single objective): the
@@ -379,7 +379,7 @@ def moved(problem: ToleranceProblem, before: pd.DataFrame, after: pd.DataFrame) 
         return pd.DataFrame()
     rows = []
     for level in _levels(before, after, names):
-        old, new = (_cheapest(front, names, level) for front in (before, after))
+        old, new = (_cheapest_at_level(front, names, level) for front in (before, after))
         unchanged = problem.reported().frame(designs_of(problem, old)).reindex(columns=before.columns)
         for label, row in (("before", old), ("kept", unchanged), ("after", new)):
             rows.append(row.assign(level=level, allocation=label))
@@ -397,7 +397,7 @@ def _levels(before: pd.DataFrame, after: pd.DataFrame, names: list[str]) -> list
     return [low + fraction * (high - low) for fraction in LEVELS] if low < high else []
 
 
-def _cheapest(front: pd.DataFrame, names: list[str], level: float) -> pd.DataFrame:
+def _cheapest_at_level(front: pd.DataFrame, names: list[str], level: float) -> pd.DataFrame:
     """The point (one row) with the least first objective that keeps the level of the second."""
     within = front if np.isnan(level) else front[front[names[1]] <= level]
     return within.sort_values(names, kind="stable").head(1)

@@ -26,44 +26,42 @@ from ...directory import Ownership, owned
 from ...errors import InputError, refuse
 from ...execution import Background, Closing, Execution, Lost, Processes, executor_of, next_of, pinned
 from ...files import csv_text, write_bytes, write_text
-from ...journal import recorded
+from ...journal import recording_steps as recorded
 from ...page_data import as_json, records
 from ...problems.tolerance_problem import ToleranceProblem, designs_frame
 from ...records import Axis, RunResult, mechanism_lines, model_lines
 from ...units import plain_number
 from . import references as effects
-from . import references as overlay
-from .answers import TABLES, answers, with_assumptions, with_capability, with_choices, with_promise
-from .changes import against, words
+from .answers import TABLES, answers
+from .answers import add_assumptions as with_assumptions
+from .answers import add_capability as with_capability
+from .answers import add_choices as with_choices
+from .answers import add_promise as with_promise
+from .changes import value_against_limit as against
+from .changes import words
 from .decide import decide
 from .front import (
     CHECKPOINT,
     CONFIGURATION,
     Designs,
     alternatives,
-    inside,
-    labelled,
     middle_point,
     nearest_miss,
     notes_of,
-    opened,
     reported_front,
     seconds_before,
     sentences,
-    with_references,
 )
-from .plan import RunOutcome, RunPlan, with_units
+from .front import join_references as with_references
+from .front import label_fronts as labelled
+from .front import open_checkpoint as opened
+from .front import rows_in_range as inside
+from .plan import RunOutcome, RunPlan
+from .plan import add_units as with_units
 from .proofs import ProvenFront as Exact
-from .proofs import (
-    end_notes,
-    exact_front,
-    measures,
-    proof_notes,
-    searchable,
-    solved_front,
-    with_bounds,
-    with_requirements,
-)
+from .proofs import add_bounds as with_bounds
+from .proofs import add_requirements as with_requirements
+from .proofs import end_notes, exact_front, measures, proof_notes, searchable, solved_front
 from .references import REDUCERS, SideSearch, compare, documents, side_searches, store_reducer_fronts, table, violated
 from .tolerances import roughness_assumptions
 
@@ -300,18 +298,20 @@ def _run(
     start, resume_notes = time.monotonic() - seconds_before(checkpoint), notes_of(checkpoint, resume)
     printed = documents(plan.problem) if plan.references else pd.DataFrame()
     searches = side_searches(plan, printed) if plan.references else ()
-    searches += effects.search_without_effects(plan) + overlay.side_search(plan)
+    searches += effects.search_without_effects(plan) + effects.side_search(plan)
     place.begin(keep=(CONFIGURATION, CHECKPOINT, SIDE, REDUCERS) if resume else (CONFIGURATION,))
     write_text(out / CONFIGURATION, plan.configuration)
     checkpoint.write()
     store_reducer_fronts(plan.problem, out)
     try:
-        search_result, fronts = _searched(plan, checkpoint, Sides(searches, workers, checkpoint, progress), progress)
+        search_result, fronts = _run_searches(
+            plan, checkpoint, Sides(searches, workers, checkpoint, progress), progress
+        )
         if search_result.interrupted or any(side_front is None for side_front in fronts.values()):
             checkpoint.write()
-            return _interrupted(plan, out, search_result, printed, start)
+            return _write_interrupted(plan, out, search_result, printed, start)
         with recorded(checkpoint.section("result")):
-            result, lines = _concluded(plan, search_result, fronts, printed, resume_notes, start, progress)
+            result, lines = _conclude_run(plan, search_result, fronts, printed, resume_notes, start, progress)
     except KeyboardInterrupt:
         checkpoint.write()
         raise
@@ -325,10 +325,10 @@ def _run(
     write(result, out)
     status = str(result.summary["status"])
     place.complete(status)
-    return RunOutcome(status, out, _lines(result, status, out, lines, _broken(plan.problem, miss)), result)
+    return RunOutcome(status, out, _lines(result, status, out, lines, _broken_limits(plan.problem, miss)), result)
 
 
-def _concluded(
+def _conclude_run(
     plan: RunPlan,
     search_result: SearchResult,
     fronts: Fronts,
@@ -352,9 +352,9 @@ def _concluded(
     status = "done" if len(front) else "no_feasible_point"
     names = list(plan.problem.objectives)
     for other_front in overlays.values():
-        front = overlay.with_distance(front, other_front, names)
+        front = effects.add_distance(front, other_front, names)
     comparisons = [
-        n for label, other_front in overlays.items() for n in overlay.notes(front, label, other_front, names)
+        n for label, other_front in overlays.items() for n in effects.notes(front, label, other_front, names)
     ]
     warned = (*plan.problem.effect_notes(), *plan.problem.cautions(), *comparisons)
     alternative_costs = alternatives(plan.problem, front)
@@ -376,11 +376,11 @@ def _concluded(
     )
     result = with_assumptions(result, plan.problem, search_result.history, progress)
     if before is not None:
-        result = replace(result, before=before, moved=effects.moved(plan.problem, before, front))
+        result = replace(result, before=before, moved=effects.allocation_moves(plan.problem, before, front))
     return result, proof_notes(plan.problem, front, front_proof)
 
 
-def _interrupted(
+def _write_interrupted(
     plan: RunPlan, out: Path, search_result: SearchResult, printed: pd.DataFrame, start: float
 ) -> RunOutcome:
     """Write the front so far, without what takes long: proofs, decisions, page and figures."""
@@ -398,7 +398,7 @@ def _interrupted(
     return RunOutcome("interrupted", out, (line,), result)
 
 
-def _searched(
+def _run_searches(
     plan: RunPlan, checkpoint: Checkpoint, searches: Sides, progress: Callable[[Progress], None] | None
 ) -> tuple[SearchResult, Fronts]:
     with searches as sides, Designs(plan.problem, sides.where, sides.free) as designs:
@@ -474,7 +474,7 @@ def _result(
     whole = exact.hypervolume if exact is not None else float("nan")
     convergence.insert(4, "hypervolume_ratio", convergence["hypervolume"] / whole)
     return RunResult(
-        plan.problem.title() or described(plan.problem) or plan.title,
+        plan.problem.title() or problem_title(plan.problem) or plan.title,
         front,
         references,
         convergence,
@@ -487,7 +487,7 @@ def _result(
     )
 
 
-def described(problem: ToleranceProblem) -> str:
+def problem_title(problem: ToleranceProblem) -> str:
     """The title of a problem: the first line of its description."""
     if not type(problem).__module__.startswith("tolevo."):
         return ""
@@ -531,7 +531,7 @@ def _failure_notes(search_result: SearchResult) -> list[str]:
     ]
 
 
-def _broken(problem: ToleranceProblem, miss: pd.DataFrame) -> str:
+def _broken_limits(problem: ToleranceProblem, miss: pd.DataFrame) -> str:
     """The limits that the nearest miss breaks, with its values."""
     rows = miss.to_dict("records")
     names = {name for row in rows for name in violated(problem, row)}

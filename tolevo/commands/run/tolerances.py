@@ -54,7 +54,7 @@ def size_mm(problem: ToleranceProblem, variable: Variable) -> float | None:
 def half_widths(variable: Variable, size: float) -> dict[str, float]:
     """Half-widths of the ISO 286 grades at a nominal size [mm], in the unit of a variable."""
     widths = {grade: converted(0.5 * grade_um(grade, size), "um", variable.unit) for grade in GRADES}
-    return {grade: without_last_digits(float(width)) for grade, width in widths.items()}
+    return {grade: round_last_digits(float(width)) for grade, width in widths.items()}
 
 
 def values_of(problem: ToleranceProblem, variable: Variable, step: Step) -> dict[float, str]:
@@ -67,15 +67,15 @@ def values_of(problem: ToleranceProblem, variable: Variable, step: Step) -> dict
     if step == PREFERRED:
         first, last = (int(np.floor(np.log10(end))) for end in (max(low, high * 1e-6), high))
         powers = range(first, last + 1)
-        return {without_last_digits(number * 10.0**power): "" for power in powers for number in R20}
+        return {round_last_digits(number * 10.0**power): "" for power in powers for number in R20}
     if isinstance(step, tuple):
         return dict.fromkeys(step, "")
     assert isinstance(step, float)
     whole = np.arange(np.floor(low / step), np.ceil(high / step) + 1.0)
-    return dict.fromkeys([without_last_digits(n * step) for n in whole.tolist()], "")
+    return dict.fromkeys([round_last_digits(n * step) for n in whole.tolist()], "")
 
 
-def without_last_digits(value: float) -> float:
+def round_last_digits(value: float) -> float:
     """A sum or product without its last digits: 0.30000000000000004 is 0.3."""
     return float(f"{value:.12g}")
 
@@ -138,11 +138,11 @@ def notation(variable: Variable, nominal: float | None, mid: float, t: float, gr
     if variable.kind is not Kind.HALF_WIDTH:
         return f"{drawing_number(t)}{unit}"
     size = "" if nominal is None else f"{drawing_number(nominal)} "
-    zone = f"±{drawing_number(t)}" if mid == 0.0 else f"{_signed(mid + t)}/{_signed(mid - t)}"
+    zone = f"±{drawing_number(t)}" if mid == 0.0 else f"{_signed_number(mid + t)}/{_signed_number(mid - t)}"
     return f"{size}{zone}{unit}{more}"
 
 
-def _signed(value: float) -> str:
+def _signed_number(value: float) -> str:
     text = drawing_number(value)
     return f"+{text}" if float(text) > 0.0 else text
 
@@ -275,7 +275,7 @@ def share_of(settings: ChoiceSettings) -> float:
 def roughness_assumptions(problem: ToleranceProblem, settings: ChoiceSettings) -> tuple[Assumption, ...]:
     """The assumption behind a roughness, where a process of the problem implies one."""
     names = [label for v in problem.variables if v.name.endswith("_process") for label in v.labels]
-    if not any(_usual(name) for name in names):
+    if not any(_usual_roughness(name) for name in names):
         return ()
     set_by = "default" if settings.roughness_share is None else "configuration"
     reason = WHY if settings.roughness_share is None else WHY.split(":")[0]
@@ -287,7 +287,7 @@ def roughness(process: str, width: float, unit: str, largest_share: float = SHAR
     and within what the process of its cost curve usually reaches; None where the process is not
     known by name, or it is no length.
     """
-    usual = _usual(process)
+    usual = _usual_roughness(process)
     if usual is None or not unit or not fits(unit, "um"):
         return None
     finest, coarsest = usual
@@ -295,7 +295,7 @@ def roughness(process: str, width: float, unit: str, largest_share: float = SHAR
     return max((ra for ra in PREFERRED_ROUGHNESS if finest <= ra <= most * (1.0 + 1e-9)), default=finest)
 
 
-def _usual(process: str) -> tuple[float, float] | None:
+def _usual_roughness(process: str) -> tuple[float, float] | None:
     """Ra [um] that a process usually reaches; None where it is not known by name."""
     return next((ra for stem, ra in USUAL.items() if process.lower().startswith(stem)), None)
 
@@ -333,7 +333,7 @@ def allocation(
                 {"choice": label, "point": point}
                 | _row(problem, variable, old, new, name)
                 | {"rounding": rules.get(variable.name, "fixed")}
-                | _written(problem, variable, designs[point][1], new, name, roughness_share)
+                | _drawing_notes(problem, variable, designs[point][1], new, name, roughness_share)
                 | models[point]
             )
     table = pd.DataFrame(rows)
@@ -362,12 +362,12 @@ def _row(problem: ToleranceProblem, variable: Variable, old: float, new: float, 
         "unit": variable.unit,
         "nominal": nominal,
         "mid": mid if half else None,
-        "unrounded": _shown(variable, old),
-        "rounded": _shown(variable, new),
+        "unrounded": _design_value(variable, old),
+        "rounded": _design_value(variable, new),
         "lower_limit": lower,
         "upper_limit": upper,
-        "lower_deviation": without_last_digits(mid - new) if half else None,
-        "upper_deviation": without_last_digits(mid + new) if half else None,
+        "lower_deviation": round_last_digits(mid - new) if half else None,
+        "upper_deviation": round_last_digits(mid + new) if half else None,
         "grade": drawn.get("class", grade),
         "symbol": drawn.get("symbol", ""),
         "drawing": drawn.get("drawing", ""),
@@ -375,7 +375,7 @@ def _row(problem: ToleranceProblem, variable: Variable, old: float, new: float, 
     }
 
 
-def _written(
+def _drawing_notes(
     problem: ToleranceProblem, variable: Variable, design: Array, new: float, grade: str, roughness_share: float
 ) -> dict[str, Any]:
     """What to write on the drawing, and what those who make and inspect the part need to know."""
@@ -405,11 +405,11 @@ def _capability(law: object) -> float | None:
 def _limits(variable: Variable, nominal: float | None, mid: float, t: float) -> tuple[float | None, float | None]:
     if variable.kind is Kind.HALF_WIDTH:
         centre = (nominal or 0.0) + mid
-        return without_last_digits(centre - t), without_last_digits(centre + t)
+        return round_last_digits(centre - t), round_last_digits(centre + t)
     return (0.0, t) if variable.kind is Kind.FULL_CLEARANCE else (None, None)
 
 
-def _shown(variable: Variable, value: float) -> float | int | str:
+def _design_value(variable: Variable, value: float) -> float | int | str:
     if variable.labels:
         return variable.labels[int(value)]
     return int(value) if variable.integer else value

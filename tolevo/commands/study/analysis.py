@@ -22,12 +22,12 @@ from .statistics import (
     contrasts,
     interval_of_median,
     medians,
-    paired,
     pairs_needed,
     percentile_bootstrap,
     runs_of,
     tests,
 )
+from .statistics import paired_test as paired
 
 __all__ = ["analyse"]
 
@@ -172,17 +172,17 @@ def recommendation(
         text = f"{response.name}: at most half of the runs of any setting reach it, so that none is recommended."
         return Recommendation(response.name, best, settings, False, UNKNOWN, text)
     if best == reference:
-        text = f"use {_listed(settings)}: {named} is the best of {len(design)}, and nothing is to be changed"
+        text = f"use {_list_settings(settings)}: {named} is the best of {len(design)}, and nothing is to be changed"
         return Recommendation(response.name, best, settings, False, UNKNOWN, f"{response.name}: {text}.")
     test = paired(held_out[best], held_out[reference], rng)
     improves = (test["effect"] > 0) == runs.larger_is_better
     shown = bool(test["p"] <= ALPHA and improves and test["least"] <= ALPHA)
-    recovered = _recovered(held_out[best], held_out[reference], response.best, rng)
+    recovered = _recovered_fraction(held_out[best], held_out[reference], response.best, rng)
     words = _sentence(response, (settings, known), named, test, improves, shown, recovered)
     return Recommendation(response.name, best, settings, shown, recovered, words)
 
 
-def _recovered(
+def _recovered_fraction(
     best: Array, reference: Array, ideal: float | None, rng: np.random.Generator
 ) -> tuple[float, float, float]:
     """Fraction of the reference's distance from the ideal that the best setting recovers."""
@@ -200,7 +200,7 @@ def _recovered(
     return float(recovered_fraction(pair[0][None], pair[1][None])[0]), float(low), float(high)
 
 
-def _listed(settings: Mapping[str, Any]) -> str:
+def _list_settings(settings: Mapping[str, Any]) -> str:
     """The keys of a setting with their values."""
     return ", ".join(
         f"{key} = {value:.4g}" if isinstance(value, float) else f"{key} = {value}" for key, value in settings.items()
@@ -217,7 +217,7 @@ def _sentence(
     recovered: tuple[float, float, float],
 ) -> str:
     """Which of two settings to use, the best observed or the reference `named`, and why."""
-    best, reference = map(_listed, settings)
+    best, reference = map(_list_settings, settings)
     half = f"{test['n']} seeds that did not choose it"
     if not test["n"]:
         return f"{response.name}: use {best}, the best observed; there is no other seed to test it with."
@@ -265,7 +265,7 @@ def analyse(settings: StudySettings, data: StudyData, rng: np.random.Generator) 
     key_contrasts = contrasts(settings.design.analysis, design, settings.factors, settings.base)
     responses = tuple(Response(name, name in LARGER_IS_BETTER, BEST.get(name)) for name in settings.responses)
     all_runs = [runs_of(data.table, name, len(design)) for name in settings.responses]
-    tested = _joined([tests(runs, design, settings, key_contrasts, rng) for runs in all_runs])
+    tested = _concatenate_tables([tests(runs, design, settings, key_contrasts, rng) for runs in all_runs])
     alone = key_contrasts if settings.design.analysis == "one_at_a_time" else []
     return StudyResult(
         title=settings.title,
@@ -277,8 +277,8 @@ def analyse(settings: StudySettings, data: StudyData, rng: np.random.Generator) 
             Varied(factor.key, settings.base.get(factor.key), factor.categorical, factor.log)
             for factor in settings.factors
         ),
-        medians=_joined([medians(runs, rng) for runs in all_runs]),
-        sensitivity=_joined([sensitivity(runs, design, settings, key_contrasts, rng) for runs in all_runs]),
+        medians=_concatenate_tables([medians(runs, rng) for runs in all_runs]),
+        sensitivity=_concatenate_tables([sensitivity(runs, design, settings, key_contrasts, rng) for runs in all_runs]),
         tests=tested,
         courses=courses(data, alone, rng),
         course_of=settings.objectives[0] if len(settings.objectives) == 1 else "hypervolume",
@@ -293,7 +293,7 @@ def analyse(settings: StudySettings, data: StudyData, rng: np.random.Generator) 
     )
 
 
-def _joined(parts: list[pd.DataFrame]) -> pd.DataFrame:
+def _concatenate_tables(parts: list[pd.DataFrame]) -> pd.DataFrame:
     full = [part for part in parts if len(part)]
     return pd.concat(full, ignore_index=True) if full else parts[0]
 

@@ -15,17 +15,19 @@ import pandas as pd
 import tomli_w
 
 from ...configuration.configuration import Configuration
-from ...configuration.cost_files import with_files
+from ...configuration.cost_files import fill_files as with_files
 from ...configuration.plugins import merge, read_labels
 from ...configuration.reader import read_table
-from ...configuration.search import by_default, evaluations, read_search, settings_of
+from ...configuration.search import default_algorithm as by_default
+from ...configuration.search import evaluations, read_search, settings_of
 from ...configuration.source import Source, Table, folder_of, load, override
 from ...errors import Fault, InputError, nearest, raise_all
 from ...problems.settings import Labels
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import EVALUATIONS, POSITIVE, RUNS, SETTINGS, Range, Section, flat, shown, too_many
 from .designs import DESIGNS
-from .plan import RESPONSES, Design, Factor, Hypothesis, Level, Point, StudyPlan, StudySettings, unsuitable
+from .plan import RESPONSES, Design, Factor, Hypothesis, Level, Point, StudyPlan, StudySettings
+from .plan import unsuitable_response as unsuitable
 
 # `[[reading]]`: an interpretation of a figure, to be tested by a study.
 
@@ -183,21 +185,21 @@ def variable_table(run: Table, keys: Iterable[str], resolved: Mapping[str, Any])
     """
     tables = deepcopy(run)
     for key in keys:
-        if not merge(deepcopy(tables), _nested(key, 0.0)):
+        if not merge(deepcopy(tables), _nest_value(key, 0.0)):
             top = key.split(".")[0]
             tables[top] = deepcopy(resolved[top])
     return tables
 
 
-def with_values(table: Table, values: Mapping[str, Level]) -> Table:
+def replace_values(table: Table, values: Mapping[str, Level]) -> Table:
     """A copy of the run's tables with other values of some keys (dotted)."""
     copy = deepcopy(table)
     for key, value in values.items():
-        merge(copy, _nested(key, value))
+        merge(copy, _nest_value(key, value))
     return copy
 
 
-def _nested(key: str, value: Any) -> Table:
+def _nest_value(key: str, value: Any) -> Table:
     for name in reversed(key.split(".")):
         value = {name: value}
     nested: Table = value
@@ -226,7 +228,7 @@ SHOWN = 10
 """Faults of points that are listed; the rest is counted."""
 
 
-def built_points(
+def build_points(
     design: pd.DataFrame, factors: tuple[Factor, ...], base: Configuration, run: Table
 ) -> tuple[tuple[Point, ...], tuple[ToleranceProblem, ...]]:
     """What runs at each point, and the different problems among them.
@@ -242,7 +244,7 @@ def built_points(
             points.append(builder.point(values))
         except InputError as error:
             for fault in error.faults:
-                placed = _placed_at_point(fault, values)
+                placed = _place_at_point(fault, values)
                 faults.setdefault(str(placed), placed)
     listed = list(faults.values())
     if len(listed) > SHOWN:
@@ -251,7 +253,7 @@ def built_points(
     return tuple(points), tuple(builder.problems)
 
 
-def some(design: pd.DataFrame, factors: tuple[Factor, ...], most: int) -> pd.DataFrame:
+def thin_design(design: pd.DataFrame, factors: tuple[Factor, ...], most: int) -> pd.DataFrame:
     """At most about `most` rows: the ends of every factor, and the others evenly."""
     if len(design) <= most:
         return design
@@ -272,7 +274,7 @@ class _Builder:
 
     def point(self, values: Mapping[str, Level]) -> Point:
         """The point with these values of the varied keys."""
-        table = with_values(self.run, values)
+        table = replace_values(self.run, values)
         algorithm = table.pop("algorithm", {})
         key = json.dumps(table, sort_keys=True, default=str)
         if key not in self._numbers:
@@ -295,7 +297,7 @@ class _Builder:
         return Point(self._numbers[key], configuration.algorithm, configuration.budget, configuration.engine)
 
 
-def _placed_at_point(fault: Fault, values: Mapping[str, Level]) -> Fault:
+def _place_at_point(fault: Fault, values: Mapping[str, Level]) -> Fault:
     """A fault at the varied key that causes it, else in the run, with the values of the point."""
     if fault.place in values:
         return Fault(f"vary.{fault.place}", fault.message)
@@ -347,11 +349,11 @@ def read_study(source: Source, overrides: Sequence[str] = (), most: int | None =
     if base is not None and isinstance(varied, dict | None):
         factors = read_factors(vary, varied or {}, base_values(run or {}, base.resolved))
     hypotheses = read_hypotheses(top, factors, responses)
-    hopeless = _hopeless(top.section("stop"), design)
+    hopeless = _read_hopeless(top.section("stop"), design)
     top.finish()
     seed, seeds = 0 if seed is None else seed, SEEDS if seeds is None else seeds
     if design is not None and factors and not any(fault.place.startswith("vary") for fault in faults):
-        faults += [_placed(fault) for fault in design.faults(factors, seeds)]
+        faults += [_place_design_faults(fault) for fault in design.faults(factors, seeds)]
         faults += _size_faults(design.size(factors), seeds)
     raise_all(faults)
     assert base is not None
@@ -371,8 +373,8 @@ def read_study(source: Source, overrides: Sequence[str] = (), most: int | None =
         labels=known,
         hopeless=hopeless,
     )
-    settings = replace(settings, configuration=_resolved(settings, base, limit, labels))
-    return _planned(settings, base, run or {}, limit, most)
+    settings = replace(settings, configuration=_resolve_study(settings, base, limit, labels))
+    return _plan_study(settings, base, run or {}, limit, most)
 
 
 def _size_faults(settings: int, seeds: int) -> list[Fault]:
@@ -383,14 +385,14 @@ def _size_faults(settings: int, seeds: int) -> list[Fault]:
     return [Fault("seeds", complaint)] if complaint else []
 
 
-def _planned(
+def _plan_study(
     settings: StudySettings, base: Configuration, run: Table, limit: float | None, most: int | None
 ) -> StudyPlan:
     """The plan, once the points of the design have been read as run configurations."""
     rng = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=DESIGN_STREAM))
     design = settings.design.points(settings.factors, settings.base, rng).reset_index(drop=True)
-    chosen = design if most is None else some(design, settings.factors, most)
-    points, problems = built_points(chosen, settings.factors, base, run)
+    chosen = design if most is None else thin_design(design, settings.factors, most)
+    points, problems = build_points(chosen, settings.factors, base, run)
     faults = [
         Fault("response", f'"{name}" {text}')
         for name in settings.responses
@@ -505,7 +507,7 @@ def _design(section: Section, folder: Path) -> Design | None:
     return design
 
 
-def _hopeless(section: Section, design: Design | None) -> bool:
+def _read_hopeless(section: Section, design: Design | None) -> bool:
     """Whether settings that are significantly worse are stopped."""
     hopeless = section.flag("hopeless") or False
     section.finish()
@@ -515,14 +517,14 @@ def _hopeless(section: Section, design: Design | None) -> bool:
     return hopeless
 
 
-def _placed(fault: Fault) -> Fault:
+def _place_design_faults(fault: Fault) -> Fault:
     """Faults of a design name its own keys, `seeds` or `vary.<key>`."""
     if fault.place == "seeds" or fault.place.startswith("vary") or "/" in fault.place:
         return fault
     return Fault(f"design.{fault.place}", fault.message)
 
 
-def _resolved(study: StudySettings, base: Configuration, limit: float | None, labels: Labels) -> str:
+def _resolve_study(study: StudySettings, base: Configuration, limit: float | None, labels: Labels) -> str:
     """The study as TOML, every default included; reading it again gives the same study."""
     table: dict[str, Any] = {**labels.stated(), "seed": study.seed, "seeds": study.seeds}
     table |= {"response": list(study.responses)} | ({} if limit is None else {"time_limit_s": limit})

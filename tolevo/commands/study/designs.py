@@ -45,7 +45,7 @@ def level_faults(factors: tuple[Factor, ...], kind: str) -> list[Fault]:
     ]
 
 
-def small(name: str, value: int, least: int, statistic: str) -> list[Fault]:
+def small_value_fault(name: str, value: int, least: int, statistic: str) -> list[Fault]:
     """A fault where `value` is below what a statistic needs."""
     return [] if value >= least else [Fault(name, f"is {value}: {statistic} at least {least}")]
 
@@ -70,7 +70,7 @@ def column(values: Iterable[Level]) -> pd.Series:
 # Full factorial: every level of every key with every level of the others.
 
 
-MOST = 100_000
+MAX_SETTINGS = 100_000
 """Settings at most; more are probably a mistake."""
 
 
@@ -84,8 +84,8 @@ class Factorial(Design):
     def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:
         issues = level_faults(factors, self.kind)
         count = self.size(factors)
-        if count > MOST and not is_forced():
-            text = f"has {count} settings, {MOST} at most: give fewer levels, use sobol, or add --force"
+        if count > MAX_SETTINGS and not is_forced():
+            text = f"has {count} settings, {MAX_SETTINGS} at most: give fewer levels, use sobol, or add --force"
             issues.append(Fault("kind", text))
         return issues + replicate_faults(seeds, "shares of variance")
 
@@ -117,7 +117,9 @@ class LatinHypercube(Design):
     samples: int = field(default=64, metadata={"low": 2, "need": SETTINGS})
 
     def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:
-        issues = small("samples", self.samples, 2 * terms(factors), "an analysis of variance needs twice its terms,")
+        issues = small_value_fault(
+            "samples", self.samples, 2 * terms(factors), "an analysis of variance needs twice its terms,"
+        )
         return issues + replicate_faults(seeds, "shares of variance")
 
     def size(self, factors: tuple[Factor, ...]) -> int:
@@ -130,7 +132,7 @@ class LatinHypercube(Design):
 # Morris: trajectories through a grid that change one key at each step.
 
 
-LEAST = 10
+MIN_TRAJECTORIES = 10
 """Trajectories from which on the intervals of the statistics are reliable."""
 SHARE = "_share_"
 """Prefix of the columns that hold the place in the grid, in [0, 1]."""
@@ -146,7 +148,9 @@ class Morris(Design):
     levels: int = field(default=4, metadata={"low": 2})
 
     def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:
-        issues = small("trajectories", self.trajectories, LEAST, "intervals of elementary effects need")
+        issues = small_value_fault(
+            "trajectories", self.trajectories, MIN_TRAJECTORIES, "intervals of elementary effects need"
+        )
         if self.levels % 2:
             issues.append(Fault("levels", f"is {self.levels}: steps of half the grid need an even number of levels"))
         return issues + replicate_faults(seeds, "elementary effects")
@@ -199,7 +203,7 @@ class OneAtATime(Design):
 # Sobol: Saltelli's pairs of samples, from which shares of variance are estimated.
 
 
-SOBOL_LEAST = 128
+MIN_SOBOL_POINTS = 128
 """Base samples from which on the intervals of the indices are reliable."""
 
 PARTS = 8
@@ -218,11 +222,13 @@ class Sobol(Design):
     samples: int = field(default=128, metadata={"low": 1, "need": SETTINGS})
 
     def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:
-        issues = small("samples", self.samples, SOBOL_LEAST, "intervals of Sobol indices need")
+        issues = small_value_fault("samples", self.samples, MIN_SOBOL_POINTS, "intervals of Sobol indices need")
         if self.samples & (self.samples - 1):
             lower = 1 << (self.samples.bit_length() - 1)
             text = f"is {self.samples}: a Sobol sequence is balanced at powers of 2; use"
-            issues.append(Fault("samples", f"{text} {max(lower, SOBOL_LEAST)} or {max(2 * lower, SOBOL_LEAST)}"))
+            issues.append(
+                Fault("samples", f"{text} {max(lower, MIN_SOBOL_POINTS)} or {max(2 * lower, MIN_SOBOL_POINTS)}")
+            )
         return issues + replicate_faults(seeds, "Sobol indices")
 
     def size(self, factors: tuple[Factor, ...]) -> int:
@@ -269,11 +275,11 @@ class Table(Design):
         typed, faults = parsed(raw, self.file, [factor.key for factor in factors], text=names)
         known = [factor for factor in factors if factor.key in typed]
         for factor in known:
-            faults += cell_faults(self.file, factor.key, _bad_cells(factor, typed[factor.key]))
+            faults += cell_faults(self.file, factor.key, _cell_faults(factor, typed[factor.key]))
         return pd.DataFrame({factor.key: column(_levels(factor, typed[factor.key])) for factor in known}), faults
 
 
-def _bad_cells(factor: Factor, cells: pd.Series) -> dict[Any, str]:
+def _cell_faults(factor: Factor, cells: pd.Series) -> dict[Any, str]:
     """What is no level of the factor, or outside of its range, by row."""
     present = cells.dropna()
     if not factor.ranged:
@@ -281,19 +287,21 @@ def _bad_cells(factor: Factor, cells: pd.Series) -> dict[Any, str]:
         names = [str(level) for level in factor.levels]
         known = ", ".join(names)
         return {
-            at: f"must be one of {known}, got {_shown(value)}{nearest(str(value), names)}" for at, value in bad.items()
+            at: f"must be one of {known}, got {_level_text(value)}{nearest(str(value), names)}"
+            for at, value in bad.items()
         }
     bad = present[(present < factor.low) | (present > factor.high)]
     messages = {
-        at: f"must lie in [{factor.low:.10g}, {factor.high:.10g}], got {_shown(value)}" for at, value in bad.items()
+        at: f"must lie in [{factor.low:.10g}, {factor.high:.10g}], got {_level_text(value)}"
+        for at, value in bad.items()
     }
     if factor.integer:
         broken = present[present != np.floor(present)]
-        messages |= {at: f"must be a whole number, got {_shown(value)}" for at, value in broken.items()}
+        messages |= {at: f"must be a whole number, got {_level_text(value)}" for at, value in broken.items()}
     return messages
 
 
-def _shown(value: Any) -> str:
+def _level_text(value: Any) -> str:
     return f"{value:.10g}" if isinstance(value, float) else f'"{value}"'
 
 

@@ -13,19 +13,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ...page.document import (
-    about,
-    bullets,
-    chosen,
-    data,
-    described,
-    document,
-    folded,
-    package_scripts,
-    picture,
-    section,
-    table,
-)
+from ...page.document import about, bullets, chosen, data, described, document, package_scripts, picture, section, table
+from ...page.document import folded_section as folded
 from ...page.drawing import COLOURS, Named, new_axes, new_figure, style_axes
 from ...records import Response, StudyResult, Varied
 
@@ -34,7 +23,7 @@ __all__ = ["figures", "study_page"]
 # Names as figures and sentences show them.
 
 
-def short(key: str) -> str:
+def short_key(key: str) -> str:
     """A key without its table: "crossover probability"."""
     return key.removeprefix("algorithm.").replace(".", " ").replace("_", " ")
 
@@ -60,7 +49,9 @@ def course_figure(result: StudyResult, key: str) -> Figure:
         colour = COLOURS[at % len(COLOURS)]
         low, high = (part[end].to_numpy(dtype=float) for end in ("low", "high"))
         axes.fill_between(part["generation"], low, high, color=colour, alpha=0.22, linewidth=0)
-        axes.plot(part["generation"], part["median"], color=colour, linewidth=1.3, label=f"{short(key)} {level(name)}")
+        axes.plot(
+            part["generation"], part["median"], color=colour, linewidth=1.3, label=f"{short_key(key)} {level(name)}"
+        )
     for at, value in enumerate(np.unique(course["optimum"].dropna())):
         axes.axhline(value, color="black", linestyle="--", linewidth=1.0, label=None if at else "exact optimum")
     low, high = course["median"].min(), course["median"].max()
@@ -86,7 +77,7 @@ def course_caption(result: StudyResult, key: str) -> str:
 # A response against each setting: every run, medians and their intervals.
 
 
-MOST = 40
+MAX_SETTINGS_SHOWN = 40
 """Settings up to which the single runs are drawn."""
 COLUMNS = 3
 COLOUR = "#1f5fa8"
@@ -116,7 +107,7 @@ def response_figure(result: StudyResult, response: Response) -> Figure:
 def _draw(axes: Axes, result: StudyResult, response: Response, key: Varied, medians: pd.DataFrame) -> None:
     points = _points(result, key)
     places, labels = _places(result.design.loc[points, key.key], key)
-    if len(result.design) <= MOST:
+    if len(result.design) <= MAX_SETTINGS_SHOWN:
         runs = result.table[result.table["point"].isin(points)]
         x, y = places.loc[runs["point"]], runs[response.name]
         axes.plot(x, y, "o", markersize=2.2, color="#888888", alpha=0.5, markeredgewidth=0)
@@ -142,7 +133,7 @@ def _draw(axes: Axes, result: StudyResult, response: Response, key: Varied, medi
     else:
         margin = 0.05 * (high - low) or 0.5
         axes.set_xlim(low - margin, high + margin)
-    axes.set_xlabel(short(key.key))
+    axes.set_xlabel(short_key(key.key))
 
 
 def _points(result: StudyResult, key: Varied) -> pd.Index:
@@ -166,7 +157,7 @@ def _places(column: pd.Series, key: Varied) -> tuple[pd.Series, list[str]]:
 
 def response_caption(result: StudyResult, response: Response) -> str:
     """What the figure shows."""
-    runs = "grey points are single runs, " if len(result.design) <= MOST else ""
+    runs = "grey points are single runs, " if len(result.design) <= MAX_SETTINGS_SHOWN else ""
     best = "" if response.best is None else "; the dashed line is the best possible value"
     confidence = 100 * result.medians["level"].iloc[0]
     keys = ", ".join(varied.key for varied in result.varied)
@@ -206,7 +197,7 @@ def sensitivity_figure(result: StudyResult) -> Figure:
             sides = np.abs(part[["low", "high"]].to_numpy().T - part["value"].to_numpy())
             label, colour = LOOKS[str(statistic)]
             axes.errorbar(part["value"], part.index, xerr=sides, fmt="o", capsize=3, color=colour, label=label)
-        labels = [short(key) or "noise" for key in sensitivities["key"]]
+        labels = [short_key(key) or "noise" for key in sensitivities["key"]]
         axes.set_yticks(range(len(sensitivities)), labels, fontsize="small")
         axes.axvline(0.0, color="black", linewidth=0.8)
         axes.invert_yaxis()
@@ -280,7 +271,7 @@ def study_page(result: StudyResult) -> str:
         section("Sensitivities", _sensitivities(result, drawn)) if len(result.sensitivity) else "",
         section("Tests", _tests(result.tests)),
         section("Medians", folded("Table", _medians(result))),
-        section("Failed runs", _failed(result.table)) if (result.table["status"] == "failed").any() else "",
+        section("Failed runs", _failed_runs(result.table)) if (result.table["status"] == "failed").any() else "",
         section("Configuration", folded("study.toml", f"<pre>{escape(result.configuration)}</pre>")),
     ]
     scripts = (package_scripts("common.js", "study.js"),) if len(result.medians) else ()
@@ -308,7 +299,7 @@ def _settings(result: StudyResult) -> str:
     rows = {(str(row["response"]), int(row["point"])): row for row in result.medians.to_dict("records")}
     points = sorted({point for _, point in rows})[:POINTS]
     content = {
-        "keys": [{"name": key, "label": short(key)} for key in keys],
+        "keys": [{"name": key, "label": short_key(key)} for key in keys],
         "responses": [
             {"name": response.name, "label": response.name.replace("_", " "), "larger": response.larger_is_better}
             for response in result.responses
@@ -364,7 +355,7 @@ def _medians(result: StudyResult) -> str:
     return table(chosen(joined, [*names, *map(str, result.medians.columns)]))
 
 
-def _failed(runs: pd.DataFrame) -> str:
+def _failed_runs(runs: pd.DataFrame) -> str:
     failed = runs[runs["status"] == "failed"]
     rest = len(failed) - FAILED
     more = f"<p>{rest} more failed runs are in study.csv.</p>" if rest > 0 else ""

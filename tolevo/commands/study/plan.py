@@ -274,7 +274,7 @@ class Yardstick:
         return self.value + (1.0 - SHARE) * abs(self.value)
 
 
-def box_alone(problem: ToleranceProblem) -> Yardstick:
+def reference_box(problem: ToleranceProblem) -> Yardstick:
     """The box alone, with which runs can begin."""
     ideal, nadir = (tuple(float(v) for v in end) for end in problem.box())
     return Yardstick(Box(ideal, nadir), nan, nan)
@@ -291,7 +291,7 @@ def yardstick(problem: ToleranceProblem) -> Yardstick:
         value = float(problem.objective_values(problem.outputs_of(exact.designs[:1], searching=True))[0, 0])
     if problem.n_obj == 1:
         bound = _bound(problem)
-    return replace(box_alone(problem), value=value, bound=bound)
+    return replace(reference_box(problem), value=value, bound=bound)
 
 
 def _bound(problem: ToleranceProblem) -> float:
@@ -348,7 +348,7 @@ def needs_level(names: Iterable[str]) -> bool:
     return bool({"evaluations_to_99", "cpu_s_to_99"} & set(names))
 
 
-def compared(name: str, value: float, end: float, measure: Yardstick) -> float:
+def response_by_reference(name: str, value: float, end: float, measure: Yardstick) -> float:
     """A response of a run that has ended, by its reference, which may have been measured later.
 
     `value` is what the run itself computed, `end` the last value of its curve.
@@ -360,7 +360,7 @@ def compared(name: str, value: float, end: float, measure: Yardstick) -> float:
     return value
 
 
-def unsuitable(name: str, problem: ToleranceProblem) -> str:
+def unsuitable_response(name: str, problem: ToleranceProblem) -> str:
     """Why a response has no meaning for a problem, and what to use instead; empty where it has."""
     if name == "hypervolume_ratio" and problem.n_obj == 1:
         return "has no meaning for one objective: use gap_percent"

@@ -19,16 +19,16 @@ from .statistics import (
     Contrast,
     Estimates,
     Runs,
-    complete,
-    crossed,
     fixed_settings,
     fraction_of,
     model,
     noise_share,
-    over_settings,
     random_settings,
     variance,
 )
+from .statistics import complete_seeds as complete
+from .statistics import cross_mean as crossed
+from .statistics import mean_over_settings as over_settings
 
 
 def effect_of(values: Array, weights: Array) -> Array:
@@ -179,15 +179,15 @@ def effects(values: Array, shares: Array, rng: np.random.Generator) -> Estimates
     slope, known = np.where(known, ordered, 0.0).swapaxes(0, 1), known.swapaxes(0, 1)
 
     def statistic(rows: Array, runs: Array) -> Array:
-        per_key = [_of_key(key_slope, runs * at, rows) for key_slope, at in zip(slope, known, strict=True)]
+        per_key = [_key_effects(key_slope, runs * at, rows) for key_slope, at in zip(slope, known, strict=True)]
         return np.stack([*(mean for mean, _ in per_key), *(v for _, v in per_key)], axis=-1)
 
     estimates = random_settings(statistic, len(paths), values.shape[1], rng)
-    value, low, high = (_rooted(side, keys) for side in (estimates.value, estimates.low, estimates.high))
+    value, low, high = (_second_half_roots(side, keys) for side in (estimates.value, estimates.low, estimates.high))
     return Estimates(value, low, high)
 
 
-def _of_key(slope: Array, weights: Array, rows: Array) -> tuple[Array, Array]:
+def _key_effects(slope: Array, weights: Array, rows: Array) -> tuple[Array, Array]:
     """Mean absolute effect and variance of the effects of one key, each of shape (draws,)."""
     total = weights.sum(-1, keepdims=True)
     others = (weights * slope).sum(-1, keepdims=True) - weights * slope
@@ -204,7 +204,7 @@ def _of_key(slope: Array, weights: Array, rows: Array) -> tuple[Array, Array]:
     return star, between - crossed(mean, mean, rows * usable)
 
 
-def _rooted(values: Array, keys: int) -> Array:
+def _second_half_roots(values: Array, keys: int) -> Array:
     """The second half as standard deviations; a variance below 0 is none."""
     return np.concatenate([values[:keys], np.sqrt(np.maximum(values[keys:], 0.0))])
 

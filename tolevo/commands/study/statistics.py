@@ -61,7 +61,7 @@ def runs_of(table: pd.DataFrame, response: str, settings: int) -> Runs:
     return Runs(response, values, larger)
 
 
-def complete(values: Array) -> Array:
+def complete_seeds(values: Array) -> Array:
     """Without the seeds that failed anywhere."""
     return values[:, ~np.isnan(values).any(axis=0)]
 
@@ -102,13 +102,13 @@ def contrasts(
     for key in keys:
         others = at_base.drop(columns=key).all(axis=1).to_numpy()
         usable = others if kind == "one_at_a_time" else np.ones(len(design), dtype=bool)
-        levels = _ordered(design.loc[usable, key])
+        levels = _ordered_levels(design.loc[usable, key])
         rows = tuple(np.flatnonzero(usable & (design[key] == level).to_numpy()) for level in levels)
         compared.append(Contrast(key, levels, rows))
     return compared
 
 
-def _ordered(column: pd.Series) -> tuple[Level, ...]:
+def _ordered_levels(column: pd.Series) -> tuple[Level, ...]:
     """The different values, numbers by size, names as they come."""
     values = list(dict.fromkeys(column.tolist()))
     names = any(isinstance(value, str) for value in values)
@@ -144,25 +144,25 @@ class Estimates:
     level: float = LEVEL
 
 
-def crossed(a: Array, b: Array, weights: Array) -> Array:
+def cross_mean(a: Array, b: Array, weights: Array) -> Array:
     """Weighted mean of a_r b_s over all r != s of the last axis, NaN where there is no such pair.
 
     A weight of 0 leaves a run out; its values must be finite all the same.
     """
     squares = weights**2
-    both = _summed(weights, a) * _summed(weights, b) - _summed(squares, a * b)
+    both = _weighted_sum(weights, a) * _weighted_sum(weights, b) - _weighted_sum(squares, a * b)
     sum_of_squares = squares.sum(-1)
     pairs = weights.sum(-1) ** 2 - sum_of_squares
     usable = pairs > 1e-9 * np.maximum(sum_of_squares, 1e-300)
     return np.where(usable, both / np.where(usable, pairs, 1.0), np.nan)
 
 
-def _summed(weights: Array, values: Array) -> Array:
+def _weighted_sum(weights: Array, values: Array) -> Array:
     """Weighted sum over the last axis, without the array of products."""
     return np.asarray(np.einsum("...r,...r->...", weights, values))
 
 
-def over_settings(values: Array, weights: Array) -> Array:
+def mean_over_settings(values: Array, weights: Array) -> Array:
     """Weighted mean over the last axis without NaN; NaN where no value remains."""
     known = ~np.isnan(values)
     total = (weights * known).sum(-1)
@@ -195,14 +195,14 @@ def random_settings(
         replicates,
         max(1, BLOCK // (settings * replicates)),
     )
-    return _around(value, rows + np.maximum(seeds - runs, 0.0), (parts or settings) - 1, level)
+    return _interval_around(value, rows + np.maximum(seeds - runs, 0.0), (parts or settings) - 1, level)
 
 
 def fixed_settings(statistic: Statistic, replicates: int, rng: np.random.Generator) -> Estimates:
     """Estimates for exactly the settings of the design; the seeds are the sample."""
     value, flat = _value(statistic, 1, replicates)
     variance = _spread(lambda n: statistic(flat, rng.exponential(size=(n, 1, replicates))), replicates)
-    return _around(value, variance, replicates - 1)
+    return _interval_around(value, variance, replicates - 1)
 
 
 def _value(statistic: Statistic, settings: int, replicates: int) -> tuple[Array, Array]:
@@ -220,7 +220,7 @@ def _spread(draw: Callable[[int], Array], units: int, block: int = DRAWS) -> Arr
     return np.asarray(estimates.var(axis=0) * (units + 1) / (units - 1))
 
 
-def _around(value: Array, variance: Array, freedom: int, level: float = LEVEL) -> Estimates:
+def _interval_around(value: Array, variance: Array, freedom: int, level: float = LEVEL) -> Estimates:
     half = t.ppf(0.5 + level / 2, max(freedom, 1)) * np.sqrt(variance)
     return Estimates(value, value - half, value + half, level)
 
@@ -287,8 +287,8 @@ def noise_share(values: Array, group: int, rng: np.random.Generator) -> Estimate
         rows = np.repeat(rows, max(group, 1), axis=1) if group else np.ones((1, settings))
         runs = np.repeat(runs, group, axis=1) if group and runs.shape[1] > 1 else runs
         weights = runs * known
-        within = over_settings(variance(filled, weights), rows)
-        between = over_settings(crossed(centred, centred, weights), rows)
+        within = mean_over_settings(variance(filled, weights), rows)
+        between = mean_over_settings(cross_mean(centred, centred, weights), rows)
         total = within + np.maximum(between, 0.0)
         return np.divide(within, total, out=np.zeros_like(within), where=total > 0.0)[:, None]
 
@@ -313,7 +313,7 @@ def variance(values: Array, weights: Array) -> Array:
 
 def surface_tests(values: Array, design: pd.DataFrame, factors: tuple[Factor, ...]) -> list[dict[str, Any]]:
     """F of every key on the means over the seeds, against what the model does not explain."""
-    means = complete(values).mean(axis=1)
+    means = complete_seeds(values).mean(axis=1)
     full = OLS(means, model(design, factors)).fit()
     rows = []
     for factor in factors:
@@ -371,7 +371,7 @@ def model(design: pd.DataFrame, factors: tuple[Factor, ...]) -> Array:
 
 
 ALPHA = 0.05
-MOST = 12
+MAX_PAIRED_LEVELS = 12
 """Levels up to which all pairs are compared."""
 COLUMNS = (
     "response",
@@ -400,16 +400,16 @@ def wilcoxon_tests(runs: Runs, contrasts: list[Contrast], rng: np.random.Generat
     """
     rows: list[dict[str, Any]] = []
     for contrast in contrasts:
-        if len(contrast.levels) > MOST:
+        if len(contrast.levels) > MAX_PAIRED_LEVELS:
             continue
         values = contrast.table(runs.array)
         for i, j in combinations(range(len(contrast.levels)), 2):
-            pair = paired(values[:, i], values[:, j], rng)
+            pair = paired_test(values[:, i], values[:, j], rng)
             rows.append({"key": contrast.key, "a": contrast.levels[i], "b": contrast.levels[j]} | pair)
     return corrected(runs.response, "wilcoxon", rows, partial(_reason, needed=pairs_needed))
 
 
-def paired(a: Array, b: Array, rng: np.random.Generator) -> dict[str, Any]:
+def paired_test(a: Array, b: Array, rng: np.random.Generator) -> dict[str, Any]:
     """Wilcoxon's signed-rank test of two levels; a seed that failed at one of them is left out."""
     both = ~np.isnan(a) & ~np.isnan(b)
     a, b = a[both], b[both]
@@ -511,7 +511,7 @@ def _variances(runs: Runs, design: pd.DataFrame, settings: StudySettings, contra
     if not runs.reached:
         return pd.DataFrame()
     rows: list[dict[str, Any]] = []
-    if settings.design.analysis == "latin_hypercube" and complete(runs.array).shape[1]:
+    if settings.design.analysis == "latin_hypercube" and complete_seeds(runs.array).shape[1]:
         rows = surface_tests(runs.array, design, settings.factors)
     elif settings.design.analysis != "latin_hypercube":
         rows = [level_test(runs.array, contrast) for contrast in contrasts]

@@ -27,7 +27,9 @@ import numpy as np
 from ...algorithms.archive import CURVE, Box
 from ...errors import Fault, InputError, StorageError, raise_all, refuse
 from ...execution import Closing
-from ...files import REASONS, loads, sealed_record, unsealed_record
+from ...files import REASONS, loads
+from ...files import seal_record as sealed_record
+from ...files import unseal_record as unsealed_record
 from ...section import differences as changes
 from ...section import flat
 from .plan import RESPONSES, StudyPlan, Yardstick
@@ -359,7 +361,7 @@ def check_resumable(folder: Path) -> None:
     raise refuse("--resume", f"{folder} holds no {DATABASE} of a study; name another directory, or --overwrite")
 
 
-def opened(plan: StudyPlan, path: Path) -> tuple[Database, tuple[str, ...]]:
+def open_study_store(plan: StudyPlan, path: Path) -> tuple[Database, tuple[str, ...]]:
     """The open store of a study, and what the user should know of it.
 
     Raises InputError where it belongs to another study, was written by a newer version, or where
@@ -367,29 +369,29 @@ def opened(plan: StudyPlan, path: Path) -> tuple[Database, tuple[str, ...]]:
     reason.
     """
     try:
-        database, notes = _sound(path, plan)
+        database, notes = _sound_database(path, plan)
     except Unusable as error:
         raise refuse(str(path), str(error)) from None
     except DAMAGE as error:
         if why := hindrance(error):
             raise Unopened(str(path), *why) from error
-        database, notes = _recovered(path, plan, reason(error))
+        database, notes = _recover_database(path, plan, reason(error))
     try:
         _take(database, plan)
     except DAMAGE as error:
         database.close()
-        raise _unreadable(path, reason(error)) from error
+        raise _unreadable_fault(path, reason(error)) from error
     except BaseException:
         database.close()
         raise
     return database, notes
 
 
-def _unreadable(path: Path, why: str) -> InputError:
+def _unreadable_fault(path: Path, why: str) -> InputError:
     return refuse(str(path), f"cannot be read: {why}; {RESTART}")
 
 
-def _sound(path: Path, plan: StudyPlan) -> tuple[Database, tuple[str, ...]]:
+def _sound_database(path: Path, plan: StudyPlan) -> tuple[Database, tuple[str, ...]]:
     """The store where its pages are sound; rows that were changed are forgotten, and named."""
     database = _database(path, plan)
     try:
@@ -411,12 +413,12 @@ def _take(database: Database, plan: StudyPlan) -> None:
     new, points = plan.settings.configuration, _points(plan)
     old, drawn, seal = (database.meta(key) for key in (IDENTITY, POINTS, SEAL))
     if not (seal == (_digest(old, drawn) if old or drawn else "") or (database.format < SEALED and not seal)):
-        raise _unreadable(database.path, "the identity of its study is damaged")
+        raise _unreadable_fault(database.path, "the identity of its study is damaged")
     if old and old != new:
         try:
             raise_all(differences(old, new))
         except tomllib.TOMLDecodeError as error:
-            raise _unreadable(database.path, f"its configuration is damaged ({error})") from None
+            raise _unreadable_fault(database.path, f"its configuration is damaged ({error})") from None
     if drawn not in ("", points):
         text = "its points are not those of the study to resume: the table, or the version of what "
         raise refuse("design", f"{text}draws them, has changed; {RESTART}")
@@ -445,9 +447,9 @@ def differences(before: str, after: str) -> list[Fault]:
     return faults
 
 
-def _recovered(path: Path, plan: StudyPlan, error: str) -> tuple[Database, tuple[str, ...]]:
+def _recover_database(path: Path, plan: StudyPlan, error: str) -> tuple[Database, tuple[str, ...]]:
     """A new store with every row of a damaged one that can be read and is as it was written."""
-    identity, rows, holes = _salvaged(path, plan)
+    identity, rows, holes = _salvage_rows(path, plan)
     if not rows:
         raise refuse(str(path), f"is damaged ({error}) and none of its runs can be read: {RESTART}")
     with suppress(OSError, UnicodeDecodeError):  # the configuration in the same directory is the same
@@ -464,7 +466,7 @@ def _recovered(path: Path, plan: StudyPlan, error: str) -> tuple[Database, tuple
     )
 
 
-def _salvaged(path: Path, plan: StudyPlan) -> tuple[str, list[Row], list[int]]:
+def _salvage_rows(path: Path, plan: StudyPlan) -> tuple[str, list[Row], list[int]]:
     """Configuration, whole rows and unreadable numbers of a damaged store.
 
     Every number is looked up by itself, so that a damaged page hides its own rows only.

@@ -38,12 +38,14 @@ from .plan import (
     StudyProgress,
     StudySettings,
     Yardstick,
-    box_alone,
     needs_level,
     unknown,
 )
-from .storage import CONFIGURATION, DAMAGE, DATABASE, Database, Unopened, check_resumable, opened, reason
-from .trial import Chunk, Curves, Job, RunRecord, Surveying, done, ended, response_of
+from .plan import reference_box as box_alone
+from .storage import CONFIGURATION, DAMAGE, DATABASE, Database, Unopened, check_resumable, reason
+from .storage import open_study_store as opened
+from .trial import Chunk, Curves, Job, RunRecord, Surveying, done, response_of
+from .trial import record_of_end as ended
 
 # Racing: settings that are behind beyond chance get no further seeds.
 #
@@ -76,7 +78,7 @@ def looks(seeds: int) -> Iterator[int]:
         at *= step
 
 
-def behind(costs: Array, look: int) -> NDArray[np.bool_]:
+def settings_behind_leader(costs: Array, look: int) -> NDArray[np.bool_]:
     """Which settings (k,) are behind the leader at a look (from 1); costs (k, seeds), less is
     better, infinite where a run failed or did not get there.
     """
@@ -95,7 +97,9 @@ def trailing_settings(costs: Sequence[Array], racing: NDArray[np.bool_], look: i
     A setting that leads in one of them stays in all.
     """
     trailing = np.zeros(len(racing), dtype=bool)
-    trailing[racing] = np.all([behind(response_costs[racing], look) for response_costs in costs], axis=0)
+    trailing[racing] = np.all(
+        [settings_behind_leader(response_costs[racing], look) for response_costs in costs], axis=0
+    )
     return trailing
 
 
@@ -117,7 +121,7 @@ RECORD = "study.json"
 FILES = (RECORD, LEADERS, "sensitivity.csv", "tests.csv", "medians.csv", "report.html", page_data.NAME)
 
 
-def analysed(settings: StudySettings, data: StudyData, out: Path) -> tuple[str, ...]:
+def write_analysis(settings: StudySettings, data: StudyData, out: Path) -> tuple[str, ...]:
     """Write the statistics of the study to `out`, and return them in lines for the terminal.
 
     Where `out` already holds the statistics of the same runs, nothing is done again.
@@ -162,7 +166,7 @@ def known_lines(settings: StudySettings, data: StudyData, out: Path) -> tuple[st
 
 CHUNK_S = 0.5
 """CPU time [s] of a chunk of short runs: handing one over costs some milliseconds."""
-MOST = 500
+MAX_CHUNK_RUNS = 500
 """Runs of a chunk at most."""
 
 Report = Callable[[StudyProgress], None]
@@ -313,7 +317,7 @@ class Work:
         size = 1
         if self._ended and self._cpu_s > 0.0:
             fair = len(self._todo) // (2 * max(1, self.executor.workers))
-            size = min(int(CHUNK_S * self._ended / self._cpu_s), MOST, fair)
+            size = min(int(CHUNK_S * self._ended / self._cpu_s), MAX_CHUNK_RUNS, fair)
         batch = [self._todo.popleft()]
         while self._todo and len(batch) < size:
             if self._point(self._todo[0]).problem != self._point(batch[0]).problem:
@@ -373,7 +377,7 @@ GO_ON = "run the same command with --resume"
 TABLE = "study.csv"
 STATE = KINDS["study"].state
 """The database, whose rows carry checksums of their own."""
-KEPT = (CONFIGURATION, *STATE)
+KEPT_FILES = (CONFIGURATION, *STATE)
 """The files of the earlier command that a study needs to continue."""
 
 
@@ -415,24 +419,24 @@ def _study(
         try:
             with executor:
                 measures = Work(plan, database, executor, progress).finish()
-            data = gathered(plan, database, measures, notes)
+            data = gather_tables(plan, database, measures, notes)
         except KeyboardInterrupt:
-            return StudyOutcome("interrupted", place.folder, (f"interrupted: {_saved(database, plan)}",))
+            return StudyOutcome("interrupted", place.folder, (f"interrupted: {_saved_message(database, plan)}",))
         except DAMAGE as error:
-            raise RunError(f"{database.path}: {reason(error)}; {_saved(database, plan)}") from error
+            raise RunError(f"{database.path}: {reason(error)}; {_saved_message(database, plan)}") from error
         except RunError as error:
             how = "" if isinstance(error, StorageError) else f"; {GO_ON}"
             raise RunError(f"{error}; {_count(database, plan)}{how}") from error
-    return _written(plan, data, place, finished)
+    return _write_study(plan, data, place, finished)
 
 
 def _begin(plan: StudyPlan, place: Ownership) -> None:
     """Retire the files of an earlier end; the database stays."""
-    place.begin(keep=KEPT)
+    place.begin(keep=KEPT_FILES)
     write_text(place.folder / CONFIGURATION, plan.settings.configuration)
 
 
-def _saved(database: Database, plan: StudyPlan) -> str:
+def _saved_message(database: Database, plan: StudyPlan) -> str:
     return f"{_count(database, plan)}; {GO_ON} to continue"
 
 
@@ -444,7 +448,7 @@ def _count(database: Database, plan: StudyPlan) -> str:
     return f"{done + failed} of {plan.total} runs have ended and are saved in {database.path.parent}"
 
 
-def gathered(
+def gather_tables(
     plan: StudyPlan, database: Database, measures: Mapping[int, Yardstick], notes: tuple[str, ...]
 ) -> StudyData:
     """The tables of a study from its database."""
@@ -467,7 +471,7 @@ def gathered(
     return StudyData(pd.DataFrame(columns), plan.design, curves, frame, notes)
 
 
-def _written(plan: StudyPlan, data: StudyData, place: Ownership, finished: bool) -> StudyOutcome:
+def _write_study(plan: StudyPlan, data: StudyData, place: Ownership, finished: bool) -> StudyOutcome:
     """Write the files of a study whose runs have all ended; those of a finished one stay."""
     out, table = place.folder, csv_text(data.table)
     failed = data.table[data.table["status"] == "failed"]
@@ -485,14 +489,14 @@ def _written(plan: StudyPlan, data: StudyData, place: Ownership, finished: bool)
         known = known_lines(plan.settings, data, out)
         if known is not None and (out / TABLE).read_bytes() == table.encode():
             return StudyOutcome("done", out, (*lines, *known), data)
-        place.begin(keep=KEPT)
+        place.begin(keep=KEPT_FILES)
     write_text(out / CONFIGURATION, plan.settings.configuration)
     write_with(out / "curves.parquet", data.curves.copy_to)
     write_text(out / TABLE, table)
     if len(failed) == len(data.table):
         reason = failed["reason"].iloc[0]
         raise RunError(f"every run failed ({reason}): see study.csv; mend the cause, then start again with --overwrite")
-    lines += analysed(plan.settings, data, out)
+    lines += write_analysis(plan.settings, data, out)
     place.complete()
     return StudyOutcome("done", out, tuple(lines), data)
 
@@ -508,7 +512,7 @@ def write(result: StudyResult, folder: Path) -> None:
         write_bytes(folder / f"{named.name}.png", as_png(named.figure))
         write_bytes(folder / f"{named.name}.svg", as_svg(named.figure))
     write_text(folder / "report.html", study_page(result))
-    write_text(folder / page_data.NAME, page_data.dumped(result))
+    write_text(folder / page_data.NAME, page_data.dump_result(result))
 
 
 def study_record(result: StudyResult, more: Mapping[str, Any]) -> str:

@@ -26,7 +26,8 @@ from ...errors import RunError
 from ...execution import Closing, Executor, Lost, built, check_version, pinned
 from ...models.propagation import ClippedSum, Estimate, MonteCarlo, Propagated
 from ...problems.tolerance_problem import ToleranceProblem
-from .plan import FORMULAS, Ended, Yardstick, compared, yardstick
+from .plan import FORMULAS, Ended, Yardstick, yardstick
+from .plan import response_by_reference as compared
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,10 +90,10 @@ def done(task: Chunk | Surveying) -> tuple[RunRecord, ...] | Yardstick:
         problem: ToleranceProblem = built(task.problem)
         if isinstance(task, Surveying):
             return yardstick(problem)
-        return tuple(_completed(job, problem, task) for job in task.jobs)
+        return tuple(_complete_run(job, problem, task) for job in task.jobs)
 
 
-def _completed(job: Job, problem: ToleranceProblem, chunk: Chunk) -> RunRecord:
+def _complete_run(job: Job, problem: ToleranceProblem, chunk: Chunk) -> RunRecord:
     """A run to its end; any error in it is the reason why it failed, but an interrupt is not."""
     start, reason = time.thread_time(), ""
     course = Course(chunk.measure.box, chunk.measure.level)
@@ -106,7 +107,7 @@ def _completed(job: Job, problem: ToleranceProblem, chunk: Chunk) -> RunRecord:
         lines = str(error).strip().splitlines()
         reason = f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
     return replace(
-        ended(job, "failed" if reason else "done", reason, chunk.responses),
+        record_of_end(job, "failed" if reason else "done", reason, chunk.responses),
         evaluations=course.evaluations,
         cpu_s=time.thread_time() - start,
         responses=responses,
@@ -114,7 +115,7 @@ def _completed(job: Job, problem: ToleranceProblem, chunk: Chunk) -> RunRecord:
     )
 
 
-def ended(job: Job, status: str, reason: str, responses: tuple[str, ...]) -> RunRecord:
+def record_of_end(job: Job, status: str, reason: str, responses: tuple[str, ...]) -> RunRecord:
     """The record of a run of which only the reason of its end is known."""
     unknown, curve = dict.fromkeys(responses, nan), np.empty((0, len(CURVE)))
     return RunRecord(job.point, job.replicate, job.seed, status, reason, 0, nan, unknown, curve)
@@ -131,8 +132,10 @@ def response_of(name: str, run: RunRecord, measure: Yardstick) -> float:
 # The curves of a study in a Parquet file, a row group for each setting: never all in memory.
 
 
-WHOLE = ("point", "replicate", "generation", "evaluations")
-SCHEMA = pa.schema([(name, pa.int64() if name in WHOLE else pa.float64()) for name in ("point", "replicate", *CURVE)])
+INTEGER_COLUMNS = ("point", "replicate", "generation", "evaluations")
+SCHEMA = pa.schema(
+    [(name, pa.int64() if name in INTEGER_COLUMNS else pa.float64()) for name in ("point", "replicate", *CURVE)]
+)
 
 
 class Curves(Closing):
@@ -179,7 +182,7 @@ def curves_of(runs: Sequence[RunRecord]) -> pd.DataFrame:
     values = np.concatenate([np.empty((0, len(CURVE))), *(run.curve for run in runs)])
     identity = {name: np.repeat([getattr(run, name) for run in runs], lengths) for name in ("point", "replicate")}
     frame = pd.DataFrame(identity | dict(zip(CURVE, values.T, strict=True)))
-    return frame.astype(dict.fromkeys(WHOLE, np.int64))
+    return frame.astype(dict.fromkeys(INTEGER_COLUMNS, np.int64))
 
 
 # A Monte Carlo too large for one process, in blocks that run where the runs of a study do.
@@ -222,14 +225,14 @@ def monte_carlo(
     )
     by_number: dict[int, Propagated] = {}
     with executor:
-        for block, result in executor.completed(propagated, lambda: next(blocks, None)):
+        for block, result in executor.completed(propagate_block, lambda: next(blocks, None)):
             if isinstance(result, Lost):
                 raise RunError(f"block {block.number} of the Monte Carlo: {result.reason}")
             by_number[block.number] = result
-    return _combined([by_number[at] for at in range(count)])
+    return _average_blocks([by_number[at] for at in range(count)])
 
 
-def propagated(block: Block) -> Propagated:
+def propagate_block(block: Block) -> Propagated:
     """The statistics of one block."""
     dimensions = len(block.total.clipped) + len(block.total.free)
     with pinned():
@@ -237,7 +240,7 @@ def propagated(block: Block) -> Propagated:
         return sample.propagate(block.total, block.coverage, block.limit)
 
 
-def _combined(parts: list[Propagated]) -> Propagated:
+def _average_blocks(parts: list[Propagated]) -> Propagated:
     """Means over equal blocks."""
     estimates = {}
     for field in fields(Propagated):

@@ -30,7 +30,8 @@ from ....units import MM, MRAD
 from ...study.plan import Yardstick, yardstick
 from ..recipes import Calculation, Computed, Quantity, share_error
 from ..records import ComputedTable
-from .reducer import assumed, output, parameter, quantities, tabulated
+from .reducer import assumed, output, parameter, quantities
+from .reducer import make_table as tabulated
 
 KEYS = {
     "population": "algorithm.population",
@@ -73,9 +74,9 @@ class GaSettings(Calculation):
 
     def faults(self, values: Mapping[str, Value]) -> list[Fault]:
         if not values["study"]:
-            return [fault for name in "ab" for fault in _misplaced(str(values["setting"]), name, values)]
+            return [fault for name in "ab" for fault in _setting_fault(str(values["setting"]), name, values)]
         try:
-            _of_study(values)
+            _study_runs(values)
         except InputError as error:
             return list(error.faults)
         return []
@@ -83,7 +84,7 @@ class GaSettings(Calculation):
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
         parameters = self.completed(values)
         raise_all(self.faults(parameters))
-        a, b = _of_study(parameters) if parameters["study"] else _own_runs(parameters, rng)
+        a, b = _study_runs(parameters) if parameters["study"] else _own_runs(parameters, rng)
         return Computed(_quantities(a, b), (_table(parameters, a, b),))
 
 
@@ -122,7 +123,7 @@ def _own_runs(parameters: Mapping[str, Value], rng: np.random.Generator) -> tupl
     return a, b
 
 
-def _misplaced(setting: str, name: str, values: Mapping[str, Value]) -> list[Fault]:
+def _setting_fault(setting: str, name: str, values: Mapping[str, Value]) -> list[Fault]:
     """What is wrong with the value `name` of a setting."""
     value = number(values[name])
     if setting == "population" and (value < 2 or value != int(value)):
@@ -164,7 +165,7 @@ def _study_table(parameters: Mapping[str, Value]) -> pd.DataFrame:
     return table[table["status"] == "done"]
 
 
-def _of_study(parameters: Mapping[str, Value]) -> tuple[Array, Array]:
+def _study_runs(parameters: Mapping[str, Value]) -> tuple[Array, Array]:
     """Runs (seeds, responses) of both settings in a study, paired by all else that it varies."""
     table, key = _study_table(parameters), KEYS[str(parameters["setting"])]
     other_keys = [name for name in KEYS.values() if name in table and name != key]
@@ -263,7 +264,7 @@ def _change(sizes: Array) -> Array:
 
 SOURCE_POSES = 9
 """Poses per axis at which the maps are evaluated."""
-NOTHING = 1e-9
+NEGLIGIBLE_EFFECT = 1e-9
 """Effect per unit, relative to the largest, below which a source does nothing."""
 LENGTH, ANGLE = 10e-6, 0.1e-3
 """Standard deviations [m, rad] at which sources of different units are compared."""
@@ -330,10 +331,10 @@ def _counts(maps: Maps, names: list[str]) -> dict[str, Quantity]:
     first, last = (names.index(f"joint_distance_{chain}") for chain in (1, 3))
     counts: dict[str, float] = {
         "orientation_sources": len(names),
-        "orientation_acting": np.sum(size > NOTHING * size.max()),
+        "orientation_acting": np.sum(size > NEGLIGIBLE_EFFECT * size.max()),
         "orientation_rank": np.linalg.matrix_rank(turn.reshape(-1, len(names))),
         "position_sources": len(moving),
-        "position_acting": np.sum(moved > NOTHING * moved.max()),
+        "position_acting": np.sum(moved > NEGLIGIBLE_EFFECT * moved.max()),
         "kinds": len(NINE),
         "chain_3_squareness": squareness[third].max() / squareness.max(),
         "joint_distance_3": size[last] / size[first],

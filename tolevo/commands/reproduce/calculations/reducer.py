@@ -59,7 +59,7 @@ def quantities(numbers: Mapping[str, float | Stated]) -> dict[str, Quantity]:
     }
 
 
-def tabulated(name: str, meaning: str, columns: Mapping[str, Any], chart: Chart | None = None) -> ComputedTable:
+def make_table(name: str, meaning: str, columns: Mapping[str, Any], chart: Chart | None = None) -> ComputedTable:
     """A table of columns (n,) by name; the unit is what the name ends with."""
     axes = tuple(Axis(column, split_unit(column)[1]) for column in columns)
     return ComputedTable(name, meaning, axes, tuple(map(np.asarray, columns.values())), chart)
@@ -71,11 +71,11 @@ def tabulated(name: str, meaning: str, columns: Mapping[str, Any], chart: Chart 
 PLAIN = ("uniform", "triangular", "trapezoid", "normal", "truncated_normal", "rayleigh")
 """Distributions whose parameters all have defaults."""
 COMMON = "distribution"
-SAME = "as the others"
+SAME_AS_OTHERS = "as the others"
 RANDOM = tuple(v for v in declared.VARIABLES if v.random)
 
 
-def _of_variable(variable: Variable) -> Parameter:
+def _tolerance_parameter(variable: Variable) -> Parameter:
     kind = "" if variable.kind is Kind.NOMINAL else f" ({variable.kind.value.split(' of ')[0]})"
     return Parameter(
         variable.name,
@@ -89,9 +89,11 @@ def _of_variable(variable: Variable) -> Parameter:
     )
 
 
-def _of_law(variable: Variable) -> Parameter:
+def _law_parameter(variable: Variable) -> Parameter:
     name = f"{stem(variable.name)}_distribution"
-    return assumed(name, SAME, f"distribution over units of {variable.meaning}", choices=(SAME, *PLAIN))
+    return assumed(
+        name, SAME_AS_OTHERS, f"distribution over units of {variable.meaning}", choices=(SAME_AS_OTHERS, *PLAIN)
+    )
 
 
 def stem(name: str) -> str:
@@ -104,7 +106,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         replace(parameter, default=PRINTED) if parameter.name == READING else parameter
         for parameter in declared.PARAMETERS
     ),
-    *(_of_variable(variable) for variable in declared.VARIABLES),
+    *(_tolerance_parameter(variable) for variable in declared.VARIABLES),
     assumed(
         COMMON,
         "uniform",
@@ -119,7 +121,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         low=0.0,
         open_low=True,
     ),
-    *(_of_law(variable) for variable in RANDOM),
+    *(_law_parameter(variable) for variable in RANDOM),
 )
 
 
@@ -143,7 +145,7 @@ def total_of(model: BacklashModel, values: Mapping[str, Value], **swept: Any) ->
 
 def _law(values: Mapping[str, Value], name: str) -> Distribution:
     law = str(values[f"{name}_distribution"])
-    kind = DISTRIBUTIONS[str(values[COMMON]) if law == SAME else law]
+    kind = DISTRIBUTIONS[str(values[COMMON]) if law == SAME_AS_OTHERS else law]
     known = {field.name for field in fields(kind)}  # type: ignore[arg-type]
     stated = {"cp": number(values["cp"])} if "cp" in known else {}
     return kind(**stated)
@@ -210,7 +212,7 @@ class BacklashStages(Calculation):
             f"Backlash by stage; crank-arm bearings 0..{parameters['crank_bearing_um']} um, "
             f"stagger {parameters['stagger_arcmin']} arcmin"
         )
-        return Computed(quantities(numbers), (tabulated("stages", meaning, {"stage": STAGES, **columns}),))
+        return Computed(quantities(numbers), (make_table("stages", meaning, {"stage": STAGES, **columns}),))
 
 
 # Monte Carlo of the backlash of reducers, through all three stages.
@@ -277,7 +279,7 @@ class ReducerMonteCarlo(Calculation):
         edges = _edges(total, exact, int(number(parameters["bins"])))
         drawn = batch(total, int(number(parameters["units"])), limit, edges, rng)
         numbers = _spread(drawn) | _capability(drawn, parameters) | _proportions(drawn) | _exact(exact)
-        return Computed(quantities(numbers), (_histogram(drawn, parameters), _compared(numbers)))
+        return Computed(quantities(numbers), (_histogram(drawn, parameters), _compare_with_exact(numbers)))
 
 
 def _edges(total: ClippedSum, exact: Propagated, bins: int) -> np.ndarray:
@@ -292,15 +294,15 @@ def _edges(total: ClippedSum, exact: Propagated, bins: int) -> np.ndarray:
     return np.linspace(low, high if high > low else low + ARCMIN, bins + 1)
 
 
-def _scaled(estimate: Stated, scale: float) -> Stated:
+def _scale_estimate(estimate: Stated, scale: float) -> Stated:
     return Stated(estimate.value * scale, estimate.error * scale)
 
 
 def _spread(drawn: Batch) -> dict[str, Stated]:
     statistics = {}
     for name, sums in drawn.sums.items():
-        statistics[f"{name}_mean_arcmin"] = _scaled(sums.mean, 1.0 / ARCMIN)
-        statistics[f"{name}_std_arcmin"] = _scaled(sums.std, 1.0 / ARCMIN)
+        statistics[f"{name}_mean_arcmin"] = _scale_estimate(sums.mean, 1.0 / ARCMIN)
+        statistics[f"{name}_std_arcmin"] = _scale_estimate(sums.std, 1.0 / ARCMIN)
     ends = {"least": drawn.least, "most": drawn.most}
     return statistics | {f"backlash_{k}_arcmin": Stated(v / ARCMIN, 0.0) for k, v in ends.items()}
 
@@ -317,11 +319,11 @@ def _proportions(drawn: Batch) -> dict[str, Stated]:
     above = share(beyond, count)
     return {
         "units": Stated(float(count), 0.0),
-        "yield_percent": _scaled(share(drawn.conforming, count), 100.0),
-        "above_limit_percent": _scaled(above, 100.0),
+        "yield_percent": _scale_estimate(share(drawn.conforming, count), 100.0),
+        "above_limit_percent": _scale_estimate(above, 100.0),
         "above_limit_units": Stated(float(beyond), above.error * count),
-        "above_limit_ppm": _scaled(above, 1e6),
-        "interference_percent": _scaled(share(drawn.interfering, count), 100.0),
+        "above_limit_ppm": _scale_estimate(above, 1e6),
+        "interference_percent": _scale_estimate(share(drawn.interfering, count), 100.0),
     }
 
 
@@ -334,7 +336,7 @@ def _exact(exact: Propagated) -> dict[str, Stated]:
         "exact_interference_percent": (exact.negative, 100.0),
     }
     return {
-        name: _scaled(Stated(float(estimate.value[0]), float(estimate.error[0])), scale)
+        name: _scale_estimate(Stated(float(estimate.value[0]), float(estimate.error[0])), scale)
         for name, (estimate, scale) in named.items()
     }
 
@@ -349,10 +351,10 @@ def _histogram(drawn: Batch, parameters: Mapping[str, Value]) -> ComputedTable:
     chart = Chart("histogram", "from_arcmin", ("units",), limits)
     meaning = "Units by backlash; the outermost bins hold what lies beyond them as well"
     columns = {"from_arcmin": edges, "units": counts, "above_limit": edges >= limits["limit"]}
-    return tabulated("histogram", meaning, columns, chart)
+    return make_table("histogram", meaning, columns, chart)
 
 
-def _compared(numbers: Mapping[str, Stated]) -> ComputedTable:
+def _compare_with_exact(numbers: Mapping[str, Stated]) -> ComputedTable:
     """Drawn and exact values, and how many standard errors lie between."""
     names = [name.removeprefix("exact_") for name in numbers if name.startswith("exact_")]
     drawn, exact = ([numbers[f"{of}{name}"] for name in names] for of in ("", "exact_"))
@@ -366,7 +368,7 @@ def _compared(numbers: Mapping[str, Stated]) -> ComputedTable:
             for estimate, reference in zip(drawn, exact, strict=True)
         ],
     }
-    return tabulated("against_convolution", "Units drawn, and the same without drawing", columns)
+    return make_table("against_convolution", "Units drawn, and the same without drawing", columns)
 
 
 # Sensitivities of backlash to the errors of document B, by exact contact of every pin.
@@ -452,7 +454,7 @@ class CycloidContact(Calculation):
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
-        sensitivities = _sensitivities(_finite(self.completed(values)))
+        sensitivities = _sensitivities(_finite_contact(self.completed(values)))
         table = ComputedTable(
             "sensitivities",
             "Change of backlash times e z_c per unit of each error, by exact contact of 40 pins; "
@@ -463,7 +465,7 @@ class CycloidContact(Calculation):
         return Computed(quantities(sensitivities), (table,))
 
 
-def _finite(values: Mapping[str, Value]) -> Finite:
+def _finite_contact(values: Mapping[str, Value]) -> Finite:
     geometry = ContactGeometry(
         dr_rp=number(values["dr_rp_mm"]) * MM,
         dr_p=number(values["dr_p_mm"]) * MM,
@@ -570,7 +572,7 @@ class StaggeredAssembly(Calculation):
         return Computed(quantities(numbers), (table, _mountings(sweep, model.geometry)))
 
 
-def _most(total: ClippedSum) -> tuple[Array, Array]:
+def _largest_angles(total: ClippedSum) -> tuple[Array, Array]:
     """Largest phi_1 + phi_3 and phi_2 that the zones allow [rad], each (n,)."""
     free, clipped = (np.sum([term.bounds()[1] for term in part], axis=0) for part in (total.free, total.clipped))
     return free, clipped
@@ -578,7 +580,7 @@ def _most(total: ClippedSum) -> tuple[Array, Array]:
 
 def _outcome(propagated: Propagated, total: ClippedSum, limit: float, model: BacklashModel) -> dict[str, float]:
     """Without and with the stagger (rows 0 and 1)."""
-    free, clipped = _most(total)
+    free, clipped = _largest_angles(total)
     worst = free + np.maximum(clipped, 0.0)
     columns = _statistics(propagated) | {"backlash_most_arcmin": worst / ARCMIN}
     named = {
@@ -634,7 +636,7 @@ def _sweep(sweep: Array, propagated: Propagated) -> ComputedTable:
     columns = {"stagger_arcmin": sweep} | _statistics(propagated)
     meaning = "Backlash (quantile at 0.9973) and interference (phi_2 < 0) over the stagger"
     chart = Chart("lines", "stagger_arcmin", ("above_limit_percent", "interference_percent"))
-    return tabulated("sweep", meaning, columns, chart)
+    return make_table("sweep", meaning, columns, chart)
 
 
 def _mountings(sweep: Array, geometry: RvGeometry) -> ComputedTable:
@@ -643,4 +645,4 @@ def _mountings(sweep: Array, geometry: RvGeometry) -> ComputedTable:
         "Three mountings to the stagger, each alone, of either disc (the other one opposite): bearing "
         "holes offset along their circle, blank turned to its holes, journals of all cranks ahead"
     )
-    return tabulated("ways", meaning, columns)
+    return make_table("ways", meaning, columns)

@@ -11,16 +11,8 @@ from ....errors import Fault, raise_all, refuse
 from ....models.rv_reducer import cycloid as targets
 from ....models.rv_reducer import declared
 from ....models.rv_reducer.backlash import BacklashModel
-from ....models.rv_reducer.cycloid import (
-    CLEARANCES,
-    LARGEST,
-    LINEAR_ERRORS,
-    Fit,
-    Target,
-    coefficients,
-    fit,
-    printed_clearance,
-)
+from ....models.rv_reducer.cycloid import CLEARANCES, LINEAR_ERRORS, Fit, Target, coefficients, fit, printed_clearance
+from ....models.rv_reducer.cycloid import MAX_MODIFICATION_M as LARGEST
 from ....models.rv_reducer.declared import PRINTED
 from ....models.rv_reducer.geometry import (
     RvGeometry,
@@ -29,7 +21,9 @@ from ....models.rv_reducer.geometry import (
     raw_clearance,
     zero_backlash_pair,
 )
-from ....models.rv_reducer.tighter_planet import ERRORS, Bounds, Stage, ZoneOptimum, equal_shares, least, least_clipped
+from ....models.rv_reducer.tighter_planet import ERRORS, Bounds, Stage, ZoneOptimum, equal_shares
+from ....models.rv_reducer.tighter_planet import least_clipped_rotation as least_clipped
+from ....models.rv_reducer.tighter_planet import least_rotation as least
 from ....problems import tooth_modification as loaded
 from ....problems.settings import Settings
 from ....problems.tooth_modification import ToothModification
@@ -37,7 +31,8 @@ from ....section import READING, Array, Parameter, Value, number
 from ....units import ARCMIN, MM, UM
 from ..recipes import Calculation, Computed
 from ..records import Chart, ComputedTable
-from .reducer import assumed, output, parameter, quantities, tabulated
+from .reducer import assumed, output, parameter, quantities
+from .reducer import make_table as tabulated
 
 FILMS = ((1.0, 30.0, 45.0), (1.9, 20.0, 60.0), (3.5, 20.0, 90.0), (6.1, 0.0, 180.0))
 """Films [um] and their bands [deg] that bring the raw clearance to the printed dr_p = -0.070 mm."""
@@ -45,7 +40,7 @@ TABLE_STEP_DEG = 10.0
 TARGETS = ("film", "near_conjugate", "table")
 
 
-def _of_target(name: str, default: Value, meaning: str, high: float) -> Parameter:
+def _target_parameter(name: str, default: Value, meaning: str, high: float) -> Parameter:
     return assumed(name, default, meaning, "assumed: the document prints neither target nor band", 0.0, high)
 
 
@@ -103,11 +98,13 @@ class ToothModificationTargets(Calculation):
         ),
         assumed("intervals", 360, "n: intervals of phi in [0, pi]", low=2, high=20_000),
         assumed("target", "film", "what the clearance should be", "assumed: not printed", choices=TARGETS),
-        _of_target("film_um", 1.0, "lubrication film, over the band", 1000.0),
-        _of_target("band_deg", (30.0, 45.0), "band of phi in which the film counts", 180.0),
-        _of_target("rotation_arcmin", 0.05, "near_conjugate: turn of the rotation-modified profile", 60.0),
-        _of_target("working_deg", (20.0, 120.0), "near_conjugate: flank between the reliefs at root and tip", 180.0),
-        _of_target(
+        _target_parameter("film_um", 1.0, "lubrication film, over the band", 1000.0),
+        _target_parameter("band_deg", (30.0, 45.0), "band of phi in which the film counts", 180.0),
+        _target_parameter("rotation_arcmin", 0.05, "near_conjugate: turn of the rotation-modified profile", 60.0),
+        _target_parameter(
+            "working_deg", (20.0, 120.0), "near_conjugate: flank between the reliefs at root and tip", 180.0
+        ),
+        _target_parameter(
             "table_um",
             (30.0, 5.0, *(0.0,) * 11, 1.0, 3.0, 7.0, 13.0, 20.0, 30.0),
             "table: clearance at phi = 0, 10, .. 180 deg",
@@ -117,9 +114,9 @@ class ToothModificationTargets(Calculation):
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
         case = _case(self.completed(values))
-        fitted = _fitted(case, case.target(str(case.values["target"])), case.gap)
-        numbers = _optimum(case, fitted) | _printed(case)
-        return Computed(quantities(numbers), (_targets(case), _as_printed(case), _profile(case, fitted)))
+        fitted = _fit_modification(case, case.target(str(case.values["target"])), case.gap)
+        numbers = _optimum(case, fitted) | _printed_optimum(case)
+        return Computed(quantities(numbers), (_targets(case), _printed_clearances(case), _profile(case, fitted)))
 
 
 @dataclass(frozen=True)
@@ -188,7 +185,7 @@ def _case(parameters: Mapping[str, Value]) -> Case:
     return Case(parameters, problem)
 
 
-def _fitted(case: Case, target: Target, gap: float | None, kind: str = "") -> Fit:
+def _fit_modification(case: Case, target: Target, gap: float | None, kind: str = "") -> Fit:
     """Raises InputError where no angle counts: the band lies between two of them."""
     if not np.any(target.weight):
         raise refuse("parameters.band_deg", "no angle lies in it: widen it, or raise intervals")
@@ -218,7 +215,7 @@ def _optimum(case: Case, fitted: Fit) -> dict[str, float]:
     }
 
 
-def _printed(case: Case) -> dict[str, float]:
+def _printed_optimum(case: Case) -> dict[str, float]:
     """What becomes of the printed optimum by the printed clearance and by the corrected ones."""
     outputs = case.outputs(np.array([case.printed]))
     numbers = {
@@ -254,7 +251,7 @@ def _targets(case: Case) -> ComputedTable:
     """The optimum of every target on either clearance, with the radial gap fixed and free."""
     gap = case.number("radial_gap_mm") * MM
     rows = [
-        (text, kind, radial_gap, _fitted(case, target, gap if radial_gap == "fixed" else None, kind))
+        (text, kind, radial_gap, _fit_modification(case, target, gap if radial_gap == "fixed" else None, kind))
         for radial_gap in ("fixed", "free")
         for kind in CLEARANCES
         for text, target in _cases(case)
@@ -281,7 +278,7 @@ def _targets(case: Case) -> ComputedTable:
     return tabulated("targets", meaning, columns)
 
 
-def _as_printed(case: Case) -> ComputedTable:
+def _printed_clearances(case: Case) -> ComputedTable:
     """Clearances at the printed optimum, printed and corrected."""
     columns = {"phi_deg": np.degrees(case.phi)}
     columns |= {f"{name}_um": curve / UM for name, curve in _curves(case).items()}
@@ -391,7 +388,7 @@ class ToleranceZones(Calculation):
         model = declared.backlash_model({READING: PRINTED} | parameters, None, {})
         stage, bounds = _stage(model, parameters), _bounds(parameters)
         optimum, clipped = least(stage, bounds), least_clipped(stage, bounds)
-        numbers = _zone_optimum(stage, optimum, clipped) | _zone_printed(stage, optimum)
+        numbers = _zone_optimum(stage, optimum, clipped) | _compare_printed_zones(stage, optimum)
         return Computed(quantities(numbers), (_table(stage, bounds, optimum, clipped),))
 
 
@@ -430,24 +427,24 @@ def _zone_optimum(stage: Stage, optimum: ZoneOptimum, clipped: ZoneOptimum) -> d
     return numbers
 
 
-def _zone_printed(stage: Stage, optimum: ZoneOptimum) -> dict[str, float]:
+def _compare_printed_zones(stage: Stage, optimum: ZoneOptimum) -> dict[str, float]:
     """phi_2 within the printed zones, and how far they follow from optimum and sensitivities."""
     printed = {error: (low * UM, high * UM) for error, (low, high) in PRINTED_UM.items()}
     middle = {error: 0.5 * (low + high) for error, (low, high) in printed.items()}
-    worst = {error: _adverse(stage, error, ends) for error, ends in printed.items()}
+    worst = {error: _adverse_end(stage, error, ends) for error, ends in printed.items()}
     spans = _shares(stage)
     return {
         "printed_favourable_arcmin": least(stage, printed).backlash / ARCMIN,
         "printed_middle_arcmin": stage.backlash(middle) / ARCMIN,
         "printed_adverse_arcmin": stage.backlash(worst) / ARCMIN,
         "printed_zones": float(len(printed)),
-        "printed_zones_towards_optimum": float(np.sum(_towards(optimum) == "yes")),
+        "printed_zones_towards_optimum": float(np.sum(_position_to_optimum(optimum) == "yes")),
         "printed_largest_share_arcmin": float(spans.max()),
         "printed_smallest_share_arcmin": float(spans.min()),
     }
 
 
-def _adverse(stage: Stage, error: str, ends: tuple[float, float]) -> float:
+def _adverse_end(stage: Stage, error: str, ends: tuple[float, float]) -> float:
     """The end [m] that adds most."""
     return max(ends, key=lambda end: stage.contribution(error, end))
 
@@ -459,7 +456,7 @@ def _shares(stage: Stage) -> np.ndarray:
     return np.array(width) * gain * UM / stage.geometry.lever / ARCMIN
 
 
-def _towards(optimum: ZoneOptimum) -> np.ndarray:
+def _position_to_optimum(optimum: ZoneOptimum) -> np.ndarray:
     """Whether the middle of each printed zone lies towards the optimum: yes, no, centred."""
     middle = np.array([sum(PRINTED_UM[error]) for error in LINEAR_ERRORS])
     side = middle * np.array([optimum.errors[error] for error in LINEAR_ERRORS])
@@ -481,7 +478,7 @@ def _table(stage: Stage, bounds: Bounds, optimum: ZoneOptimum, clipped: ZoneOpti
         "clipped_optimum_um": [clipped.errors[error] / UM for error in ERRORS],
         "printed_low_um": ends[:, 0],
         "printed_high_um": ends[:, 1],
-        "towards_optimum": [*_towards(optimum), "not printed"],
+        "towards_optimum": [*_position_to_optimum(optimum), "not printed"],
         "printed_share_arcmin": [*_shares(stage), np.nan],
         "width_at_equal_share_um": [*(equal[error] / UM for error in LINEAR_ERRORS), np.nan],
     }
