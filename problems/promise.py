@@ -62,8 +62,8 @@ def contradictions(promise: Promise, given: Mapping[str, Bound]) -> list[Fault]:
     return [
         Fault(
             f"limits.{name}",
-            f"asks for {_percent_range(bound)}, but the promise is of {promise.yield_percent:g} %: leave the limit out, "
-            "or state the same percentage",
+            f"asks for {_percent_range(bound)}, but the promise is of {promise.yield_percent:g} %: leave the limit "
+            "out, or state the same percentage",
         )
         for name, bound in given.items()
         if means_promise(name, promise) and bound != Bound(low=promise.yield_percent)
