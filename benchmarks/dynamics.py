@@ -1,7 +1,7 @@
 # ruff: noqa: E402 - the number of threads is fixed before numpy is imported
 """Steady states of torsional vibration against `solve_ivp`: `python benchmarks/dynamics.py`.
 
-One unit with part errors, its tabulated mesh, on one thread. scipy integrates the same table, read
+One unit with part errors, its tabulate_mesh mesh, on one thread. scipy integrates the same table, read
 between the output angles by cubic interpolation, from rest at the quasi-static twist through the
 transient and one output turn; its method and tolerance are the fastest of those tried whose TE
 amplitude is as near to a tight integration as that of the steady state (0.5 % at most).
@@ -23,8 +23,7 @@ import numba
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from tolevo.models.rv_reducer.dynamics import Oscillator, TabulatedMesh, Train, steady_state
-from tolevo.models.rv_reducer.dynamics import tabulate_mesh as tabulated
+from tolevo.models.rv_reducer.dynamics import Oscillator, TabulatedMesh, Train, steady_state, tabulate_mesh
 from tolevo.models.rv_reducer.lost_motion import unit_under_load as loaded_unit
 from tolevo.section import Array
 
@@ -165,7 +164,7 @@ def compare(mesh: TabulatedMesh, rpm: float, each: float) -> None:
 
 
 def main() -> None:
-    mesh = tabulated(loaded_unit(UNIT).mesh(SAMPLES), 2058.0)
+    mesh = tabulate_mesh(loaded_unit(UNIT).mesh(SAMPLES), 2058.0)
     speed = BATCH * 2.0 * np.pi / 60.0
     many = Oscillator.of(mesh, Train(), np.array(TORQUE), speed)
     each = seconds(lambda: steady_state(mesh, many, 1e-8), 3)[0] / len(BATCH)

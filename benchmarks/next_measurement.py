@@ -21,10 +21,9 @@ from tolevo.commands.gap.analysis import analysed
 from tolevo.commands.gap.configuration import read_gap
 from tolevo.commands.gap.next_measurement import next_measurement
 from tolevo.commands.gap.read import read_data
-from tolevo.commands.gap.result import Ending
-from tolevo.commands.gap.result import finish_analysis as ended
+from tolevo.commands.gap.result import Ending, finish_analysis
 from tolevo.commands.gap.scan import scan
-from tolevo.commands.gap.setup import prepare_setup as prepared
+from tolevo.commands.gap.setup import prepare_setup
 
 Array = NDArray[np.float64]
 Law = Callable[[Mapping[str, Array], float], Array]
@@ -117,7 +116,7 @@ def analysis(table: pd.DataFrame) -> Ending:
         configuration.write_text(CONFIGURATION, encoding="utf-8")
         table.to_csv(data, index=False)
         plan = read_gap(configuration)
-        return ended(analysed(prepared(plan, read_data(plan, data))))
+        return finish_analysis(analysed(prepare_setup(plan, read_data(plan, data))))
 
 
 def score(end: Ending, name: str) -> float:

@@ -24,8 +24,7 @@ from tolevo.models.rv_reducer.contact.contact import LoadedContact, backlash, lo
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
 from tolevo.models.rv_reducer.population.contact import Population
 from tolevo.models.rv_reducer.population.elastic import OUTPUTS, Elastic, Loading, elastic
-from tolevo.models.rv_reducer.population.errors import modified_geometry as modified
-from tolevo.models.rv_reducer.population.errors import part_errors
+from tolevo.models.rv_reducer.population.errors import modified_geometry, part_errors
 from tolevo.models.rv_reducer.population.measures import Conditions, Measures
 from tolevo.models.rv_reducer.population.units import Involute, UnitDesign
 from tolevo.models.rv_reducer.tighter_planet import TighterPlanet
@@ -73,7 +72,7 @@ def evaluate(population: Population, slopes: bool) -> float:
 
 def nearest_point(population: Population, design: UnitDesign, exact: bool) -> np.ndarray:
     """y (units, positions) [arcmin] by the loaded contact."""
-    contact = LoadedContact(modified(GEOMETRY, design), exact=exact)
+    contact = LoadedContact(modified_geometry(GEOMETRY, design), exact=exact)
     errors = part_errors(GEOMETRY, population.sample, design)
     return backlash(contact, errors, population.lattice.angles) / ARCMIN
 
@@ -167,7 +166,7 @@ def pulled_back(population: Population) -> None:
 def under_load() -> None:
     """Lost motion, preload, pin force and transmission error of 256 units at 31 positions."""
     population, few = drawn(256, 31), drawn(32, 31)
-    contact = LoadedContact(modified(GEOMETRY, DOCUMENT))
+    contact = LoadedContact(modified_geometry(GEOMETRY, DOCUMENT))
     errors, angles = part_errors(GEOMETRY, few.sample, DOCUMENT), few.lattice.angles
     pulled_back(population)  # compiles, or loads what was compiled
     lost = lost_motion(contact, errors, angles) / ARCMIN

@@ -9,8 +9,7 @@ from typing import Any
 
 import pytest
 
-from tolevo.models.rv_reducer.dynamics import NEGLIGIBLE_AMPLITUDE as LEFT_OUT
-from tolevo.models.rv_reducer.dynamics import OrderTable
+from tolevo.models.rv_reducer.dynamics import NEGLIGIBLE_AMPLITUDE, OrderTable
 from tolevo.models.rv_reducer.lost_motion import LoadedUnit
 
 _meshes: dict[bytes, Any] = {}
@@ -28,7 +27,7 @@ def made_once() -> Iterator[None]:
             _meshes[key] = mesh(unit, samples)
         return _meshes[key]
 
-    def kept_table(found: Any, most: float, left_out: float = LEFT_OUT) -> OrderTable:
+    def kept_table(found: Any, most: float, left_out: float = NEGLIGIBLE_AMPLITUDE) -> OrderTable:
         if not any(found is one for one in _meshes.values()):
             return table(found, most, left_out)
         key = (id(found), most, left_out)

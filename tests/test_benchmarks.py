@@ -23,7 +23,7 @@ from benchmarks.tasks.mixed_process import A as PROCESS_A  # noqa: E402
 from benchmarks.tasks.mixed_process import B as PROCESS_B  # noqa: E402
 from benchmarks.tasks.mixed_process import S as PART_S  # noqa: E402
 from benchmarks.tasks.rv_backlash import rv_backlash, stored  # noqa: E402
-from tolevo.models.rv_reducer.dynamics import tabulate_mesh as tabulated  # noqa: E402
+from tolevo.models.rv_reducer.dynamics import tabulate_mesh  # noqa: E402
 from tolevo.models.rv_reducer.lost_motion import unit_under_load as loaded_unit  # noqa: E402
 
 
@@ -205,7 +205,7 @@ def test_figures_say_whether_they_are_met() -> None:
 
 
 def test_right_hand_sides_of_the_dynamics_are_the_mesh() -> None:
-    mesh = tabulated(loaded_unit(dynamics.UNIT).mesh(400), 500.0, nodes=41)
+    mesh = tabulate_mesh(loaded_unit(dynamics.UNIT).mesh(400), 500.0, nodes=41)
     found = dynamics.numpy_motion(mesh, 3.0, 80.0, 2.0)
     compiled = dynamics.compiled_motion(mesh, 3.0, 80.0, 2.0)
     rng = np.random.default_rng(0)

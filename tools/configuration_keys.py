@@ -1,6 +1,6 @@
 """Every key of a configuration, as the code that reads configurations asks for it.
 
-The shipped configurations and the samples of `tools/sample_configurations.py` are read while each
+The shipped_claims configurations and the samples of `tools/sample_configurations.py` are read while each
 question of the reader is recorded: its key, its table, its type, its unit, its range. A key that is
 in the code and was never asked for is found by a test (tests/test_configuration_reference.py).
 """
@@ -20,8 +20,7 @@ from typing import Any
 import tomli_w
 
 from tolevo.commands.gap.configuration import is_gap, read_gap
-from tolevo.commands.reproduce.configuration import read_claims
-from tolevo.commands.reproduce.configuration import shipped_claims as shipped
+from tolevo.commands.reproduce.configuration import read_claims, shipped_claims
 from tolevo.commands.study.configuration import is_study, read_study
 from tolevo.configuration.reader import read
 from tolevo.configuration.search import read_execution
@@ -223,7 +222,7 @@ def all_keys() -> dict[str, Key]:
             paper = Path(place) / "paper.toml"
             paper.write_text(tomli_w.dumps(CLAIMS), encoding="utf-8")
             with suppress(InputError):
-                read_claims((*shipped(), paper))
+                read_claims((*shipped_claims(), paper))
     for path, kind in OUTSIDE.items():
         found.setdefault(path, Key(path)).types.add(kind)
     return {path: found[path] for path in sorted(found)}

@@ -18,7 +18,7 @@ RECORDS = (f"{HERE}/generator/*.py", f"{HERE}/scoring/*rival*.py", f"{HERE}/scor
 """What makes a record, and says what it can tell."""
 MODELS = "models/**/*.py"
 """The simulation of some records."""
-PROJECT = (MODELS, "core/**/*.py", "workflows/**/*.py", f"{HERE}/namers/workflow.py")
+PROJECT = (MODELS, "tolevo/**/*.py", f"{HERE}/namers/workflow.py")
 """What the workflow's answers follow from."""
 
 Key = tuple[str, str, int]

@@ -15,8 +15,7 @@ import numpy as np
 from scipy import stats
 from scipy.stats import qmc
 
-from tolevo.commands.run.promise import FURTHER_PARTS as MORE
-from tolevo.commands.run.promise import shadow_gain, solved
+from tolevo.commands.run.promise import FURTHER_PARTS, shadow_gain, solved
 from tolevo.configuration.reader import read_table
 from tolevo.problems.stack import Stack
 from tolevo.problems.stack.promises import with_knowledge
@@ -77,11 +76,11 @@ def gain(stack: Stack, name: str, outcomes: int) -> float:
     power = int(np.log2(outcomes))
     with_next = qmc.Sobol(2, seed=np.random.default_rng(1)).random_base2(power)
     variance = known.std**2 * known.df / stats.chi2.ppf(with_next[:, 0], known.df)
-    squares = variance * stats.chi2.ppf(with_next[:, 1], MORE)
-    df = known.df + MORE
+    squares = variance * stats.chi2.ppf(with_next[:, 1], FURTHER_PARTS)
+    df = known.df + FURTHER_PARTS
     costs = []
     for own in np.sqrt((known.df * known.std**2 + squares) / df).tolist():
-        anew = replace(known, std=own, n=known.n + MORE, df=df)
+        anew = replace(known, std=own, n=known.n + FURTHER_PARTS, df=df)
         found = solved(with_knowledge(stack, {name: anew}))
         assert found is not None
         costs.append(float(found[1].cost[0]))

@@ -16,8 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from tolevo.commands.run.promise import Least, solved, with_statement
-from tolevo.commands.run.promise import cheapest_design as cheapest
+from tolevo.commands.run.promise import Least, cheapest_design, solved, with_statement
 from tolevo.configuration.reader import read, read_table
 from tolevo.problems.settings import ASSURED, PLUG_IN
 from tolevo.problems.tolerance_problem import ToleranceProblem
@@ -76,7 +75,7 @@ def measured(problem: ToleranceProblem, statement: str, runs: int) -> tuple[floa
 
 def found_by(problem: ToleranceProblem) -> Callable[[ToleranceProblem], Least]:
     """The closed form, where the optimum is its own; else the search of a run."""
-    return closed if "stack" in type(problem).__module__ else cheapest
+    return closed if "stack" in type(problem).__module__ else cheapest_design
 
 
 def closed(problem: ToleranceProblem) -> Least:

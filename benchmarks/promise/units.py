@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tolevo.commands.run.promise import cheapest_design as cheapest
+from tolevo.commands.run.promise import cheapest_design
 from tolevo.models.capability import PartSample, knowledge_of
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.settings import ASSURED, PLUG_IN, Bound, Promise, Settings, VariableSetting
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 MADE_TO = {"pin_circle_radius_um": 8.0, "pin_radius_um": 4.0, "pitch_um": 10.0,
            "eccentricity_um": 5.0}  # fmt: skip
 POSITIONS, GRADE = 7, 4.0
-"""Positions of a turn, and the grade of the involute stage, that of the cheapest units."""
+"""Positions of a turn, and the grade of the involute stage, that of the cheapest_design units."""
 BUILT = 65_536
 """Units that are built by the true processes: their yield is known to 0.02 %."""
 SHARE = 99.73
@@ -77,7 +77,7 @@ def repeat(case: Reducer, seed: int) -> Units:
     near: Array | None = None
     for statement in (PLUG_IN, ASSURED):
         problem, start = promising(settings, statement), time.process_time()
-        least = cheapest(problem, near)
+        least = cheapest_design(problem, near)
         seconds.append(time.process_time() - start)
         costs.append(least.cost)
         yields.append(built(settings, statement, least.design, np.array(truth)))

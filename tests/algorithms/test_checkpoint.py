@@ -19,7 +19,7 @@ from tolevo.algorithms.run import Progress
 from tolevo.algorithms.search import SearchResult, search
 from tolevo.algorithms.settings import AlgorithmSettings, Budget
 from tolevo.errors import InputError
-from tolevo.files import seal_content as sealed
+from tolevo.files import seal_content
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, PropagationSetting, Settings
 
@@ -172,7 +172,7 @@ def test_a_broken_file_is_named(content: bytes, tmp_path: Path) -> None:
 def test_a_file_of_another_format_is_named(tmp_path: Path) -> None:
     path, file = tmp_path / "checkpoint.npz", io.BytesIO()
     np.savez(file, format=np.array(99))
-    path.write_bytes(sealed(file.getvalue()))
+    path.write_bytes(seal_content(file.getvalue()))
     with pytest.raises(InputError, match="cannot be read: format 99, expected 4"):
         Checkpoint.read(path)
     path.write_bytes(file.getvalue())  # as earlier versions wrote it

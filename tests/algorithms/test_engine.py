@@ -26,12 +26,12 @@ from tolevo.algorithms.engine import (
     Space,
     crossover,
     crowding_distances,
+    differential_evolution_trials,
+    draw_other_rows,
     mutate,
     survivors,
     tournament,
 )
-from tolevo.algorithms.engine import differential_evolution_trials as differential
-from tolevo.algorithms.engine import draw_other_rows as different
 from tolevo.algorithms.engine_of_pymoo import ArrayGDE3, ArrayNSGA2
 
 Array = NDArray[np.float64]
@@ -173,7 +173,7 @@ def test_every_point_takes_part_in_as_many_tournaments() -> None:
 
 
 def test_different_others_are_uniform() -> None:
-    found = np.stack([different(6, 3, np.random.default_rng(seed)) for seed in range(4000)])
+    found = np.stack([draw_other_rows(6, 3, np.random.default_rng(seed)) for seed in range(4000)])
     assert np.all(found != np.arange(6)[:, None])
     assert np.all(np.diff(np.sort(found, axis=2), axis=2) > 0)
     for column in range(3):
@@ -185,7 +185,7 @@ def test_trial_points_stay_inside_and_change_at_the_rate() -> None:
     rng = np.random.default_rng(0)
     box = Space(np.zeros(5), np.ones(5), np.zeros(5, dtype=bool), 2)
     x = rng.random((4000, 5))
-    found = differential(x, box, 0.4, (0.0, 1.0), rng)
+    found = differential_evolution_trials(x, box, 0.4, (0.0, 1.0), rng)
     assert np.all((found >= 0.0) & (found <= 1.0))
     changed = found != x
     assert changed.any(axis=1).all()

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from tolevo.algorithms.archive import PASSES, lowest_ranks_in_order, ranks
-from tolevo.algorithms.archive import lexicographic_order as in_order
+from tolevo.algorithms.archive import PASSES, lexicographic_order, lowest_ranks_in_order, ranks
 
 Array = NDArray[np.float64]
 TIED = st.sampled_from([-np.inf, -1.5, -0.0, 0.0, 1.0, 2.0, 1e300])
@@ -28,12 +27,12 @@ def tables(columns: st.SearchStrategy[int], values: st.SearchStrategy[float]) ->
 
 @given(tables(st.integers(1, 4), TIED | FEW | MANY))
 def test_order_is_that_of_lexsort(keys: Array) -> None:
-    np.testing.assert_array_equal(in_order(*keys.T), np.lexsort(keys.T[::-1]))
+    np.testing.assert_array_equal(lexicographic_order(*keys.T), np.lexsort(keys.T[::-1]))
 
 
 @given(tables(st.integers(1, 3), FEW | MANY), st.integers(1, 45))
 def test_lowest_ranks_are_those_of_moocore(f: Array, enough: int) -> None:
-    f = f[in_order(*f.T)]
+    f = f[lexicographic_order(*f.T)]
     expected = moocore.pareto_rank(f)
     np.testing.assert_array_equal(ranks(f), expected)
     found = lowest_ranks_in_order(f, enough)
@@ -48,7 +47,7 @@ def test_more_ranks_than_passes(front: int) -> None:
     level = np.repeat(np.arange(2.0 * PASSES), front)
     place = np.tile(np.arange(float(front)), 2 * PASSES)
     f = np.column_stack([level + place / front, level + 1.0 - place / front])
-    order = in_order(*f.T)
+    order = lexicographic_order(*f.T)
     found = lowest_ranks_in_order(f[order], len(f))
     np.testing.assert_array_equal(found, level[order])
 

@@ -11,8 +11,7 @@ import pytest
 import tolevo
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
-from tolevo.models.cost_reading import add_constant_cost as dearer
-from tolevo.models.cost_reading import times
+from tolevo.models.cost_reading import add_constant_cost, times
 from tolevo.models.costs import CURVES, Table
 
 STACK = """
@@ -217,7 +216,7 @@ def test_curves_in_another_unit_and_dearer(kind: str) -> None:
         **{name: value for name, value in values.items() if name in names})  # fmt: skip
     t = np.linspace(0.1, 0.5, 9)
     np.testing.assert_allclose(times(one, 3.0).cost(t), 3.0 * one.cost(t), rtol=1e-14)
-    np.testing.assert_allclose(dearer(one, 0.4).cost(t), one.cost(t) + 0.4, rtol=1e-14)
+    np.testing.assert_allclose(add_constant_cost(one, 0.4).cost(t), one.cost(t) + 0.4, rtol=1e-14)
 
 
 def test_evaluate_states_costs_with_their_shares(tmp_path: Path) -> None:

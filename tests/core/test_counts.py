@@ -25,11 +25,11 @@ from tolevo.section import (
     Need,
     Parameter,
     Section,
+    force_counts,
     is_forced,
     too_many,
     too_many_workers,
 )
-from tolevo.section import force_counts as forced
 
 RUN = """
 problem = "rv_backlash"
@@ -252,12 +252,12 @@ def test_what_takes_nothing_has_no_bound() -> None:
 
 def test_force_ends_where_it_began() -> None:
     assert not is_forced()
-    with forced():
+    with force_counts():
         assert too_many(10**30, PLAIN) == ""
-        with forced(False):  # what is asked for stays asked for
+        with force_counts(False):  # what is asked for stays asked for
             assert is_forced()
     assert not is_forced()
-    with pytest.raises(RuntimeError), forced():
+    with pytest.raises(RuntimeError), force_counts():
         raise RuntimeError
     assert not is_forced()
 
@@ -269,7 +269,7 @@ def test_processes_are_bounded_by_the_cores(monkeypatch: pytest.MonkeyPatch) -> 
         "65 processes would need about 12.1 GiB of memory, and the cores are 4: give at most 64, or add --force"
     )
     np.testing.assert_allclose(65 * PROCESS / 2.0**30, 12.1, rtol=1e-2)
-    with forced():
+    with force_counts():
         assert too_many_workers(10**6) == ""
 
 

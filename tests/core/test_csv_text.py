@@ -10,9 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tolevo.files import csv_text, read_own_csv
-from tolevo.files import neutralise_cell as neutral
-from tolevo.files import restore_cell as original
+from tolevo.files import csv_text, neutralise_cell, read_own_csv, restore_cell
 from tolevo.tables import read_table, write
 
 FORMULAS = [
@@ -33,14 +31,14 @@ KEPT = ["-0.5", "+1e-3", "-.5", "-0.5; 0.25", "-inf", "", "housing", "25 H7", "a
 
 @pytest.mark.parametrize("text", FORMULAS)
 def test_what_begins_like_a_formula_becomes_text_and_comes_back(text: str) -> None:
-    assert neutral(text) == f"'{text}"
-    assert original(neutral(text)) == text
+    assert neutralise_cell(text) == f"'{text}"
+    assert restore_cell(neutralise_cell(text)) == text
 
 
 @pytest.mark.parametrize("text", KEPT)
 def test_numbers_and_other_texts_stay(text: str) -> None:
-    assert neutral(text) == text
-    assert original(text) == text
+    assert neutralise_cell(text) == text
+    assert restore_cell(text) == text
 
 
 def test_marks_are_undone_for_any_text() -> None:
@@ -48,8 +46,8 @@ def test_marks_are_undone_for_any_text() -> None:
     draw = random.Random(1)
     for _ in range(10_000):
         text = "".join(draw.choices("'=+-@\t\r1.5e;a ", k=draw.randint(0, 6)))
-        written = neutral(text)
-        assert original(written) == text
+        written = neutralise_cell(text)
+        assert restore_cell(written) == text
         assert written[:1] not in ("=", "@")
 
 

@@ -14,7 +14,7 @@ import tolevo
 from tolevo.cli import app
 from tolevo.errors import RunError
 from tolevo.files import content, unwritable, write_bytes, write_text, write_with
-from tolevo.section import force_counts as forced
+from tolevo.section import force_counts
 
 STACK = """
 problem = "stack"
@@ -196,7 +196,7 @@ def test_a_file_has_a_size_limit_and_a_pipe_as_well(tmp_path: Path) -> None:
     assert len(content(large, 10**6)) == 10**6
     with pytest.raises(ValueError, match="has 977 KiB or more, and 977 KiB is the most that is read"):
         content(large, 10**6 - 1)
-    with forced():
+    with force_counts():
         assert len(content(large, 1)) == 10**6
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)

@@ -1,4 +1,4 @@
-"""Steps of a repeated computation are recalled, as long as their inputs are the same."""
+"""Steps of a repeated computation are recall_arrays, as long as their inputs are the same."""
 
 from __future__ import annotations
 
@@ -7,10 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from tolevo.journal import Section
-from tolevo.journal import recall_arrays as recalled
-from tolevo.journal import recall_columns as recalled_columns
-from tolevo.journal import recording_steps as recorded
+from tolevo.journal import Section, recall_arrays, recall_columns, recording_steps
 
 
 def worked(calls: list[int], n: int) -> tuple[np.ndarray, ...]:
@@ -25,8 +22,8 @@ def worked(calls: list[int], n: int) -> tuple[np.ndarray, ...]:
 def repeated(section: Section, numbers: list[int]) -> tuple[list[int], list[int]]:
     """The squares, and the numbers that were computed."""
     calls: list[int] = []
-    with recorded(section):
-        squares = [int(recalled((n,), lambda n=n: worked(calls, n))[0]) for n in numbers]  # type: ignore[misc]
+    with recording_steps(section):
+        squares = [int(recall_arrays((n,), lambda n=n: worked(calls, n))[0]) for n in numbers]  # type: ignore[misc]
     return squares, calls
 
 
@@ -37,8 +34,8 @@ def test_steps_are_computed_once_also_from_the_stored_state() -> None:
     stored = Section()
     stored.restore(section.state())
     assert repeated(stored, [1, 2, 3, 4]) == ([1, 4, 9, 16], [])
-    with recorded(stored):
-        arrays = recalled((1,), lambda: worked([], 1))
+    with recording_steps(stored):
+        arrays = recall_arrays((1,), lambda: worked([], 1))
     assert [array.dtype.kind for array in arrays] == ["i", "b", "i", "f"]
     assert [array.shape for array in arrays] == [(), (1,), (1,), (0, 1)]
 
@@ -56,10 +53,10 @@ def test_a_step_that_fails_leaves_its_place_to_the_next_attempt() -> None:
         raise KeyboardInterrupt
 
     repeated(section, [1])
-    with recorded(section):
-        recalled((1,), lambda: worked([], 1))
+    with recording_steps(section):
+        recall_arrays((1,), lambda: worked([], 1))
         with pytest.raises(KeyboardInterrupt):
-            recalled((2,), failing)
+            recall_arrays((2,), failing)
     assert repeated(section, [1, 2]) == ([1, 4], [2])
 
 
@@ -67,11 +64,11 @@ def test_steps_within_a_step_are_part_of_it() -> None:
     section, calls = Section(), list[int]()
 
     def outer() -> tuple[np.ndarray, ...]:
-        return recalled((1,), lambda: worked(calls, 1)) + worked(calls, 2)
+        return recall_arrays((1,), lambda: worked(calls, 1)) + worked(calls, 2)
 
     for _ in range(2):
-        with recorded(section):
-            assert len(recalled(("outer",), outer)) == 8
+        with recording_steps(section):
+            assert len(recall_arrays(("outer",), outer)) == 8
     assert calls == [1, 2]
 
 
@@ -79,18 +76,18 @@ def test_the_steps_of_a_step_that_was_interrupted_are_recalled() -> None:
     section, calls, ends = Section(), list[int](), [True, False, False]
 
     def outer() -> tuple[np.ndarray, ...]:
-        first = recalled((1,), lambda: worked(calls, 1))
+        first = recall_arrays((1,), lambda: worked(calls, 1))
         if ends.pop(0):
             raise KeyboardInterrupt
-        return first + recalled((2,), lambda: worked(calls, 2))
+        return first + recall_arrays((2,), lambda: worked(calls, 2))
 
-    with recorded(section), pytest.raises(KeyboardInterrupt):
-        recalled(("outer",), outer)
+    with recording_steps(section), pytest.raises(KeyboardInterrupt):
+        recall_arrays(("outer",), outer)
     stored = Section()
     stored.restore(section.state())
     for _ in range(2):
-        with recorded(stored):
-            assert len(recalled(("outer",), outer)) == 8
+        with recording_steps(stored):
+            assert len(recall_arrays(("outer",), outer)) == 8
     assert calls == [1, 2]
     assert "inner" not in stored.state()
 
@@ -98,36 +95,36 @@ def test_the_steps_of_a_step_that_was_interrupted_are_recalled() -> None:
 def test_columns_keep_their_names() -> None:
     section, calls = Section(), list[int]()
     for _ in range(2):
-        with recorded(section):
-            columns = recalled_columns((3,), lambda: dict(zip("abcd", worked(calls, 3), strict=True)))
+        with recording_steps(section):
+            columns = recall_columns((3,), lambda: dict(zip("abcd", worked(calls, 3), strict=True)))
             assert list(columns) == ["a", "b", "c", "d"]
             assert int(columns["a"]) == 9
-            assert recalled_columns(("none",), dict) == {}
+            assert recall_columns(("none",), dict) == {}
     assert calls == [3]
 
 
 def test_steps_within_an_interrupted_step_belong_to_its_inputs() -> None:
     def outer(name: str, calls: list[int], fails: bool) -> tuple[np.ndarray, ...]:
-        (value, *_) = recalled((3,), lambda: worked(calls, 3))
+        (value, *_) = recall_arrays((3,), lambda: worked(calls, 3))
         if fails:
             raise KeyboardInterrupt
         return (np.array(int(value) + len(name)),)
 
     section = Section()
-    with pytest.raises(KeyboardInterrupt), recorded(section):
-        recalled(("first",), lambda: outer("first", [], True))
+    with pytest.raises(KeyboardInterrupt), recording_steps(section):
+        recall_arrays(("first",), lambda: outer("first", [], True))
     for name, computed in (("first", 0), ("another", 1)):
         again, calls = Section(), list[int]()
         again.restore(section.state())
-        with recorded(again):
-            assert int(recalled((name,), lambda n=name, c=calls: outer(n, c, False))[0]) == 9 + len(name)  # type: ignore[misc]
+        with recording_steps(again):
+            assert int(recall_arrays((name,), lambda n=name, c=calls: outer(n, c, False))[0]) == 9 + len(name)  # type: ignore[misc]
         assert len(calls) == computed
 
 
 def test_results_that_are_no_numbers_are_computed_again() -> None:
     section = Section()
     for _ in range(2):
-        with recorded(section):
+        with recording_steps(section):
             until = time.thread_time() + 0.002
 
             def texts(until: float = until) -> tuple[np.ndarray, ...]:
@@ -135,5 +132,5 @@ def test_results_that_are_no_numbers_are_computed_again() -> None:
                     pass
                 return (np.array(["a", None], dtype=object),)
 
-            assert recalled((1,), texts)[0].tolist() == ["a", None]
+            assert recall_arrays((1,), texts)[0].tolist() == ["a", None]
         section.state()

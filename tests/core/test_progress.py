@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tolevo.cli import describe_claims, describe_gap, ended_share
-from tolevo.cli import progress_reporter as shown
+from tolevo.cli import describe_claims, describe_gap, ended_share, progress_reporter
 from tolevo.commands.gap.plan import GapProgress
 from tolevo.commands.reproduce.claims import ClaimsProgress
 
@@ -19,7 +18,7 @@ def test_line_and_share_of_the_replicates() -> None:
 
 
 def test_without_a_terminal_each_phase_has_a_line(capsys: pytest.CaptureFixture[str]) -> None:
-    with shown("gap", quiet=False) as update:
+    with progress_reporter("gap", quiet=False) as update:
         assert update is not None
         for state in (GapProgress("search"), *(GapProgress("bootstrap", k, 9) for k in range(9))):
             update(state)
@@ -27,7 +26,7 @@ def test_without_a_terminal_each_phase_has_a_line(capsys: pytest.CaptureFixture[
 
 
 def test_quiet_shows_nothing() -> None:
-    with shown("gap", quiet=True) as update:
+    with progress_reporter("gap", quiet=True) as update:
         assert update is None
 
 

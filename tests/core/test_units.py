@@ -5,8 +5,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tolevo.units import ARCMIN, COMMON, MM, RATES, SUFFIXES, UM, converted, split_unit, to_unit, unit_key, unit_of
-from tolevo.units import look_up_unit as looked_up
+from tolevo.units import (
+    ARCMIN,
+    COMMON,
+    MM,
+    RATES,
+    SUFFIXES,
+    UM,
+    converted,
+    look_up_unit,
+    split_unit,
+    to_unit,
+    unit_key,
+    unit_of,
+)
 
 
 @pytest.mark.parametrize(
@@ -119,6 +131,6 @@ def test_units_in_names(unit: str, key: str) -> None:
 def test_common_units_are_those_of_pint() -> None:
     from pint import UnitRegistry
 
-    assert {name: unit_of(name) for name in COMMON} == {name: looked_up(name) for name in COMMON}
+    assert {name: unit_of(name) for name in COMMON} == {name: look_up_unit(name) for name in COMMON}
     rates = {name for name in UnitRegistry() if "_per_" in name}
     assert rates | {"beats_per_minute"} == RATES  # pint before 0.26 does not know this one

@@ -10,14 +10,13 @@ import pytest
 from tolevo.models.manipulator.effects import changed_errors
 from tolevo.models.manipulator.forward import _poses
 from tolevo.models.manipulator.geometry import Manipulator, TaskRing
-from tolevo.models.manipulator.pose import ManipulatorPose, _rows
-from tolevo.models.manipulator.pose import _ring_faults as _of_ring
+from tolevo.models.manipulator.pose import ManipulatorPose, _ring_faults, _rows
 
 
 def test_both_ends_of_a_ring_are_named_where_both_are_wrong() -> None:
     ring = TaskRing()
     wrong = replace(ring, r=ring.r[:1], z=ring.z[:1])  # type: ignore[arg-type]
-    places = [one.place for one in _of_ring(wrong, "parameters")]
+    places = [one.place for one in _ring_faults(wrong, "parameters")]
     assert places == ["parameters.ring_r_mm", "parameters.ring_z_mm"]
 
 

@@ -17,8 +17,14 @@ from tolevo.models.rv_reducer.contact.contact import LoadedContact, faults
 from tolevo.models.rv_reducer.contact.geometry import Axes, ContactGeometry, Nominal, PartErrors, displacements
 from tolevo.models.rv_reducer.geometry import RvGeometry, zero_backlash_pair
 from tolevo.models.rv_reducer.population.contact import touch
-from tolevo.models.rv_reducer.population.errors import Lattice, Scaled, Table, part_errors, turn_lattice
-from tolevo.models.rv_reducer.population.errors import modified_geometry as modified
+from tolevo.models.rv_reducer.population.errors import (
+    Lattice,
+    Scaled,
+    Table,
+    modified_geometry,
+    part_errors,
+    turn_lattice,
+)
 from tolevo.models.rv_reducer.population.units import BaseSample, Profile, UnitDesign
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.units import ARCMIN, UM
@@ -154,7 +160,7 @@ def test_populations_of_shipped_reducers(name: str) -> None:
     table = Table.of(lattice, design.dr_rp, design.dr_p)
     units = Scaled.of(geometry, sample, design)
     found = touch(lattice, table, units).cycloid(geometry.output_ratio)
-    contact = LoadedContact(modified(geometry, design), exact=True)
+    contact = LoadedContact(modified_geometry(geometry, design), exact=True)
     errors = part_errors(geometry, sample, design)
     exact = performance.backlash(contact, errors, lattice.angles).T / ARCMIN
     np.testing.assert_allclose(found, exact, atol=0.002)

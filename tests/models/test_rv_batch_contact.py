@@ -9,8 +9,7 @@ from tolevo.models.inputs import Normal
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.models.rv_reducer.contact import contact as performance
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
-from tolevo.models.rv_reducer.population.errors import modified_geometry as modified
-from tolevo.models.rv_reducer.population.errors import part_errors, turn_lattice
+from tolevo.models.rv_reducer.population.errors import modified_geometry, part_errors, turn_lattice
 from tolevo.models.rv_reducer.population.units import BaseSample
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.units import ARCMIN
@@ -75,7 +74,7 @@ def test_units_by_the_exact_nearest_point() -> None:
     assert model.contact is not None
     basis, design = model.contact.basis, model.contact.design
     sample = BaseSample.draw(basis.geometry, 16, np.random.default_rng(3), basis.hierarchy, "random")
-    contact = LoadedContact(modified(basis.geometry, design), exact=True)
+    contact = LoadedContact(modified_geometry(basis.geometry, design), exact=True)
     errors = part_errors(basis.geometry, sample, design)
     play = performance.backlash(contact, errors, turn_lattice(31, 39)) / ARCMIN
     wanted = np.maximum(play.max(axis=1), 0.0)

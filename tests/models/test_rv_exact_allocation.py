@@ -17,8 +17,14 @@ from tolevo.models.rv_reducer.contact import contact as performance
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
 from tolevo.models.rv_reducer.population.contact import touch
-from tolevo.models.rv_reducer.population.errors import Lattice, Scaled, Table, part_errors, turn_lattice
-from tolevo.models.rv_reducer.population.errors import modified_geometry as modified
+from tolevo.models.rv_reducer.population.errors import (
+    Lattice,
+    Scaled,
+    Table,
+    modified_geometry,
+    part_errors,
+    turn_lattice,
+)
 from tolevo.models.rv_reducer.population.units import ERRORS, BaseSample, UnitDesign
 from tolevo.units import ARCMIN
 
@@ -76,7 +82,7 @@ def cycloid(design: UnitDesign, sample: BaseSample, angles: Array) -> Array:
 
 def by_nearest_point(design: UnitDesign, sample: BaseSample, angles: Array) -> Array:
     """y [arcmin], (positions, units), by the exact nearest point of every pin."""
-    contact = LoadedContact(modified(GEOMETRY, design), exact=True)
+    contact = LoadedContact(modified_geometry(GEOMETRY, design), exact=True)
     errors = part_errors(GEOMETRY, sample, design)
     return performance.backlash(contact, errors, angles).T / ARCMIN
 

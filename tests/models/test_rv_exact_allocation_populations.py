@@ -23,12 +23,12 @@ from tolevo.models.rv_reducer.population.errors import (
     Lattice,
     Scaled,
     Table,
+    modified_geometry,
     nearest_prime,
     part_errors,
     spreads_evenly,
     turn_lattice,
 )
-from tolevo.models.rv_reducer.population.errors import modified_geometry as modified
 from tolevo.models.rv_reducer.population.units import BaseSample, UnitDesign
 from tolevo.units import ARCMIN
 
@@ -269,7 +269,7 @@ def test_least_lost_motion(design: UnitDesign, limits: tuple[float, ...]) -> Non
     512 units; sampling is 0.003', the note does not print its modifications.
     """
     sample = BaseSample.draw(GEOMETRY, 512, np.random.default_rng(5))
-    contact = LoadedContact(modified(GEOMETRY, design))
+    contact = LoadedContact(modified_geometry(GEOMETRY, design))
     errors, angles = part_errors(GEOMETRY, sample, design), turn_lattice(61, 39)
     torque = performance.LOST_MOTION_SHARE * contact.rated_torque
     ends = [contact.rotation(errors, angles, one).mean(axis=1) for one in (torque, -torque)]

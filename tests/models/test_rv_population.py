@@ -16,8 +16,14 @@ from tolevo.models.rv_reducer.geometry import RvGeometry
 from tolevo.models.rv_reducer.population import errors as lattice_module
 from tolevo.models.rv_reducer.population import units as profile_module
 from tolevo.models.rv_reducer.population.contact import NAMES, Population, Slopes, Touch, Turn, pull_back, touch
-from tolevo.models.rv_reducer.population.errors import Lattice, Scaled, Table, part_errors, turn_lattice
-from tolevo.models.rv_reducer.population.errors import modified_geometry as modified
+from tolevo.models.rv_reducer.population.errors import (
+    Lattice,
+    Scaled,
+    Table,
+    modified_geometry,
+    part_errors,
+    turn_lattice,
+)
 from tolevo.models.rv_reducer.population.measures import Conditions, Measure, Measures
 from tolevo.models.rv_reducer.population.units import ERRORS, BaseSample, Involute, UnitDesign
 from tolevo.models.rv_reducer.tighter_planet import TighterPlanet
@@ -65,7 +71,7 @@ def touching(lattice: Lattice, sample: BaseSample, design: UnitDesign) -> tuple[
 
 def by_contact(geometry: ContactGeometry, sample: BaseSample, design: UnitDesign, angles: Array, exact: bool) -> Array:
     """The same y by the loaded contact, (positions, units)."""
-    contact = LoadedContact(modified(geometry, design), exact=exact)
+    contact = LoadedContact(modified_geometry(geometry, design), exact=exact)
     errors = part_errors(geometry, sample, design)
     return performance.backlash(contact, errors, angles).T / ARCMIN
 
@@ -123,13 +129,13 @@ def test_other_geometries(geometry: ContactGeometry) -> None:
     Second order is below 0.002' as for the RV-40E; a perfect unit's y is that of both to rounding.
     """
     design = replace(DOCUMENT, dr_p=-80e-6)
-    assert not faults(modified(geometry, design))
+    assert not faults(modified_geometry(geometry, design))
     sample = BaseSample.draw(geometry, 16, np.random.default_rng(3))
     angles = turn_lattice(53, geometry.nominal.cycloid_teeth)
     lattice = Lattice.of(geometry, angles)
     perfect = UnitDesign({}, dr_p=-80e-6)
     _, _, found = touching(lattice, sample, perfect)
-    contact = LoadedContact(modified(geometry, perfect))
+    contact = LoadedContact(modified_geometry(geometry, perfect))
     y = performance.backlash(contact, PartErrors(), angles)[0] / ARCMIN
     np.testing.assert_allclose(found, np.broadcast_to(y[:, None], found.shape), atol=2e-6)
     _, _, found = touching(lattice, sample, design)
@@ -301,7 +307,7 @@ def test_contacts_that_touch_are_those_of_the_gaps() -> None:
     lattice = Lattice.of(GEOMETRY, turn_lattice(13, 39))
     sample = BaseSample.draw(GEOMETRY, 8, np.random.default_rng(6))
     _, found, _ = touching(lattice, sample, DOCUMENT)
-    contact = LoadedContact(modified(GEOMETRY, DOCUMENT))
+    contact = LoadedContact(modified_geometry(GEOMETRY, DOCUMENT))
     mesh = contact.mesh(part_errors(GEOMETRY, sample, DOCUMENT), lattice.angles)
     gaps = mesh.gaps
     turn = gaps.gap / np.where(np.abs(gaps.lever) > 1e-4, gaps.lever, np.inf)

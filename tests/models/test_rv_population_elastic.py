@@ -14,8 +14,14 @@ from tolevo.models.rv_reducer.contact.contact import LoadedContact
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry, PartErrors
 from tolevo.models.rv_reducer.population.contact import NAMES, Slopes, touch
 from tolevo.models.rv_reducer.population.elastic import OUTPUTS, TE_POSITIONS, Elastic, Loading, elastic
-from tolevo.models.rv_reducer.population.errors import Lattice, Scaled, Table, part_errors, turn_lattice
-from tolevo.models.rv_reducer.population.errors import modified_geometry as modified
+from tolevo.models.rv_reducer.population.errors import (
+    Lattice,
+    Scaled,
+    Table,
+    modified_geometry,
+    part_errors,
+    turn_lattice,
+)
 from tolevo.models.rv_reducer.population.units import BaseSample, UnitDesign
 from tolevo.models.rv_reducer.tighter_planet import TighterPlanet
 from tolevo.units import ARCMIN
@@ -68,7 +74,7 @@ class Case:
         """The loaded contact, with all pins and gaps to third order."""
         loading = loading or Loading()
         return LoadedContact(
-            modified(GEOMETRY, self.design),
+            modified_geometry(GEOMETRY, self.design),
             normal_stiffness=loading.normal_stiffness,
             series_stiffness=loading.series_stiffness,
         )

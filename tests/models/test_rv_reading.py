@@ -12,8 +12,7 @@ from tolevo.models.rv_reducer.backlash import BacklashModel, stage_means
 from tolevo.models.rv_reducer.contact.contact import LoadedContact, backlash
 from tolevo.models.rv_reducer.contact.geometry import PartErrors
 from tolevo.models.rv_reducer.geometry import InvoluteStage
-from tolevo.models.rv_reducer.tighter_planet import TighterOf, TighterPlanet
-from tolevo.models.rv_reducer.tighter_planet import tighter_planet_law as tighter_of
+from tolevo.models.rv_reducer.tighter_planet import TighterOf, TighterPlanet, tighter_planet_law
 from tolevo.section import Value
 from tolevo.units import ARCMIN, MM, UM
 
@@ -164,6 +163,6 @@ def test_tighter_planet_of_another_distribution_is_drawn_alike() -> None:
 
 
 def test_one_planet_keeps_its_distribution() -> None:
-    assert tighter_of(Normal(), TighterPlanet(1)) == Normal()
-    assert tighter_of(Normal(), TighterPlanet(2, 1.0)) == Normal()
-    assert tighter_of(Uniform(), TighterPlanet()) == TighterPlanet()
+    assert tighter_planet_law(Normal(), TighterPlanet(1)) == Normal()
+    assert tighter_planet_law(Normal(), TighterPlanet(2, 1.0)) == Normal()
+    assert tighter_planet_law(Uniform(), TighterPlanet()) == TighterPlanet()

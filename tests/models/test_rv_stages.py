@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from tolevo.models.inputs import Distribution, Normal, Triangular, Uniform
 from tolevo.models.propagation import ClippedSum, Convolution, Term
 from tolevo.models.rv_reducer import declared
-from tolevo.models.rv_reducer.batch import PART, Batch, Units, batch, drawn, units
-from tolevo.models.rv_reducer.batch import sum_at_probabilities as summed
+from tolevo.models.rv_reducer.batch import PART, Batch, Units, batch, drawn, sum_at_probabilities, units
 from tolevo.units import ARCMIN
 
 Array = NDArray[np.float64]
@@ -87,12 +86,12 @@ def test_sum_is_constant_linear_and_quadratic_part(law: Distribution) -> None:
     p = np.random.default_rng(2).random((2, 40))
     first, second = 2.0 * p[0] - 1.0, law.quantile(p[1])
     wanted = 3.0 + 2.0 * first + 1.0 - 1.5 * second + 0.7 * second**2
-    np.testing.assert_allclose(summed(terms, p.copy()), wanted, rtol=1e-12)
+    np.testing.assert_allclose(sum_at_probabilities(terms, p.copy()), wanted, rtol=1e-12)
 
 
 def test_batches_longer_than_a_part_are_drawn_whole() -> None:
     terms, count = document().clipped, PART + 3
     found = drawn(terms, count, np.random.default_rng(4))
     rng = np.random.default_rng(4)
-    wanted = [summed(terms, rng.random((len(terms), n))) for n in (PART, 3)]
+    wanted = [sum_at_probabilities(terms, rng.random((len(terms), n))) for n in (PART, 3)]
     np.testing.assert_array_equal(found, np.concatenate(wanted))

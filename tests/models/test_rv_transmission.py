@@ -13,8 +13,7 @@ from tolevo.commands.simulate import Simulation, inputs_in, rows_of
 from tolevo.errors import InputError
 from tolevo.models.rv_reducer.contact.contact import OverloadWarning
 from tolevo.models.rv_reducer.contact.geometry import Mesh
-from tolevo.models.rv_reducer.dynamics import Oscillator, TabulatedMesh, Train, spectrum, steady_state
-from tolevo.models.rv_reducer.dynamics import tabulate_mesh as tabulated
+from tolevo.models.rv_reducer.dynamics import Oscillator, TabulatedMesh, Train, spectrum, steady_state, tabulate_mesh
 from tolevo.models.rv_reducer.lost_motion import CHANGES, LoadedUnit, RvLostMotion
 from tolevo.models.rv_reducer.lost_motion import unit_under_load as loaded_unit
 from tolevo.models.rv_reducer.transmission import RvTransmission
@@ -257,7 +256,7 @@ def test_full_dynamics_and_table_agree_where_the_vibration_is_small() -> None:
 
 def test_tabulated_mesh_vibrates_as_the_contact_itself() -> None:
     mesh = loaded_unit(REAL).mesh(2000)
-    table = tabulated(mesh, 2058.0)
+    table = tabulate_mesh(mesh, 2058.0)
     for torque, rpm in ((412.0, 15.0), (60.0, 41.0), (20.0, 30.0)):
         points = Oscillator.of(table, Train(), np.asarray(torque), np.asarray(rpm * np.pi / 30.0))
         found, expected = (steady_state(one, points, 1e-8) for one in (table, Direct(mesh, table)))

@@ -10,9 +10,7 @@ import pytest
 from tolevo.models.propagation.sums import total_cumulants
 from tolevo.models.rv_reducer import declared
 from tolevo.models.rv_reducer.cycloid import LINEAR_ERRORS, EccentricityLaw, coefficients
-from tolevo.models.rv_reducer.tighter_planet import ERRORS, Stage, equal_shares
-from tolevo.models.rv_reducer.tighter_planet import least_clipped_rotation as least_clipped
-from tolevo.models.rv_reducer.tighter_planet import least_rotation as least
+from tolevo.models.rv_reducer.tighter_planet import ERRORS, Stage, equal_shares, least_clipped_rotation, least_rotation
 from tolevo.units import ARCMIN
 
 UNIT = 2.0 / 0.0507
@@ -47,7 +45,7 @@ def test_backlash_is_that_of_the_model(seed: int) -> None:
 @pytest.mark.parametrize("quadratic", [-12.6e3, 12.6e3, 0.0])
 def test_least_is_that_of_all_corners_and_a_grid_of_the_parabola(quadratic: float) -> None:
     own = stage(0.1, quadratic)
-    found = least(own, BOUNDS)
+    found = least_rotation(own, BOUNDS)
     low, high = BOUNDS["eccentricity"]
     d = np.linspace(low, high, 100_001)
     parabola = UNIT * (-0.055 * d + quadratic * d**2)
@@ -76,13 +74,13 @@ def test_no_point_of_the_box_is_below_the_bound(quadratic: float) -> None:
 def test_the_eccentricity_law_is_not_even() -> None:
     """-0.055 d falls with d: of equal ends the upper one adds less; -9 um adds -0.53 um."""
     even: dict[str, tuple[float, float]] = dict.fromkeys(ERRORS, (-4e-6, 4e-6))
-    assert least(stage(), even).errors["eccentricity"] == 4e-6
-    assert least(stage(), even | {"eccentricity": (-9e-6, 4e-6)}).errors["eccentricity"] == -9e-6
+    assert least_rotation(stage(), even).errors["eccentricity"] == 4e-6
+    assert least_rotation(stage(), even | {"eccentricity": (-9e-6, 4e-6)}).errors["eccentricity"] == -9e-6
 
 
 def test_clipped_optimum_has_no_backlash_and_no_interference() -> None:
     own = stage(0.3)
-    found = least_clipped(own, BOUNDS)
+    found = least_clipped_rotation(own, BOUNDS)
     assert own.backlash(found.errors) == pytest.approx(0.0, abs=1e-15)
     assert found.bound == 0.0
     for error, (low, high) in BOUNDS.items():
@@ -91,12 +89,12 @@ def test_clipped_optimum_has_no_backlash_and_no_interference() -> None:
 
 def test_clipping_changes_nothing_where_nothing_interferes() -> None:
     own = stage(10.0)
-    assert least_clipped(own, BOUNDS) == least(own, BOUNDS)
-    assert least(own, BOUNDS).backlash > 0.0
+    assert least_clipped_rotation(own, BOUNDS) == least_rotation(own, BOUNDS)
+    assert least_rotation(own, BOUNDS).backlash > 0.0
 
 
 def test_middle_of_the_bounds_where_it_already_interferes() -> None:
-    found = least_clipped(stage(-10.0), BOUNDS)
+    found = least_clipped_rotation(stage(-10.0), BOUNDS)
     assert found.backlash < 0.0
     assert found.errors == {error: sum(ends) / 2.0 for error, ends in BOUNDS.items()}
 

@@ -21,8 +21,7 @@ from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.errors import Fault
-from tolevo.problems.limits import LIMIT_ROUNDING as ROOM
-from tolevo.problems.limits import Limit, loosened, overlap
+from tolevo.problems.limits import LIMIT_ROUNDING, Limit, loosened, overlap
 from tolevo.problems.settings import Bound, Settings
 from tolevo.problems.stack import Stack
 from tolevo.section import Section
@@ -51,9 +50,9 @@ def test_a_limit_that_is_met_to_rounding_is_kept_everywhere_and_a_real_excess_br
 
 def test_the_room_is_a_fraction_of_the_limit_in_any_unit_and_of_what_a_yield_lacks() -> None:
     for unit in (1e-6, 1.0, 1e6):
-        assert limit(high=0.3 * unit).room(0.3 * unit) == pytest.approx(0.3 * unit * ROOM)
-    assert limit(high=0.0).room(0.0) == pytest.approx(0.5 * ROOM)
-    assert limit(low=99.73, most=100.0).room(99.73) == pytest.approx(0.27 * ROOM)
+        assert limit(high=0.3 * unit).room(0.3 * unit) == pytest.approx(0.3 * unit * LIMIT_ROUNDING)
+    assert limit(high=0.0).room(0.0) == pytest.approx(0.5 * LIMIT_ROUNDING)
+    assert limit(low=99.73, most=100.0).room(99.73) == pytest.approx(0.27 * LIMIT_ROUNDING)
     assert limit(low=100.0, most=100.0).room(100.0) < 1e-12
     assert limit(high=1.0).room(np.inf) == np.inf
 

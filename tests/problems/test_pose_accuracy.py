@@ -13,8 +13,7 @@ from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
-from tolevo.models.effects.measurements import Active, changes_of, measurements_of, target_of
-from tolevo.models.effects.measurements import effect_actions as acting
+from tolevo.models.effects.measurements import Active, changes_of, effect_actions, measurements_of, target_of
 from tolevo.models.manipulator.effects import unit_effects
 from tolevo.models.manipulator.geometry import Manipulator, TaskRing
 from tolevo.models.manipulator.maps import SOURCES as ELEMENTARY
@@ -245,7 +244,7 @@ def test_effects_move_the_mean_of_machines_and_not_their_spread(name: str) -> No
     drawn = {one.name: rng.normal(0.0, 0.1 if one.unit == "mrad" else 20.0, count) for one in ELEMENTARY}
     one = Active(registry.load("effects", name)(), EFFECTS[name])
     target = target_of(model, "manipulator_pose", table)
-    added = changes_of(acting([one], measurements_of(target.columns, table), target))
+    added = changes_of(effect_actions([one], measurements_of(target.columns, table), target))
     none = np.zeros(count)
     both = {key: drawn.get(key, none) + added.get(key, none) for key in {*drawn, *added}}
     plain, moved = (model.predict(table, rng, changes) for changes in (drawn, both))

@@ -13,7 +13,7 @@ from scipy import optimize, stats
 from tolevo.algorithms.exact.bounds import proof, row_limits
 from tolevo.algorithms.exact.choices import least_cost
 from tolevo.algorithms.exact.combination import Combination
-from tolevo.commands.run.promise import cheapest_design as cheapest
+from tolevo.commands.run.promise import cheapest_design
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.models.capability import Knowledge
@@ -138,7 +138,7 @@ def test_no_search_keeps_a_promise_by_interference(statement: str, tmp_path: Pat
 def test_a_point_of_the_form_is_corrected_until_it_keeps_its_limits(limit: float, tmp_path: Path) -> None:
     """Five rounds leave the yield 3e-6 % short where nearly all units interfere."""
     problem = built(tmp_path, text("plug_in", LIMITED.format(limit=limit)))
-    least = cheapest(problem)
+    least = cheapest_design(problem)
     found = problem.outputs_of(least.design[None, :])
     assert 99.73 <= found["yield_percent"][0] <= 99.7302
     assert found["interference_probability"][0] <= limit
@@ -189,7 +189,7 @@ def test_the_bound_counts_promise_and_interference(limit: float, tmp_path: Path)
     bound; without the interference it would be a third lower.
     """
     problem = built(tmp_path, text(more=LIMITED.format(limit=limit)))
-    least = cheapest(problem)
+    least = cheapest_design(problem)
     found = problem.outputs_of(least.design[None, :])
     assert 99.73 <= found["promised_yield_percent"][0] <= 99.7302
     assert found["interference_probability"][0] <= limit

@@ -1,4 +1,4 @@
-"""The front of a nested reducer: the closed form of E b^2, its least costs and their bounds."""
+"""The front of a nested reducer: the closed form of E b^2, its least_cost_allocations costs and their bounds."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from tolevo.problems.nested_reducers import (
     block_of,
     curve_of_points,
     documents_reducer,
+    least_cost_allocations,
     lower_bound,
 )
-from tolevo.problems.nested_reducers import least_cost_allocations as least
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, Settings, VariableSetting
 
@@ -105,12 +105,12 @@ class TestLeastCost:
         start = 0.5 * (np.log(block.low) + np.log(block.high))
         found = minimize(objective, start, bounds=ends, method="SLSQP",
                                   options={"ftol": 1e-14, "maxiter": 500})  # fmt: skip
-        own = least(block, np.array([kappa]), np.array([grade]))
+        own = least_cost_allocations(block, np.array([kappa]), np.array([grade]))
         assert own.cost[0] + kappa * own.square[0] == pytest.approx(found.fun, rel=1e-9)
 
     def test_bounds_are_below_random_allocations_and_near_the_best(self, limited: Block) -> None:
         kappa, grade = np.geomspace(0.1, 1e3, 40), np.arange(40) % 5
-        own = least(limited, kappa, grade)
+        own = least_cost_allocations(limited, kappa, grade)
         proven = lower_bound(limited, kappa, grade, own)
         best = own.cost + kappa * own.square
         assert np.all(proven <= best * (1.0 + 1e-12))
@@ -128,13 +128,13 @@ class TestLeastCost:
     def test_a_bound_that_does_not_depend_on_the_iteration(self, block: Block) -> None:
         """At an allocation far from the best the bound is lower, and still one."""
         kappa, grade = np.array([30.0]), np.array([1])
-        own = least(block, kappa, grade)
-        far = least(block, np.array([3.0]), grade)
+        own = least_cost_allocations(block, kappa, grade)
+        far = least_cost_allocations(block, np.array([3.0]), grade)
         assert lower_bound(block, kappa, grade, far)[0] < (own.cost + kappa * own.square)[0]
 
     def test_interference_is_kept(self, limited: Block) -> None:
         kappa, grade = np.geomspace(1.0, 300.0, 8), np.full(8, 1)
-        own = least(limited, kappa, grade)
+        own = least_cost_allocations(limited, kappa, grade)
         designs = limited.designs(own.t, own.bearing, grade, own.s)
         found = limited.problem.outputs_of(designs)
         np.testing.assert_allclose(found["interference_probability"], 0.05, atol=1e-3)
@@ -176,7 +176,7 @@ class TestFront:
         """The front of the quantile nests 2 to 5 % dearer reducers of equal E b^2."""
         block = front.block
         grade = np.array([1])
-        target = least(block, np.array([12.0]), grade)
+        target = least_cost_allocations(block, np.array([12.0]), grade)
         ends = list(zip(np.log(block.low), np.log(block.high), strict=True))
 
         def quantile(y: np.ndarray) -> float:
@@ -248,6 +248,6 @@ def test_fixed_tolerances_are_nested_as_they_are() -> None:
              for name, value in {"pin_radius_um": 1.0, "involute_grade": 6.0}.items()}  # fmt: skip
     found = block_of(RvBacklash(Settings(variables=fixed)))
     assert isinstance(found, Block)
-    own = least(found, np.array([5.0]), np.array([0]))
+    own = least_cost_allocations(found, np.array([5.0]), np.array([0]))
     assert own.t[0, found.names.index("pin_radius_um")] == 1.0
     assert list(found.grades) == [6.0]

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from tolevo.algorithms.exact.bounds import proof
-from tolevo.algorithms.exact.bounds import restrict_form as restricted
+from tolevo.algorithms.exact.bounds import proof, restrict_form
 from tolevo.algorithms.exact.choices import least_cost, search_vectors
 from tolevo.algorithms.exact.combination import Combination, Optimum
 from tolevo.algorithms.exact.programme import Programme
@@ -62,7 +61,7 @@ def at_limits(problem: RobotJoint, limits: list[float]) -> Optimum:
     form = problem.form()
     assert form is not None
     used = np.arange(len(form.outputs)) < 3
-    return least_cost(restricted(form, used), np.array([limits]))
+    return least_cost(restrict_form(form, used), np.array([limits]))
 
 
 def outputs(problem: RobotJoint, design: np.ndarray, *names: str) -> list[float]:
@@ -178,7 +177,7 @@ class TestLeastCosts:
         assert design[21] == pytest.approx(design[23], rel=1e-6)
         form = problem.form()
         assert form is not None
-        unequal = restricted(form, np.arange(len(form.outputs)) < 3)
+        unequal = restrict_form(form, np.arange(len(form.outputs)) < 3)
         first, second = unequal.features[0].ways[0], unequal.features[1].ways[1]
         features = list(unequal.features)
         features[0] = replace(features[0], ways=(first,))
@@ -287,7 +286,7 @@ class TestNestedEqualsJoint:
         form = problem.form()
         assert form is not None
         chosen = tuple(found.chosen[0].tolist())
-        combination = Combination(restricted(form, np.arange(len(form.outputs)) < 3), chosen)
+        combination = Combination(restrict_form(form, np.arange(len(form.outputs)) < 3), chosen)
         other = Programme(combination).allocation(np.array([0.04, 0.15, 0.12]))
         assert other is not None
         assert float(combination.cost(other[None, :])[0]) == pytest.approx(found.cost[0], rel=1e-6)

@@ -19,8 +19,7 @@ from tolevo.algorithms.settings import Budget
 from tolevo.models.rv_reducer.contact import contact as performance
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
-from tolevo.models.rv_reducer.population.errors import modified_geometry as modified
-from tolevo.models.rv_reducer.population.errors import part_errors, turn_lattice
+from tolevo.models.rv_reducer.population.errors import modified_geometry, part_errors, turn_lattice
 from tolevo.models.rv_reducer.population.units import BaseSample, UnitDesign
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.settings import Bound, Settings, VariableSetting
@@ -51,7 +50,7 @@ def least_cost(between_discs: bool) -> tuple[RvReducer, Array]:
 def by_nearest_point(design: UnitDesign, units: int) -> Array:
     """y [arcmin], (positions, units), of pseudo-random units."""
     rng = np.random.default_rng(20_000)
-    contact = LoadedContact(modified(GEOMETRY, design), exact=True)
+    contact = LoadedContact(modified_geometry(GEOMETRY, design), exact=True)
     parts = []
     for _ in range(units // PART):
         sample = BaseSample.draw(GEOMETRY, PART, rng, kind="random")

@@ -14,12 +14,10 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from tolevo.algorithms.exact.bounds import proof
-from tolevo.algorithms.exact.bounds import restrict_form as restricted
+from tolevo.algorithms.exact.bounds import proof, restrict_form
 from tolevo.algorithms.exact.choices import least_cost, search_vectors
 from tolevo.algorithms.exact.solver import exact_vectors
-from tolevo.models.serial_arm.kinematics import Chain, positions
-from tolevo.models.serial_arm.kinematics import singular_joints as singular
+from tolevo.models.serial_arm.kinematics import Chain, positions, singular_joints
 from tolevo.problems.serial_arm import SerialArmAllocation
 from tolevo.problems.serial_arm.definition import Definition, shipped_arm
 from tolevo.problems.settings import PropagationSetting, Settings
@@ -63,7 +61,7 @@ def optimum(problem: SerialArmAllocation, rms: float) -> tuple[np.ndarray, dict[
     """Design, outputs and bound of the least cost at a rms position error [mm]."""
     form = problem.form()
     assert form is not None
-    found = least_cost(restricted(form, np.arange(len(form.outputs)) < 1), np.array([[rms]]))
+    found = least_cost(restrict_form(form, np.arange(len(form.outputs)) < 1), np.array([[rms]]))
     design = problem.complete(search_vectors(problem, form, found))
     values = problem.first_order(design)
     return design, {name: float(one[0]) for name, one in values.items()}, float(found.bound[0])
@@ -310,7 +308,7 @@ class TestFewJoints:
                        near=(0.0, 0.9, -1.5))  # fmt: skip
         problem = problem_of(Definition(table, joints, cell), calibrated="position")
         assert not problem.faults()
-        assert not any(singular(problem.machine.chain, problem.machine.frames))
+        assert not any(singular_joints(problem.machine.chain, problem.machine.frames))
         assert problem.machine.geared == 2
         assert np.all(problem.machine.links[0] < 1e-20)
         assert problem.machine.links[1].sum() > 0.0

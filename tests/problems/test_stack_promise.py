@@ -15,8 +15,7 @@ from typer.testing import CliRunner
 
 import tolevo
 from tolevo.cli import app
-from tolevo.commands.run.promise import cheapest_design as cheapest
-from tolevo.commands.run.promise import expected_gain, next_parts, shadow_gain
+from tolevo.commands.run.promise import cheapest_design, expected_gain, next_parts, shadow_gain
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.problems.stack.promises import with_knowledge, with_statement
@@ -145,7 +144,7 @@ def test_assurance_and_expected_yield_by_other_draws(tmp_path: Path) -> None:
 def test_plug_in_keeps_the_estimated_yield(tmp_path: Path) -> None:
     problem = built(tmp_path, text("plug_in"))
     assert [(limit.name, limit.low) for limit in problem.limits] == [("yield_percent", 99.73)]
-    least = cheapest(problem)
+    least = cheapest_design(problem)
     found = problem.frame(least.design[None, :]).iloc[0]
     assert found["yield_percent"] == pytest.approx(99.73, abs=1e-6)
     assert found["assurance_percent"] < 50.0
@@ -156,7 +155,7 @@ def test_means_as_found_take_room(tmp_path: Path) -> None:
     """T >= |sum a xbar| + K h."""
     problem = built(tmp_path, text(mean="as_found"))
     centre = float(np.dot(SLOPES, [np.mean(values) for values in samples()]))
-    least = cheapest(problem)
+    least = cheapest_design(problem)
     z = stats.norm.ppf(0.5 * 1.9973)
     assert z * by_hand(least.design) == pytest.approx(40.0 - abs(centre), rel=1e-7)
 
@@ -181,8 +180,8 @@ def test_what_to_measure_next_is_what_more_parts_are_worth(tmp_path: Path) -> No
         stack, name)  # fmt: skip
     known = {part.name: part.sample.knowledge for part in stack.definition.parts}
     same = with_knowledge(stack, {name: known[name]})
-    assert cheapest(same).cost == pytest.approx(cheapest(stack).cost, rel=1e-9)
-    assert cheapest(with_statement(stack, "plug_in")).cost < cheapest(stack).cost
+    assert cheapest_design(same).cost == pytest.approx(cheapest_design(stack).cost, rel=1e-9)
+    assert cheapest_design(with_statement(stack, "plug_in")).cost < cheapest_design(stack).cost
 
 
 def test_a_promise_out_of_reach_is_said_before(tmp_path: Path) -> None:
@@ -263,7 +262,7 @@ def test_one_limit_alone_takes_the_error_of_the_mean_in_full(tmp_path: Path) -> 
     found = problem.frame(t[None, :]).iloc[0]
     expected = 100.0 * stats.norm.cdf(40.0 / reach(t))
     assert found["promised_yield_percent"] == pytest.approx(expected, abs=1e-9)
-    least = cheapest(problem)
+    least = cheapest_design(problem)
     assert k * reach(least.design) == pytest.approx(40.0, rel=1e-6)
     kept = problem.frame(least.design[None, :]).iloc[0]
     assert 94.0 <= kept["assurance_percent"] <= 98.0

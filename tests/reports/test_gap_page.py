@@ -30,8 +30,7 @@ from tolevo.commands.gap.records import (
     Step,
 )
 from tolevo.page.drawing import as_png, as_svg
-from tolevo.page_data import dump_result as dumped
-from tolevo.page_data import load_result as loaded
+from tolevo.page_data import dump_result, load_result
 from tolevo.records import Axis
 
 EVIL = '<script>alert("x")</script>'
@@ -244,16 +243,16 @@ def test_same_bytes_every_time(result: GapResult) -> None:
 
 
 def test_the_page_is_built_again_from_what_is_stored(result: GapResult) -> None:
-    again, bad = loaded(GapResult, json.loads(dumped(result)))
+    again, bad = load_result(GapResult, json.loads(dump_result(result)))
     assert bad == []
     assert gap_page(again) == gap_page(result)
 
 
 def test_what_is_missing_in_the_stored_page_is_named(result: GapResult) -> None:
-    content = json.loads(dumped(result))
+    content = json.loads(dump_result(result))
     del content["fields"]["notes"]
     content["fields"]["title"] = 3
-    again, bad = loaded(GapResult, content)
+    again, bad = load_result(GapResult, content)
     assert sorted(bad) == ["notes", "title"]
     assert again.notes == ()
 
@@ -268,7 +267,7 @@ def test_the_next_measurement(result: GapResult) -> None:
                               "next_measurement.csv")  # fmt: skip
     points = pd.DataFrame({"torque_Nm": [400.0] * 20 + [-400.0] * 10, "direction": [1.0] * 30})
     whole = replace(result, next_measurement=planned, next_points=points)
-    again, bad = loaded(GapResult, json.loads(dumped(whole)))
+    again, bad = load_result(GapResult, json.loads(dump_result(whole)))
     assert bad == []
     assert again.next_measurement == planned
     assert gap_page(again) == gap_page(whole)

@@ -11,8 +11,7 @@ from tests.reports.html import parsed
 from tests.reports.test_gap_page import result as of_page
 from tolevo.commands.gap.page import attribution_table, gap_page, population_table
 from tolevo.commands.gap.records import Attribution, GapResult, InputChange, PopulationLine
-from tolevo.page_data import dump_result as dumped
-from tolevo.page_data import load_result as loaded
+from tolevo.page_data import dump_result, load_result
 
 NAN = float("nan")
 result = of_page
@@ -56,7 +55,7 @@ def test_page_without_units_has_no_section_of_them(result: GapResult) -> None:
 
 
 def test_both_come_back_from_the_stored_page(of_units: GapResult) -> None:
-    found, bad = loaded(GapResult, json.loads(dumped(of_units)))
+    found, bad = load_result(GapResult, json.loads(dump_result(of_units)))
     assert bad == []
     assert found.attribution == of_units.attribution
     assert found.population[0] == of_units.population[0]

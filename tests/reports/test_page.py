@@ -11,7 +11,7 @@ import pytest
 from tests.reports.html import parsed
 from tolevo.page import page
 from tolevo.page.document import shown, table
-from tolevo.page.explorer import thin_points as thinned
+from tolevo.page.explorer import thin_points
 from tolevo.page.figures import front_figure, population_figure, turn_figure
 from tolevo.records import Axis, RunResult
 
@@ -98,7 +98,7 @@ def test_the_data_end_in_no_text(result: RunResult) -> None:
 
 def test_points_are_thinned_by_the_stated_rule() -> None:
     front = pd.DataFrame({"cost": np.arange(1000.0)[::-1], "error": np.arange(1000.0)})
-    rows = thinned(front, ["cost", "error"], [3, 500], 100)
+    rows = thin_points(front, ["cost", "error"], [3, 500], 100)
     assert len(rows) <= 102
     assert {0, 999, 3, 500} <= set(rows.tolist())
     assert np.all(np.diff(front["cost"].iloc[rows]) > 0.0)

@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from tests.reports.html import parsed
 from tolevo.commands.study.page import figures, study_page
 from tolevo.page.drawing import as_png, as_svg
-from tolevo.page_data import dump_result as dumped
-from tolevo.page_data import load_result as loaded
+from tolevo.page_data import dump_result, load_result
 from tolevo.records import Recommendation, Response, StudyResult, Varied, Verdict
 
 EVIL = '<script>alert("x")</script>'
@@ -140,15 +139,15 @@ def test_sensitivities_stand_with_their_intervals(result: StudyResult) -> None:
 
 
 def test_the_page_is_built_again_from_what_is_stored(result: StudyResult) -> None:
-    again, bad = loaded(StudyResult, json.loads(dumped(result)))
+    again, bad = load_result(StudyResult, json.loads(dump_result(result)))
     assert bad == []
     assert study_page(again) == study_page(result)
 
 
 def test_what_is_missing_in_the_stored_page_is_named(result: StudyResult) -> None:
-    content = json.loads(dumped(result))
+    content = json.loads(dump_result(result))
     del content["fields"]["notes"]
     content["fields"]["title"] = 3
-    again, bad = loaded(StudyResult, content)
+    again, bad = load_result(StudyResult, content)
     assert sorted(bad) == ["notes", "title"]
     assert again.notes == ()

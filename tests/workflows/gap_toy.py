@@ -14,7 +14,7 @@ from tolevo.commands.gap.data import GapData
 from tolevo.commands.gap.fit import Fit, Fitter, Member, Space
 from tolevo.commands.gap.generic import Form, generic, groups_of
 from tolevo.commands.gap.library import Candidate
-from tolevo.commands.gap.linear import join_groups as joined
+from tolevo.commands.gap.linear import join_groups
 from tolevo.commands.gap.noise import Noise
 from tolevo.commands.gap.plan import GapSettings
 from tolevo.commands.gap.scan import Dictionary, Remaining, Thresholds
@@ -64,7 +64,7 @@ def toy(
     space, given = Space((Noise(np.ones(N), "given"),)), Given(columns, data)
     fitter = Fitter(space, y, np.ones((N, 1)), given, np.zeros(0))  # type: ignore[arg-type]
     parts = [given.of(one.candidate, one.shape) for one in members]
-    groups = joined(parts, [one.candidate.one_sided for one in members], N)
+    groups = join_groups(parts, [one.candidate.one_sided for one in members], N)
     book = Dictionary(tuple(members), groups)
     labels = np.arange(N) % 10
     return Search(fitter, book, book.white(space), Thresholds(limit, 20.0), labels,

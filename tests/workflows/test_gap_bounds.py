@@ -16,9 +16,8 @@ from tolevo.commands.gap.close import Corrected
 from tolevo.commands.gap.configuration import gap_plan, read_gap
 from tolevo.commands.gap.fit import Fit, Member
 from tolevo.commands.gap.read import read_data
-from tolevo.commands.gap.result import Ending
-from tolevo.commands.gap.result import finish_analysis as ended
-from tolevo.commands.gap.setup import prepare_setup as prepared
+from tolevo.commands.gap.result import Ending, finish_analysis
+from tolevo.commands.gap.setup import prepare_setup
 
 SLIDE = """
 model = "table"
@@ -50,7 +49,7 @@ def axis(tmp_path_factory: pytest.TempPathFactory) -> Analysis:
     (folder / "gap.toml").write_text(SLIDE, "utf-8")
     slide(2).to_csv(folder / "data.csv", index=False)
     plan = read_gap(folder / "gap.toml")
-    return analysed(prepared(plan, read_data(plan, folder / "data.csv")))
+    return analysed(prepare_setup(plan, read_data(plan, folder / "data.csv")))
 
 
 def test_a_viscous_friction_is_seen_beside_a_coulomb_friction(axis: Analysis) -> None:
@@ -116,7 +115,7 @@ def test_a_part_of_what_a_name_does_is_no_other_form(tmp_path: Path) -> None:
     )
     (tmp_path / "gap.toml").write_text(ENCODER, "utf-8")
     plan = read_gap(tmp_path / "gap.toml")
-    found = analysed(prepared(plan, read_data(plan, tmp_path / "data.csv")))
+    found = analysed(prepare_setup(plan, read_data(plan, tmp_path / "data.csv")))
     assert set(found.fit.names) == {"torsional_compliance", "encoder_harmonics"}
     assert not found.identified.significant
 
@@ -141,7 +140,7 @@ def ended_within(analysis: Analysis, most: int, monkeypatch: pytest.MonkeyPatch)
         return without(before, name, trusted)
 
     monkeypatch.setattr(result, "without", counted)
-    end = ended(analysis)
+    end = finish_analysis(analysis)
     assert len({*turns}) == len(turns)
     assert not {*turns} & {*end.fit.names}
     return end
@@ -182,6 +181,6 @@ def test_an_excluded_effect_does_not_come_back_for_one_with_the_same_columns(
     (tmp_path / "gap.toml").write_text(text.replace("500", "200"), "utf-8")
     film().to_csv(tmp_path / "data.csv", index=False)
     plan = read_gap(tmp_path / "gap.toml")
-    found = analysed(prepared(plan, read_data(plan, tmp_path / "data.csv")))
+    found = analysed(prepare_setup(plan, read_data(plan, tmp_path / "data.csv")))
     end = ended_within(found, 10, monkeypatch)
     assert {"read_out_lag", "viscous_friction"} <= end.analysis.excluded

@@ -11,15 +11,13 @@ import pytest
 
 from tolevo.commands.gap.blocks import Trained, Training
 from tolevo.commands.gap.configuration import read_gap
-from tolevo.commands.gap.generic import stack_columns as stacked
+from tolevo.commands.gap.generic import stack_columns
 from tolevo.commands.gap.library import grid
-from tolevo.commands.gap.linear import Groups, basis
-from tolevo.commands.gap.linear import project_out as projected_out
+from tolevo.commands.gap.linear import Groups, basis, project_out
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.scan import Thresholds, dictionary
 from tolevo.commands.gap.searching import noise_of, searching
-from tolevo.commands.gap.setup import Setup
-from tolevo.commands.gap.setup import prepare_setup as prepared
+from tolevo.commands.gap.setup import Setup, prepare_setup
 from tolevo.models.effects.shapes import Shape
 
 ROWS = 60
@@ -57,7 +55,7 @@ def set_up(folder: Path) -> Setup:
     configuration.write_text(HEAD, encoding="utf-8")
     bench().to_csv(table, index=False)
     plan = read_gap(configuration)
-    return prepared(plan, read_data(plan, table))
+    return prepare_setup(plan, read_data(plan, table))
 
 
 def test_columns_are_what_an_effect_does_per_unit_of_each_coefficient(tmp_path: Path) -> None:
@@ -81,7 +79,7 @@ def test_gains_without_a_block_are_those_of_the_other_rows(tmp_path: Path) -> No
     noises = noise_of(setup, ())
     noises = tuple(replace(one, rho=0.4) for one in noises)
     book = dictionary(setup.library, setup.columns, 1.0)
-    search = searching(setup, noises, book, *stacked(setup.generic, 2), Thresholds(20.0, 10.0)).search
+    search = searching(setup, noises, book, *stack_columns(setup.generic, 2), Thresholds(20.0, 10.0)).search
     training = Training(search.fitter, search.labels, book, search.white)
     first = {name: book.members[at] for name, (at, _) in book.places.items()}
     names = ("torsional_compliance", "structural_resonance", "encoder_harmonics")
@@ -95,7 +93,7 @@ def test_gains_without_a_block_are_those_of_the_other_rows(tmp_path: Path) -> No
         beside_it = [search.fitter.white(members[k])[seen] for k in (0, 2)]
         q = basis(np.hstack([search.fitter.base[seen], *beside_it]))
         alone = Groups(white.columns[seen], white.starts, white.one_sided).orthonormal(q)
-        expected = alone.gains(projected_out(search.fitter.y[seen], q))
+        expected = alone.gains(project_out(search.fitter.y[seen], q))
         np.testing.assert_allclose(gains, expected, rtol=1e-7, atol=1e-9)
         assert mine[0] == pytest.approx(expected[0], rel=1e-7)
 
@@ -104,7 +102,7 @@ def test_rows_that_are_held_out_are_predicted_by_a_fit_of_the_others(tmp_path: P
     """Of an effect without nonlinear numbers, against least squares on the other rows."""
     setup = set_up(tmp_path)
     book = dictionary(setup.library, setup.columns, 1.0)
-    search = searching(setup, noise_of(setup, ()), book, *stacked(setup.generic, 2),
+    search = searching(setup, noise_of(setup, ()), book, *stack_columns(setup.generic, 2),
                        Thresholds(20.0, 10.0)).search  # fmt: skip
     member = book.members[book.places["encoder_harmonics"][0]]
     tested = search.tested(search.fitter.fit([member]))

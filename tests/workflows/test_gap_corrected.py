@@ -15,8 +15,7 @@ from typer.testing import CliRunner
 
 from tolevo.cli import app
 from tolevo.commands.gap.configuration import read_gap
-from tolevo.configuration.plugins import foreign_model_message as stranger
-from tolevo.configuration.plugins import model_belongs as belongs
+from tolevo.configuration.plugins import foreign_model_message, model_belongs
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.models.rv_reducer.batch import RvBatch
@@ -212,7 +211,7 @@ class MyProblem(RvBacklash):
 
 
 def test_either_side_of_a_plugin_may_say_that_they_belong() -> None:
-    assert belongs("my_problem", RvBacklash.declaration.model, "mine", Mine)
-    assert belongs("other", MyProblem.declaration.model, "my_model", RvBatch)
-    assert not belongs("other", RvBacklash.declaration.model, "mine", Mine)
-    assert 'corrects "my_problem"' in stranger("other", "mine", Mine)
+    assert model_belongs("my_problem", RvBacklash.declaration.model, "mine", Mine)
+    assert model_belongs("other", MyProblem.declaration.model, "my_model", RvBatch)
+    assert not model_belongs("other", RvBacklash.declaration.model, "mine", Mine)
+    assert 'corrects "my_problem"' in foreign_model_message("other", "mine", Mine)

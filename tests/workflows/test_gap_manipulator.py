@@ -15,8 +15,7 @@ from tolevo.commands.gap.configuration import read_gap
 from tolevo.commands.gap.fit import Fit, Member
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.separations import separating
-from tolevo.commands.gap.setup import Setup
-from tolevo.commands.gap.setup import prepare_setup as prepared
+from tolevo.commands.gap.setup import Setup, prepare_setup
 from tolevo.models.effects.effect import InsideSeveral
 
 pytestmark = pytest.mark.usefixtures("unrendered")
@@ -122,7 +121,7 @@ def setup(tmp_path_factory: pytest.TempPathFactory) -> Setup:
     pd.DataFrame({**table, **measured}).to_csv(place / "poses.csv", index=False)
     (place / "gap.toml").write_text('model = "manipulator_pose"\n[free]\n', encoding="utf-8")
     plan = read_gap(place / "gap.toml")
-    return prepared(plan, read_data(plan, place / "poses.csv"))
+    return prepare_setup(plan, read_data(plan, place / "poses.csv"))
 
 
 def test_columns_are_what_a_little_of_each_effect_does(setup: Setup) -> None:

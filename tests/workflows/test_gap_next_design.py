@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tolevo.commands.gap.next_field import Contest, Predictions
-from tolevo.commands.gap.next_field import exchange_design as exchanged
+from tolevo.commands.gap.next_field import Contest, Predictions, exchange_design
 from tolevo.commands.gap.separations import Duel
 from tolevo.section import Array
 
@@ -55,7 +54,7 @@ def test_the_printed_design_of_atkinson_and_fedorov() -> None:
     nothing = Predictions(np.zeros(0), np.zeros((0, 1))), Predictions(np.zeros(0), np.zeros((0, 3)))
     count = 100
     found = Contest.of(nothing, (mine, rival), 1)
-    chosen = exchanged([found], count)
+    chosen = exchange_design([found], count)
     np.testing.assert_allclose(found.level(chosen)[0] / count, 1.087e-3, rtol=0.02)
     printed = np.array([-1.0, -0.669, 0.144, 0.957])
     nearest = np.abs(X[chosen][:, None] - printed).argmin(axis=1)
@@ -73,8 +72,8 @@ def test_the_worse_pair_has_its_say() -> None:
     for columns in (powers(X, 1), powers(X, 2)[:, 1:]):
         nothing = Predictions(np.zeros(0), np.zeros((0, 1))), Predictions(np.zeros(0), columns[:0])
         pairs.append(Contest.of(nothing, (mine, Predictions(0.0 * X, columns)), 1))
-    own = [exchanged([one], 12) for one in pairs]
-    both = exchanged(pairs, 12)
+    own = [exchange_design([one], 12) for one in pairs]
+    both = exchange_design(pairs, 12)
     least = [min(one.level(chosen)[0] for one in pairs) for chosen in (*own, both)]
     alone = [one.level(chosen)[0] for one, chosen in zip(pairs, own, strict=True)]
     np.testing.assert_allclose(alone, [3.0, 108.0], rtol=1e-3)  # 12 (1/2)^2 and 12 3^2

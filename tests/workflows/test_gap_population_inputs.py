@@ -15,8 +15,7 @@ from tolevo.commands.gap import gap
 from tolevo.commands.gap.configuration import read_gap
 from tolevo.commands.gap.gap import record
 from tolevo.commands.gap.input_changes import Tables, UnitLaw
-from tolevo.commands.gap.populations import Weighed
-from tolevo.commands.gap.populations import decide_changes as decided
+from tolevo.commands.gap.populations import Weighed, decide_changes
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.records import GapResult
 from tolevo.models.rv_reducer.batch import RvBatch
@@ -171,7 +170,7 @@ def test_the_input_that_was_changed_is_in_the_set(count: int) -> None:
             if one.gain <= limit(count):
                 continue
             seen += 1
-            found = decided(one, "", "y", "arcmin")
+            found = decide_changes(one, "", "y", "arcmin")
             named = {(name, a.kind) for a in found for name in a.inputs}
             inside += change[:2] in named
             wrong += any(a.verdict == "attributed" for a in found) and named != {change[:2]}
@@ -188,12 +187,12 @@ def test_chance_holds_for_batches_of_the_formula() -> None:
 
 def test_involute_width_is_told_from_all_others_with_enough_units() -> None:
     """It adds after interference is cut off, and no pin does."""
-    (found,) = decided(weighed(units(400, 5, CHANGES[2])), "spread_inflation", "y", "arcmin")
+    (found,) = decide_changes(weighed(units(400, 5, CHANGES[2])), "spread_inflation", "y", "arcmin")
     assert (found.verdict, found.inputs) == ("attributed", ("flank_clearance_um",))
     best = found.candidates[0]
     assert best.amount == pytest.approx(1.5, abs=4.0 * (best.high - best.low) / 3.29)
     assert all(one.excluded_because for one in found.candidates[1:])
-    many = decided(weighed(units(40, 6, CHANGES[2])), "", "y", "arcmin")
+    many = decide_changes(weighed(units(40, 6, CHANGES[2])), "", "y", "arcmin")
     assert {one.verdict for one in many} == {"cannot tell"}
 
 
@@ -214,7 +213,7 @@ def test_intervals_hold_nine_times_out_of_ten() -> None:
 def test_twins_are_a_set_with_the_parts_to_measure() -> None:
     """Errors of the cycloid stage move its play alike; limits exclude some of them."""
     amount = 1.5
-    found = decided(weighed(units(1000, 7, ("pin_hole_radius_um", "shift", amount))), "", "y", "'")
+    found = decide_changes(weighed(units(1000, 7, ("pin_hole_radius_um", "shift", amount))), "", "y", "'")
     (shift,) = (one for one in found if one.kind == "shift")
     assert shift.verdict == "cannot tell"
     assert {"pin_hole_radius_um", "pitch_um", "pin_circle_radius_um"} <= set(shift.inputs)
@@ -233,13 +232,13 @@ def test_twins_are_a_set_with_the_parts_to_measure() -> None:
 
 def test_less_scatter_is_of_no_input() -> None:
     y = units(300, 8)
-    (found,) = decided(weighed(y.mean() + 0.6 * (y - y.mean())), "", "y", "arcmin")
+    (found,) = decide_changes(weighed(y.mean() + 0.6 * (y - y.mean())), "", "y", "arcmin")
     assert (found.verdict, found.inputs) == ("none", ())
 
 
 def test_a_shift_beyond_all_limits_is_of_no_input() -> None:
     """Only the gauge can do it alone, and it is no input."""
-    (found,) = decided(weighed(units(200, 9, ("gauge", "", 1.5))), "", "y", "arcmin")
+    (found,) = decide_changes(weighed(units(200, 9, ("gauge", "", 1.5))), "", "y", "arcmin")
     assert (found.verdict, found.inputs) == ("none", ())
     assert "no input alone explains it within its limits" in found.text
     (gauge,) = (one for one in found.candidates if one.input == "gauge")
@@ -274,7 +273,7 @@ def test_an_amount_that_no_part_can_have_is_not_told() -> None:
 def test_two_causes_are_of_no_single_input() -> None:
     """Drifting and in two groups."""
     y = units(400, 10) + 0.8 * (np.random.default_rng(1).random(400) < 0.4) + np.arange(400) / 400
-    (found,) = decided(weighed(y), "", "y", "arcmin")
+    (found,) = decide_changes(weighed(y), "", "y", "arcmin")
     assert found.verdict == "none"
 
 

@@ -6,10 +6,17 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tolevo.commands.gap.populations import Compared, Look, along, batches, between_lots, looks_of
-from tolevo.commands.gap.populations import rare_value as rarely
-from tolevo.commands.gap.populations import shape_distance as unlike
-from tolevo.commands.gap.populations import two_supplier_ratio as two_of
+from tolevo.commands.gap.populations import (
+    Compared,
+    Look,
+    along,
+    batches,
+    between_lots,
+    looks_of,
+    rare_value,
+    shape_distance,
+    two_supplier_ratio,
+)
 from tolevo.commands.gap.records import PopulationLine
 from tolevo.models.effects.population import Law
 
@@ -23,7 +30,7 @@ def looks(n: int, lots: Array | None = None) -> tuple[Look, ...]:
     quantiles = stats.norm.ppf((np.arange(n) + 0.5) / n)
     of_lots = None if lots is None else between_lots(lots)
     order = np.arange(n, dtype=float)
-    return looks_of("um", order, two_of(), unlike(quantiles), of_lots)
+    return looks_of("um", order, two_supplier_ratio(), shape_distance(quantiles), of_lots)
 
 
 def lines(x: Array, seed: int = 0, lots: Array | None = None, drawn: int | None = None) -> dict[str, PopulationLine]:
@@ -75,12 +82,12 @@ def test_mixture_is_the_likelihood_ratio_of_two_normals() -> None:
     scale = np.sqrt(1.0 + 0.25 * 3.5**2)
     two = sum(0.5 * stats.norm.pdf(z, sign * 0.5 * 3.5 / scale, 1.0 / scale) for sign in (-1, 1))
     expected = 2.0 * float(np.sum(np.log(two) - stats.norm.logpdf(z)))
-    assert two_of()(x[None])[0] == pytest.approx(expected, rel=0.02)
+    assert two_supplier_ratio()(x[None])[0] == pytest.approx(expected, rel=0.02)
 
 
 def test_neither_wider_nor_shifted_units_are_two_suppliers() -> None:
     x = normal(300, 4)
-    one = two_of()
+    one = two_supplier_ratio()
     np.testing.assert_allclose(one(x[None]), one(5.0 + 3.0 * x[None]), rtol=0.05, atol=0.2)
 
 
@@ -144,9 +151,9 @@ def test_few_units_cannot_tell() -> None:
 def test_tail_of_an_exponential_and_of_a_normal() -> None:
     """The former is met, the latter not passed."""
     rng = np.random.default_rng(17)
-    assert rarely(rng.exponential(size=4000), 0.001) == pytest.approx(np.log(1e3), rel=0.1)
+    assert rare_value(rng.exponential(size=4000), 0.001) == pytest.approx(np.log(1e3), rel=0.1)
     of_normal = float(stats.norm.isf(0.0005))
-    assert of_normal < rarely(np.abs(rng.standard_normal(4000)), 0.001) < 1.15 * of_normal
+    assert of_normal < rare_value(np.abs(rng.standard_normal(4000)), 0.001) < 1.15 * of_normal
 
 
 def test_large_batches_are_simulated_in_fewer_with_the_same_limit() -> None:

@@ -15,7 +15,7 @@ from tolevo.commands.gap.plan import GapProgress
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.uncertainty import FILE, STEPS
 from tolevo.directory import KINDS, MANIFEST, UNFINISHED
-from tolevo.directory.standing import present_files as present
+from tolevo.directory.standing import present_files
 from tolevo.errors import InputError
 
 pytestmark = pytest.mark.usefixtures("unrendered")
@@ -76,7 +76,7 @@ def test_what_has_ended_is_not_made_again(folder: Path) -> None:
     whole = analysed(folder, "whole")
     assert whole.status == "done"
     kind = KINDS["gap"]  # what is not known by name would be in no manifest
-    known = {*present(folder / "whole", (*kind.files, *kind.pages)), MANIFEST}
+    known = {*present_files(folder / "whole", (*kind.files, *kind.pages)), MANIFEST}
     assert {one.name for one in (folder / "whole").iterdir()} == known
     expected = (folder / "whole" / "gap.json").read_bytes()
     cut = analysed(folder, "cut", watch=Watch(stop=5))

@@ -13,11 +13,11 @@ import pytest
 from tests.workflows.gap_toy import PENALTY, N, directions, member, squares_left, toy
 from tolevo.commands.gap import selection
 from tolevo.commands.gap.blocks import Improvement
-from tolevo.commands.gap.linear import join_groups as joined
-from tolevo.commands.gap.scan import CHUNK, evidence, scan, thresholds
-from tolevo.commands.gap.scan import strongest_evidence as strongest
+from tolevo.commands.gap.linear import join_groups
+from tolevo.commands.gap.scan import CHUNK, evidence, scan, strongest_evidence, thresholds
 from tolevo.commands.gap.selection import (
     AS_WELL,
+    BELOW_PRACTICAL_LIMIT,
     NO_FORM,
     TERM,
     UNITS,
@@ -27,12 +27,11 @@ from tolevo.commands.gap.selection import (
     concluding,
     correlation,
     first_of_confounded,
+    masked_pair,
     rivals,
     select,
     with_identified_by_likelihood,
 )
-from tolevo.commands.gap.selection import BELOW_PRACTICAL_LIMIT as SMALL
-from tolevo.commands.gap.selection import masked_pair as masked
 
 
 def test_names_are_the_best_of_all_subsets() -> None:
@@ -89,7 +88,7 @@ def test_what_is_below_the_practical_limit_is_not_named(size: float, named: bool
     (a,) = directions(1).T
     found = select(toy([member("a")], {"a": a}, size * a, practical_limit=0.5))
     assert found.identified == (("a",) if named else ())
-    assert named or [one.reason for one in found.steps[1:]] == [SMALL]
+    assert named or [one.reason for one in found.steps[1:]] == [BELOW_PRACTICAL_LIMIT]
 
 
 def test_a_name_that_failed_is_passed_over() -> None:
@@ -130,11 +129,11 @@ def pair(total: float, limit: float, share: float = 0.25) -> Any:
 def test_a_pair_shows_from_1_6_thresholds_on() -> None:
     for total, limit, seen in ((20.0, 10.0, True), (15.5, 10.0, False)):
         search = pair(total, limit)
-        found = masked(search, search.fitter.fit(()), set())
+        found = masked_pair(search, search.fitter.fit(()), set())
         assert (found is not None) == seen
     barred = {frozenset({"one", "other"})}
     search = pair(20.0, 10.0)
-    assert masked(search, search.fitter.fit(()), barred) is None
+    assert masked_pair(search, search.fitter.fit(()), barred) is None
     assert {*select(search).identified} == {"one", "other"}
     assert select(search, quick=True).identified == ()
 
@@ -142,15 +141,15 @@ def test_a_pair_shows_from_1_6_thresholds_on() -> None:
 def test_a_pair_below_the_price_of_its_numbers_is_none() -> None:
     """Two numbers cost 2 ln 100 = 9.2."""
     low, high = pair(8.8, 4.0), pair(9.7, 4.0)
-    assert masked(low, low.fitter.fit(()), set()) is None
-    assert masked(high, high.fitter.fit(()), set()) is not None
+    assert masked_pair(low, low.fitter.fit(()), set()) is None
+    assert masked_pair(high, high.fitter.fit(()), set()) is not None
 
 
 def test_each_name_of_a_pair_must_be_needed() -> None:
     """Together 24 are beyond 1.6 thresholds; the second one alone explains but 3."""
     a, b = directions(2).T
     search = toy([member("a"), member("b")], {"a": a, "b": b}, np.sqrt(21.0) * a + np.sqrt(3.0) * b)
-    assert masked(search, search.fitter.fit(()), set()) is None
+    assert masked_pair(search, search.fitter.fit(()), set()) is None
 
 
 # ------------------------------------------------------------- what is refined
@@ -302,16 +301,16 @@ class Counted:
 
 
 def test_as_many_records_as_asked_for_are_simulated_a_chunk_at_a_time() -> None:
-    groups, rng = joined([directions(1)], [False], N), Counted()
+    groups, rng = join_groups([directions(1)], [False], N), Counted()
     count = 2 * CHUNK + 70
     thresholds(groups, groups, np.zeros((N, 0)), count, 0.05, rng)  # type: ignore[arg-type]
     assert rng.records == [CHUNK, CHUNK, 70]
 
 
 def test_without_forms_there_is_no_evidence_and_without_a_gain_neither() -> None:
-    none = joined([], [], N)
-    np.testing.assert_array_equal(strongest(none, np.zeros((0, 5))), np.zeros(5))
-    groups = joined([directions(2), directions(1, 3)], [False, False], N)
+    none = join_groups([], [], N)
+    np.testing.assert_array_equal(strongest_evidence(none, np.zeros((0, 5))), np.zeros(5))
+    groups = join_groups([directions(2), directions(1, 3)], [False, False], N)
     np.testing.assert_array_equal(evidence(groups, np.zeros(2)), np.zeros(2))
 
 

@@ -15,7 +15,7 @@ from tolevo.commands.gap.configuration import read_gap
 from tolevo.commands.gap.plan import GapPlan
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.records import GapResult
-from tolevo.commands.gap.result import variance_of_weights as of_weights
+from tolevo.commands.gap.result import variance_of_weights
 from tolevo.errors import InputError
 
 pytestmark = pytest.mark.usefixtures("unrendered", "units_once")
@@ -268,7 +268,7 @@ def test_fits_that_weigh_readings_otherwise_widen_what_they_disagree_about() -> 
     own = Corrected(plan, (), numbers, np.array([1.0, 1.0]), np.full(2, 0.1), 39,
                     np.diag([0.01, 0.01]))  # fmt: skip
     plain = replace(own, values=np.array([1.2, 2.0]), covariance=np.diag([0.04, 0.04]))
-    more = of_weights(own, plain)
+    more = variance_of_weights(own, plain)
     assert set(more) == {("e", "b")}  # 0.2 is 1.2 standard errors
     low, high = own.widened(more).interval("e", "b")
     assert low < 1.0 and high > 2.0

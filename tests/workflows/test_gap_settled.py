@@ -20,12 +20,10 @@ from tolevo.commands.gap.analysis import analysed
 from tolevo.commands.gap.blocks import improvement
 from tolevo.commands.gap.configuration import read_gap
 from tolevo.commands.gap.generic import generic
-from tolevo.commands.gap.linear import basis
-from tolevo.commands.gap.linear import project_out as projected_out
+from tolevo.commands.gap.linear import basis, project_out
 from tolevo.commands.gap.read import read_data
-from tolevo.commands.gap.result import Ending
-from tolevo.commands.gap.result import finish_analysis as ended
-from tolevo.commands.gap.setup import prepare_setup as prepared
+from tolevo.commands.gap.result import Ending, finish_analysis
+from tolevo.commands.gap.setup import prepare_setup
 from tolevo.commands.gap.unresolved import term_of
 from tolevo.models.effects.unresolved import Unresolved
 
@@ -55,7 +53,7 @@ def ending(folder: Path, number: int) -> Ending:
     configuration, table = files(folder, number)
     plan = read_gap(configuration)
     with threadpool_limits(1):
-        return ended(analysed(prepared(plan, read_data(plan, table))))
+        return finish_analysis(analysed(prepare_setup(plan, read_data(plan, table))))
 
 
 def test_held_out_error_is_never_above_that_of_the_model_or_of_an_accepted_step(end: Ending) -> None:
@@ -103,7 +101,7 @@ def test_terms_are_the_forms_that_they_stand_for(end: Ending) -> None:
         seen.add(kind)
         q = basis(np.column_stack([np.ones(len(own)), Unresolved(term).columns(setup.data.measurements)]))
         # splines are evaluated by the same code, powers by another order of the same operations
-        assert np.abs(projected_out(own, q)).max() < 1e-6 * np.abs(own).max(), form
+        assert np.abs(project_out(own, q)).max() < 1e-6 * np.abs(own).max(), form
     assert len(seen) >= 12
 
 
@@ -188,7 +186,7 @@ def test_a_search_that_comes_back_to_its_names_goes_another_way(tmp_path: Path) 
     configuration, table = files(tmp_path, CIRCLING)
     plan = read_gap(configuration)
     with threadpool_limits(1):
-        steps = analysed(prepared(plan, read_data(plan, table))).selection.steps
+        steps = analysed(prepare_setup(plan, read_data(plan, table))).selection.steps
     added = [(frozenset(one.names), one.name) for one in steps if one.action == "add"]
     assert len(added) == len(set(added))
 
@@ -203,7 +201,7 @@ def test_names_beneath_what_has_no_name_are_withheld(tmp_path: Path) -> None:
     found.table.to_csv(table, index=False)
     plan = read_gap(configuration)
     with threadpool_limits(1):
-        end = ended(analysed(prepared(plan, read_data(plan, table))))
+        end = finish_analysis(analysed(prepare_setup(plan, read_data(plan, table))))
     assert [one.name for one in truth.hidden] == ["one_soft_rod"]
     assert end.verdict == "unnamed"
     assert not end.identified

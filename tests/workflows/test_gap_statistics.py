@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tolevo.commands.gap.linear import basis, products
-from tolevo.commands.gap.linear import join_groups as joined
-from tolevo.commands.gap.linear import project_out as projected_out
+from tolevo.commands.gap.linear import basis, join_groups, products, project_out
 from tolevo.commands.gap.noise import Noise, autocorrelation, outliers, size_follows, whiteness
 from tolevo.commands.gap.scan import evidence, thresholds
 
@@ -101,9 +99,9 @@ def test_gains_of_groups_are_those_of_least_squares() -> None:
     base, y = rng.normal(size=(n, 3)), rng.normal(size=n)
     parts = [rng.normal(size=(n, m)) for m in (1, 2, 3, 1, 3)]
     parts[2][:, 2] = parts[2][:, 0] - 2.0 * parts[2][:, 1]  # what is there twice counts once
-    groups = joined(parts, [False] * 5)
+    groups = join_groups(parts, [False] * 5)
     q = basis(base)
-    found = groups.orthonormal(q).gains(projected_out(y, q))
+    found = groups.orthonormal(q).gains(project_out(y, q))
 
     def rss(columns: Array) -> float:
         fit = np.linalg.lstsq(columns, y, rcond=None)[0]
@@ -111,7 +109,7 @@ def test_gains_of_groups_are_those_of_least_squares() -> None:
 
     expected = [rss(base) - rss(np.hstack([base, part])) for part in parts]
     np.testing.assert_allclose(found, expected, rtol=1e-8)
-    gains = groups.conditional_gains(*products(groups, q, projected_out(y, q)))
+    gains = groups.conditional_gains(*products(groups, q, project_out(y, q)))
     np.testing.assert_allclose(gains, expected, rtol=1e-8)
 
 
@@ -119,26 +117,26 @@ def test_gains_without_some_rows_are_those_of_the_others() -> None:
     """The products of the columns less those of the rows that are held out."""
     rng = np.random.default_rng(7)
     parts = [rng.normal(size=(60, m)) for m in (1, 2, 4)]
-    groups, out = joined(parts, [False] * 3), np.arange(20, 30)
+    groups, out = join_groups(parts, [False] * 3), np.arange(20, 30)
     rest = np.delete(np.arange(60), out)
     base, y = rng.normal(size=(60, 2)), rng.normal(size=60)
     base[out], y[out] = 0.0, 0.0
     q = basis(base)
     left = [whole - part for whole, part in zip(groups.grams(), groups.grams(out), strict=True)]
-    found = groups.conditional_gains(*products(groups, q, projected_out(y, q)), left)
-    alone = joined([one[rest] for one in parts], [False] * 3)
-    expected = alone.orthonormal(basis(base[rest])).gains(projected_out(y, q)[rest])
+    found = groups.conditional_gains(*products(groups, q, project_out(y, q)), left)
+    alone = join_groups([one[rest] for one in parts], [False] * 3)
+    expected = alone.orthonormal(basis(base[rest])).gains(project_out(y, q)[rest])
     np.testing.assert_allclose(found, expected, rtol=1e-8)
 
 
 def test_a_one_sided_group_gains_nothing_on_the_other_side() -> None:
     x = np.linspace(-1.0, 1.0, 50)[:, None]
-    groups = joined([x, x], [True, False]).orthonormal(np.zeros((50, 0)))
+    groups = join_groups([x, x], [True, False]).orthonormal(np.zeros((50, 0)))
     np.testing.assert_allclose(groups.gains(-x[:, 0]), [0.0, float(np.sum(x**2))])
 
 
 def test_evidence_is_the_tail_of_chi_square() -> None:
-    groups = joined([np.eye(8)[:, :1], np.eye(8)[:, 1:4]], [False, False])
+    groups = join_groups([np.eye(8)[:, :1], np.eye(8)[:, 1:4]], [False, False])
     gains = np.array([[3.0, 40.0], [12.0, 5.0]])
     expected = -np.log(stats.chi2.sf(gains, np.array([[1], [3]])))
     np.testing.assert_allclose(evidence(groups, gains), expected, rtol=1e-9)
@@ -152,11 +150,11 @@ def test_threshold_is_passed_as_often_as_it_says() -> None:
     n, records = 60, 1000
     x = np.linspace(0.0, 1.0, n)
     waves = [np.column_stack([np.cos(k * x), np.sin(k * x)]) for k in range(1, 30)]
-    library = joined([wave[:, :1] for wave in waves], [False] * len(waves))
-    generic = joined(waves, [False] * len(waves))
+    library = join_groups([wave[:, :1] for wave in waves], [False] * len(waves))
+    generic = join_groups(waves, [False] * len(waves))
     q = basis(np.ones((n, 1)))
     limit = thresholds(library, generic, q, 4000, 0.05, np.random.default_rng(8))
-    noise = projected_out(rng.normal(size=(n, records)), q)
+    noise = project_out(rng.normal(size=(n, records)), q)
     scale = np.sum(noise**2, axis=0) / (n - 1)
     named = library.orthonormal(q).gains(noise) / scale
     forms = generic.orthonormal(q)

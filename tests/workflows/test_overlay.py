@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 
 from tolevo.commands.run.proofs import distance_words
-from tolevo.commands.run.references import ABOVE, above, notes
-from tolevo.commands.run.references import add_distance as with_distance
+from tolevo.commands.run.references import ABOVE, above, add_distance, notes
 
 NAMES = ["cost", "backlash_arcmin"]
 
@@ -34,10 +33,10 @@ def test_distances_that_are_rounding_are_told_as_such() -> None:
     assert distance_words(2.22e-14) == "less than 0.001 %"
     assert distance_words(0.0456) == "0.0456 %"
     own, other = front([17.3, 9.1, 5.7]), front([18.0, 9.5, 6.0])
-    told = notes(with_distance(own, other, NAMES), "NSGA-II", other, NAMES)
+    told = notes(add_distance(own, other, NAMES), "NSGA-II", other, NAMES)
     assert "cost less than 0.001 % more in the median and less than 0.001 % at most" in told[0]
     assert "which cost 4.4 % more" in told[1]
-    worse = with_distance(other, own, NAMES)
+    worse = add_distance(other, own, NAMES)
     np.testing.assert_allclose(worse[ABOVE], [4.0462, 4.3956, 5.2632], rtol=1e-4)
 
 
@@ -45,13 +44,13 @@ def test_levels_that_the_other_front_does_not_reach_are_empty() -> None:
     """0 there would say that a comparison found nothing better."""
     own = pd.DataFrame({"cost": [20.0, 9.0, 6.0, 5.0], "backlash_arcmin": [0.5, 1.2, 2.0, 4.0]})
     other = pd.DataFrame({"cost": [8.0, 6.5], "backlash_arcmin": [1.1, 2.5]})
-    np.testing.assert_allclose(with_distance(own, other, NAMES)[ABOVE], [np.nan, 16.154, 0.0, np.nan], rtol=1e-4)
-    told = notes(with_distance(own, other, NAMES), "NSGA-II", other, NAMES)
+    np.testing.assert_allclose(add_distance(own, other, NAMES)[ABOVE], [np.nan, 16.154, 0.0, np.nan], rtol=1e-4)
+    told = notes(add_distance(own, other, NAMES), "NSGA-II", other, NAMES)
     assert "2 of 4 points, those at levels that it reaches, cost" in told[0]
     dear = own.assign(cost=[20.0, 9.0, 6.0, 7.0])  # a point of the other front is better outright
-    assert with_distance(dear, other, NAMES)[ABOVE].iloc[3] > 7.0
-    assert with_distance(own, other.iloc[:0], NAMES)[ABOVE].isna().all()
+    assert add_distance(dear, other, NAMES)[ABOVE].iloc[3] > 7.0
+    assert add_distance(own, other.iloc[:0], NAMES)[ABOVE].isna().all()
     elsewhere = pd.DataFrame({"cost": [50.0], "backlash_arcmin": [9.0]})
-    assert notes(with_distance(own, elsewhere, NAMES), "NSGA-II", elsewhere, NAMES)[0] == (
+    assert notes(add_distance(own, elsewhere, NAMES), "NSGA-II", elsewhere, NAMES)[0] == (
         "nothing is proven for this problem"
     )

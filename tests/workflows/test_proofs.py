@@ -18,8 +18,7 @@ from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.cli import app
-from tolevo.commands.run.proofs import are_informative_bounds as informative
-from tolevo.commands.run.proofs import exact_front
+from tolevo.commands.run.proofs import are_informative_bounds, exact_front
 from tolevo.configuration.reader import read
 
 pytestmark = pytest.mark.usefixtures("unrendered")
@@ -174,7 +173,7 @@ def test_a_bound_without_some_limits_says_nothing_of_points_far_above_it() -> No
     kept = Proof(np.ones(3), "least cost")
     without = Proof(np.ones(3), "least cost", ("yield_percent",))
     front: Any = SimpleNamespace(n_obj=2, limits=[SimpleNamespace(name="yield_percent", count=1)])
-    assert informative(front, kept, far) and informative(front, kept, near)
-    assert not informative(front, without, far) and informative(front, without, near)
+    assert are_informative_bounds(front, kept, far) and are_informative_bounds(front, kept, near)
+    assert not are_informative_bounds(front, without, far) and are_informative_bounds(front, without, near)
     least: Any = SimpleNamespace(n_obj=1, limits=front.limits)  # the only limit left out: the loosest tolerances
-    assert informative(least, kept, near) and not informative(least, without, near)
+    assert are_informative_bounds(least, kept, near) and not are_informative_bounds(least, without, near)

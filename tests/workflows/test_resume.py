@@ -28,8 +28,7 @@ from tolevo.cli import app
 from tolevo.commands.run.front import CHECKPOINT
 from tolevo.commands.run.references import SideSearch, documents, side_searches
 from tolevo.commands.run.run import Sides
-from tolevo.journal import Section
-from tolevo.journal import recording_steps as recorded
+from tolevo.journal import Section, recording_steps
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.stack import Stack
 
@@ -268,7 +267,7 @@ def test_exact_goes_on_from_what_it_has_solved(tmp_path: Path, monkeypatch: pyte
 
     def searched(section: Section, report: Any = None) -> SearchResult:
         assert problem is not None
-        with recorded(section):
+        with recording_steps(section):
             return search(problem, Exact(points=8), Budget(), 0, report)
 
     monkeypatch.setattr(choices, "_least_cost", counted)

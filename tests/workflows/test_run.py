@@ -15,8 +15,7 @@ from tolevo.algorithms.ga import GA
 from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.settings import AlgorithmSettings, Budget
 from tolevo.commands.run import references
-from tolevo.commands.run.front import join_references as with_references
-from tolevo.commands.run.front import knee
+from tolevo.commands.run.front import join_references, knee
 from tolevo.commands.run.plan import RunOutcome, RunPlan
 from tolevo.commands.run.references import gains, relaxed_bounds
 from tolevo.commands.run.run import _texts, run
@@ -203,7 +202,7 @@ def test_better_references_of_the_search_space_join_the_front() -> None:
     worse_all = front.assign(cost=30.0, backlash_arcmin=3.0, bound=np.nan, gap_percent=np.nan)
     worse_all["knee"] = False
     references = problem.frame(np.stack([printed, outside]))
-    found, dropped, joined = with_references(worse_all, references, problem)
+    found, dropped, joined = join_references(worse_all, references, problem)
     assert (dropped, joined) == (1, 1)
     assert found["pin_circle_radius_um"].tolist() == [3.0]
     assert found["involute_grade"].dtype == np.int64
@@ -213,7 +212,7 @@ def test_better_references_of_the_search_space_join_the_front() -> None:
 def test_reference_stands_in_where_the_search_found_nothing() -> None:
     problem = RvBacklash(limited())
     references = problem.frame(np.stack(list(problem.references().values())))
-    found, dropped, joined = with_references(pd.DataFrame(), references, problem)
+    found, dropped, joined = join_references(pd.DataFrame(), references, problem)
     assert (len(found), dropped, joined) == (1, 0, 1)
 
 

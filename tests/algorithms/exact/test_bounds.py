@@ -8,16 +8,22 @@ from typing import cast
 import numpy as np
 import pytest
 
-from tolevo.algorithms.exact.bounds import LIMIT_WIDENING as BEYOND
-from tolevo.algorithms.exact.bounds import LOOSER, Proof, proof, row_limits, upper_limit, within_reach
-from tolevo.algorithms.exact.bounds import restrict_form as restricted
+from tolevo.algorithms.exact.bounds import (
+    LIMIT_WIDENING,
+    LOOSER,
+    Proof,
+    proof,
+    restrict_form,
+    row_limits,
+    upper_limit,
+    within_reach,
+)
 from tolevo.errors import ModelError
 from tolevo.models.capability.knowledge import Surplus
 from tolevo.models.costs import CostCurve, Reciprocal, Table
 from tolevo.models.propagation.convolution import EvenPlateau
 from tolevo.problems.forms import Feature, Form, Piece, Quantile, Way
-from tolevo.problems.limits import LIMIT_ROUNDING as ROOM
-from tolevo.problems.limits import Limit
+from tolevo.problems.limits import LIMIT_ROUNDING, Limit
 from tolevo.problems.tolerance_problem import ToleranceProblem
 
 UNIFORM = EvenPlateau()
@@ -80,7 +86,7 @@ def test_gaps_are_none_where_they_have_no_unit_and_none_below_the_bound() -> Non
 def test_a_limit_of_the_problem_counts_where_it_is_tighter() -> None:
     limits = (upper("v", 0.25),)
     found = proven(Plain(form_of(), limits=limits), cost=[9.0, 9.0], v=[0.2, 0.5])
-    room = 1.0 + BEYOND * ROOM
+    room = 1.0 + LIMIT_WIDENING * LIMIT_ROUNDING
     np.testing.assert_allclose(found.bound, [6.0, 1.0 + 4.0 / room], rtol=1e-10)
     alone = Plain(form_of(), ("cost",), limits)
     np.testing.assert_allclose(proven(alone, cost=[9.0], v=[0.2]).bound, [1.0 + 4.0 / room], rtol=1e-10)
@@ -183,7 +189,7 @@ def test_limits_are_widened_by_the_room_of_rounding_and_own_values_by_their_last
     """At half of the limit 1 + 2/v is 3: a limit has a room of 2e-9, a value one of 1e-11."""
     own = form_of(most=(0.5,))
     found = proven(Plain(own), cost=[9.0], v=[2.0])
-    np.testing.assert_allclose(found.bound, [3.0 - 2.0 * BEYOND * ROOM], rtol=2e-10)
+    np.testing.assert_allclose(found.bound, [3.0 - 2.0 * LIMIT_WIDENING * LIMIT_ROUNDING], rtol=2e-10)
     assert found.bound[0] < 3.0 - 3e-9
     plain = proven(Plain(form_of()), cost=[9.0], v=[0.5])
     assert 3.0 - 3.0 * LOOSER < plain.bound[0] < 3.0
@@ -231,7 +237,7 @@ def test_restricted_keeps_what_belongs_to_a_requirement() -> None:
     form = Form(("a", "b", "c"), (Feature("t", (way, plain), "p", 2),), np.arange(3.0),
                 np.arange(3.0) * 10.0, "", most=(1.0, 2.0, 3.0),
                 quantiles=(None, quantile, None))  # fmt: skip
-    kept = restricted(form, np.array([False, True, True]))
+    kept = restrict_form(form, np.array([False, True, True]))
     first, second = kept.features[0].ways
     assert (kept.outputs, kept.most, kept.quantiles) == (("b", "c"), (2.0, 3.0), (quantile, None))
     assert (first.linear, first.spread, first.offset) == ((2.0, 3.0), (5.0, 6.0), (8.0, 9.0))
@@ -239,7 +245,7 @@ def test_restricted_keeps_what_belongs_to_a_requirement() -> None:
     assert kept.offset.tolist() == [1.0, 2.0] and kept.constant.tolist() == [10.0, 20.0]
     doubt = cast("Surplus", object())
     doubted = replace(form, surpluses=(None, doubt, None))
-    assert restricted(doubted, np.array([False, True, True])).surpluses == (doubt, None)
-    assert restricted(doubted, np.array([True, False, True])).surpluses == ()
-    bare = restricted(replace(form, most=(), quantiles=()), np.array([True, False, False]))
+    assert restrict_form(doubted, np.array([False, True, True])).surpluses == (doubt, None)
+    assert restrict_form(doubted, np.array([True, False, True])).surpluses == ()
+    bare = restrict_form(replace(form, most=(), quantiles=()), np.array([True, False, False]))
     assert (bare.outputs, bare.most, bare.quantiles, bare.surpluses) == (("a",), (), (), ())

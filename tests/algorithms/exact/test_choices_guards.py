@@ -12,8 +12,7 @@ import pytest
 
 from tests.algorithms.exact.parts_by_hand import INF, Array, Priced, by_hand, form, rough_or_fine, unused, way
 from tolevo.algorithms.exact import choices
-from tolevo.algorithms.exact.choices import contributions, least_cost, tightest_ways
-from tolevo.algorithms.exact.choices import has_compensation as compensating
+from tolevo.algorithms.exact.choices import contributions, has_compensation, least_cost, tightest_ways
 from tolevo.algorithms.exact.combination import Combination
 from tolevo.algorithms.exact.separable import Leaf, Squares, least_leaf
 from tolevo.models.capability import Surplus
@@ -218,7 +217,7 @@ def test_what_deviations_make_up_for_is_not_left_out(monkeypatch: pytest.MonkeyP
     costs = {}
     for (t, cost), (u, other) in itertools.product(points, repeat=2):
         costs[float(np.sqrt(t * t + u * u + 2.0 * correlation * t * u))] = cost + other
-    assert compensating(own) == (correlation < 0.0)
+    assert has_compensation(own) == (correlation < 0.0)
     for limit in sorted(costs):
         least = min(cost for value, cost in costs.items() if value <= limit)
         found = least_cost(own, np.array([[limit * (1.0 + 1e-9)]]))

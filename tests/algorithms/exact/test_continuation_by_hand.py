@@ -10,14 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tolevo.algorithms.exact.epsilon import BEATEN, END, RATIO, _value
-from tolevo.algorithms.exact.epsilon import _best_branch_point as _best
-from tolevo.algorithms.exact.epsilon import _improve_nonconvex_points as _mended
-from tolevo.algorithms.exact.epsilon import _promising_integer_sets as _promising
-from tolevo.algorithms.exact.epsilon import _solve_coarse_levels as _coarse
-from tolevo.algorithms.exact.epsilon import _solve_level as _solved
-from tolevo.algorithms.exact.epsilon import _widest_gap as _widest
-from tolevo.algorithms.exact.epsilon import nondominated_feasible_designs as undominated
+from tolevo.algorithms.exact.epsilon import (
+    BEATEN,
+    END,
+    RATIO,
+    _best_branch_point,
+    _improve_nonconvex_points,
+    _promising_integer_sets,
+    _solve_coarse_levels,
+    _solve_level,
+    _value,
+    _widest_gap,
+    nondominated_feasible_designs,
+)
 from tolevo.algorithms.exact.local import NEARLY, Branch
 
 RUN: Any = SimpleNamespace(phase=lambda *_: None)
@@ -68,7 +73,7 @@ def filled(c: float, levels: np.ndarray) -> Hyperbola:
 def test_coarse_levels_go_from_the_loosest_to_the_tight_end(low: float, high: float, count: int) -> None:
     """From 1.03 times the least one, in ratios of no less than 0.75, and three at least."""
     branch = Hyperbola(5.0, low, high)
-    levels = _coarse(RUN, [branch])
+    levels = _solve_coarse_levels(RUN, [branch])
     found = np.array(sorted(levels))
     assert len(found) == count
     np.testing.assert_allclose(found[[0, -1]], [END * low, high])
@@ -82,7 +87,7 @@ def test_coarse_levels_go_from_the_loosest_to_the_tight_end(low: float, high: fl
 def test_levels_step_down_from_the_tightest_point_so_far() -> None:
     """Each is 0.75 of the second objective of the one before, from where that one ended."""
     branch = Hyperbola(1.0, 0.3, 1.0)
-    _coarse(RUN, [branch])
+    _solve_coarse_levels(RUN, [branch])
     down = [(start, limit) for objective, start, limit in branch.asked[2:] if objective == 0]
     steps = [one for one in down if one[1] <= RATIO * one[0] + 1e-12]
     assert steps[:4] == [pytest.approx((RATIO**k, RATIO ** (k + 1))) for k in range(4)]
@@ -91,19 +96,19 @@ def test_levels_step_down_from_the_tightest_point_so_far() -> None:
 def test_of_two_sets_each_level_has_the_value_of_both() -> None:
     """One is cheaper, and ends at 0.4; beyond it has no value."""
     one, other = Hyperbola(1.0, 0.4, 2.0), Hyperbola(1.5, 0.2, 2.0)
-    levels = _coarse(RUN, [one, other])
+    levels = _solve_coarse_levels(RUN, [one, other])
     for level, values in levels.items():
         known = 1.0 / level if level >= 0.4 else np.inf
         assert values == pytest.approx([known, 1.5 / level])
-        best, at = _best([one, other], level)
+        best, at = _best_branch_point([one, other], level)
         assert best is (one if level >= 0.4 else other)
         assert best.f[at][1] == pytest.approx(level) or best.f[at][0] == pytest.approx(min(values))
 
 
 def test_a_level_that_a_set_does_not_reach_is_not_solved() -> None:
     branch = filled(1.0, np.array([0.5, 1.0, 2.0]))
-    assert _solved(branch, 0.4) == np.inf and not branch.asked
-    assert _solved(branch, 1.5) == pytest.approx(1.0 / 1.5)
+    assert _solve_level(branch, 0.4) == np.inf and not branch.asked
+    assert _solve_level(branch, 1.5) == pytest.approx(1.0 / 1.5)
     assert branch.asked == [(0, 1.5, 1.5)]  # begun half-way between the neighbours
 
 
@@ -111,7 +116,7 @@ def test_a_level_that_is_no_better_than_the_tighter_one_is_solved_again_from_the
     branch = filled(1.0, np.array([1.0, 1.1, 2.0]))
     branch.poor = {1.15: 1.2}
     branch.y[2] = np.array([9.0])  # a start that is far off
-    assert _solved(branch, 1.15) == pytest.approx(1.0 / 1.15)
+    assert _solve_level(branch, 1.15) == pytest.approx(1.0 / 1.15)
     assert [start for _, start, _ in branch.asked][1] == pytest.approx(1.1)
 
 
@@ -131,21 +136,21 @@ def test_a_point_above_the_chord_of_its_neighbours_is_solved_from_there(bent: in
     branch = filled(3.0, at)
     branch.f[bent] = branch.f[bent] * np.array([1.05, 1.0])
     levels = {float(v): np.array([f[0]]) for v, f in zip(at, branch.f, strict=True)}
-    assert _mended([branch], levels)
+    assert _improve_nonconvex_points([branch], levels)
     assert levels[float(at[bent])][0] == pytest.approx(3.0 / at[bent])
     own = [start for _, start, limit in branch.asked if limit == at[bent]]
     assert own == pytest.approx([at[bent - 1], at[bent + 1]])
-    assert not _mended([branch], levels)
+    assert not _improve_nonconvex_points([branch], levels)
 
 
 def test_nothing_is_above_a_chord_of_two_or_on_a_straight_line() -> None:
     at = np.array([0.5, 0.6, 0.9, 1.0])
     branch = filled(3.0, at)
     levels = {float(v): np.array([3.0 / v]) for v in at}
-    assert not _mended([branch], levels)
+    assert not _improve_nonconvex_points([branch], levels)
     branch.f[0] = branch.f[0] * 1.5
     two = {0.5: np.array([9.0]), 1.0: np.array([3.0])}
-    assert not _mended([branch], two)
+    assert not _improve_nonconvex_points([branch], two)
     assert not branch.asked
 
 
@@ -156,7 +161,7 @@ def test_a_point_is_solved_by_the_set_of_its_neighbour_as_well() -> None:
     one.low, other.low, other.high = 0.1, 0.1, 2.0
     levels = {0.5: np.array([2.0, np.inf]), 0.7: np.array([np.inf, 1.04 / 0.7]),
               1.0: np.array([1.0, np.inf])}  # fmt: skip
-    assert _mended([one, other], levels)
+    assert _improve_nonconvex_points([one, other], levels)
     assert levels[0.7] == pytest.approx([1.0 / 0.7, 1.04 / 0.7])
 
 
@@ -168,14 +173,14 @@ def test_the_widest_gap_is_the_largest_rectangle() -> None:
     levels = {v: np.array([1.0 / v, 9.0]) for v in (0.5, 1.0, 2.0, 4.0)}
     levels[5.0] = np.array([0.1, 9.0])
     areas = {(0.5, 1.0): 0.5, (1.0, 2.0): 0.5, (2.0, 4.0): 0.5, (4.0, 5.0): 0.15}
-    assert areas[_widest(levels, np.ones(2))] == max(areas.values())
+    assert areas[_widest_gap(levels, np.ones(2))] == max(areas.values())
     levels[1.0] = np.array([1.2, 9.0])  # (2 - 1.2) 0.5 and (1.2 - 0.5) 1
-    assert _widest(levels, np.ones(2)) == (1.0, 2.0)
+    assert _widest_gap(levels, np.ones(2)) == (1.0, 2.0)
 
 
 def test_a_set_is_promising_within_its_share_of_the_best() -> None:
     values = np.array([1.0, 1.0 + 0.9 * BEATEN, 1.0 + 1.1 * BEATEN, np.inf])
-    assert _promising(values).tolist() == [True, True, False, False]
+    assert _promising_integer_sets(values).tolist() == [True, True, False, False]
 
 
 # ------------------------------------------------------------- the largest rectangle of a branch
@@ -215,6 +220,6 @@ def test_what_comes_out_dearer_and_looser_on_fresh_units_is_no_end_of_a_front() 
     f = np.array([[1.0, 4.0], [2.0, 2.0], [4.0, 1.0], [9.0, 5.9], [0.5, 0.5]])
     g = np.array([[0.0], [-1.0], [0.0], [0.0], [1.0]])
     fresh: Any = SimpleNamespace(tested=lambda x: (f[: len(x)], g[: len(x)]))
-    kept = undominated(fresh, np.arange(5.0)[:, None])
+    kept = nondominated_feasible_designs(fresh, np.arange(5.0)[:, None])
     assert kept[:, 0].tolist() == [0.0, 1.0, 2.0, 4.0]
-    assert len(undominated(fresh, np.empty((0, 1)))) == 0
+    assert len(nondominated_feasible_designs(fresh, np.empty((0, 1)))) == 0

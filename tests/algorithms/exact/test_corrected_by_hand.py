@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tolevo.algorithms.exact.corrected import DEARER, FURTHER, ROUNDS, Corrected
-from tolevo.algorithms.exact.corrected import EXCESS_TOLERANCE as CLOSE
+from tolevo.algorithms.exact.corrected import DEARER, EXCESS_TOLERANCE, FURTHER, ROUNDS, Corrected
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.forms import Feature, Form, Way
 
@@ -61,8 +60,8 @@ def test_a_point_keeps_its_limit_in_truth_and_hardly_less(factor: float, more: f
     found = told.point((0,), LIMIT)
     assert found is not None
     value = factor * found.t[0] + more
-    assert 1.0 - CLOSE <= value <= 1.0
-    assert found.cost == pytest.approx(factor / (1.0 - more), rel=2.0 * CLOSE / (1.0 - more))
+    assert 1.0 - EXCESS_TOLERANCE <= value <= 1.0
+    assert found.cost == pytest.approx(factor / (1.0 - more), rel=2.0 * EXCESS_TOLERANCE / (1.0 - more))
     before = told.asked
     again = told.point((0,), LIMIT)  # with the limit as it was moved
     assert again is not None and told.asked == before + 1
@@ -95,4 +94,4 @@ def test_the_way_beside_the_forms_own_is_taken_where_the_model_likes_it_better()
     told = Told(form_of((0.0, 1.0), (0.0, 1.002)), lambda way, t, _: truth[way] * t)
     found = told.best((0,), LIMIT)
     assert found is not None and found.ways == (1,)
-    assert found.cost == pytest.approx(1.01, rel=2.0 * CLOSE)
+    assert found.cost == pytest.approx(1.01, rel=2.0 * EXCESS_TOLERANCE)

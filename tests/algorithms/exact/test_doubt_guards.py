@@ -9,12 +9,16 @@ import numpy as np
 import pytest
 
 from tolevo.algorithms.exact import separable as doubt
-from tolevo.algorithms.exact.choices import cost_range, least_cost
-from tolevo.algorithms.exact.choices import is_enumerable_root_form as only_points
+from tolevo.algorithms.exact.choices import cost_range, is_enumerable_root_form, least_cost
 from tolevo.algorithms.exact.combination import Combination
-from tolevo.algorithms.exact.separable import GAP, Leaf, _Reweighted, least_leaf
-from tolevo.algorithms.exact.separable import _move_within_limit as _within
-from tolevo.algorithms.exact.separable import least_cost_under_doubt as least_under_doubt
+from tolevo.algorithms.exact.separable import (
+    GAP,
+    Leaf,
+    _move_within_limit,
+    _Reweighted,
+    least_cost_under_doubt,
+    least_leaf,
+)
 from tolevo.models.capability import Surplus
 from tolevo.models.costs import Reciprocal
 from tolevo.models.propagation.convolution import EvenPlateau
@@ -88,7 +92,7 @@ def test_what_is_impossible_takes_one_step(monkeypatch: pytest.MonkeyPatch) -> N
 def test_a_root_without_doubt_beside_one_with() -> None:
     """Asked for alone it costs what it costs without any doubt."""
     form, limits = drawn(rows=2), np.array([[INF, 6.0]])
-    found = least_under_doubt(form, limits, 0.0)
+    found = least_cost_under_doubt(form, limits, 0.0)
     plain = least_cost(replace(form, surpluses=()), limits)
     assert found.cost[0] == pytest.approx(plain.cost[0], rel=1e-9)
     assert found.bound[0] == pytest.approx(plain.cost[0], rel=1e-6)
@@ -155,7 +159,7 @@ class Values:
 
     def within(self, t: float, *limit: float) -> Array | None:
         own: Any = self
-        return _within(own, np.array([t]), np.array(limit))
+        return _move_within_limit(own, np.array([t]), np.array(limit))
 
 
 def test_one_chord_of_a_straight_line() -> None:
@@ -185,9 +189,9 @@ def test_a_value_that_does_not_move_asks_for_no_way_back() -> None:
 def test_points_under_a_quantile_are_no_roots() -> None:
     way = Way(Reciprocal(1.0, 0.0), 1.0, 1.0, (0.0,), (1.0,))
     form = Form(("v",), (Feature("t", (way,)),), np.zeros(1), np.zeros(1), "")
-    assert only_points(form)
+    assert is_enumerable_root_form(form)
     quantile = Quantile(0.99, ((Piece(1.0, EvenPlateau()),),))
-    assert not only_points(replace(form, quantiles=(quantile,)))
+    assert not is_enumerable_root_form(replace(form, quantiles=(quantile,)))
 
 
 def test_what_a_tangent_leaves_fixed_is_never_less_than_nothing() -> None:

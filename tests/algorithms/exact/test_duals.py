@@ -12,10 +12,8 @@ import numpy as np
 import pytest
 
 from tolevo.algorithms.exact.bounds import convex_pieces
-from tolevo.algorithms.exact.choices import cheapest_choice_within_limits as least_of_points
-from tolevo.algorithms.exact.choices import is_enumerable_root_form as only_points
-from tolevo.algorithms.exact.combination import Combination, Prices
-from tolevo.algorithms.exact.combination import pure_root_rows as only_roots
+from tolevo.algorithms.exact.choices import cheapest_choice_within_limits, is_enumerable_root_form
+from tolevo.algorithms.exact.combination import Combination, Prices, pure_root_rows
 from tolevo.models.capability import Surplus
 from tolevo.models.costs import CostCurve, Exponential, Reciprocal, Table
 from tolevo.problems.forms import Feature, Form, Spread, Way
@@ -161,11 +159,11 @@ def test_what_is_priced_by_its_square() -> None:
     linear[1], spread[:2] = SLOPE, SLOPE
     nothing = np.zeros(5)
     form = form_of(linear, spread, tuple(nothing), (0.0, 0.0, 0.0, 0.1, 0.0))
-    assert only_roots(form).tolist() == [True, False, False, True, False]
+    assert pure_root_rows(form).tolist() == [True, False, False, True, False]
     moved = replace(form.features[0].ways[0], offset=(0.0, 0.0, 0.0, 0.2, 0.0))
     features = (replace(form.features[0], ways=(moved,)), *form.features[1:])
-    assert only_roots(replace(form, features=features)).tolist() == [True, *[False] * 4]
-    assert not np.any(only_roots(replace(form, correlation=np.eye(3))))
+    assert pure_root_rows(replace(form, features=features)).tolist() == [True, *[False] * 4]
+    assert not np.any(pure_root_rows(replace(form, correlation=np.eye(3))))
 
 
 def points(*choices: tuple[float, float, float]) -> Feature:
@@ -179,7 +177,7 @@ def test_all_choices_of_points_by_hand() -> None:
     first = points((3.0, 1.0, 1.0), (2.0, 2.0, 1.0), (1.0, 5.0, 1.0))
     second = points((4.0, 1.0, 1.0), (3.0, 1.5, 0.5), (1.0, 4.0, 1.0))
     form = Form(("v",), (first, second), np.zeros(1), np.zeros(1), "", 0.25)
-    assert only_points(form)
+    assert is_enumerable_root_form(form)
     every = {}
     for i, one in enumerate(first.ways):
         for j, other in enumerate(second.ways):
@@ -187,7 +185,7 @@ def test_all_choices_of_points_by_hand() -> None:
             every[i, j] = (value, 0.25 + float(one.curve.cost(np.ones(1))[0])
                            + float(other.curve.cost(np.ones(1))[0]))  # fmt: skip
     limits = [value for value, _ in every.values()] + [0.1, 2.9, 99.0]
-    found = least_of_points(form, np.array(limits)[:, None])
+    found = cheapest_choice_within_limits(form, np.array(limits)[:, None])
     for row, limit in enumerate(limits):
         fits = [cost for value, cost in every.values() if value <= limit * (1.0 + 1e-15)]
         assert found.cost[row] == found.bound[row]
@@ -200,12 +198,12 @@ def test_what_is_only_points(monkeypatch: pytest.MonkeyPatch) -> None:
     own = points((3.0, 1.0, 1.0), (2.0, 2.0, 1.0))
     form = Form(("v",), (own, own), np.zeros(1), np.zeros(1), "")
     ranged = replace(own, ways=(own.ways[0], replace(own.ways[1], high=2.5)))
-    assert not only_points(replace(form, features=(own, ranged)))
-    assert not only_points(replace(form, correlation=np.eye(2)))
+    assert not is_enumerable_root_form(replace(form, features=(own, ranged)))
+    assert not is_enumerable_root_form(replace(form, correlation=np.eye(2)))
     monkeypatch.setattr("tolevo.algorithms.exact.choices.MAX_COMBINATIONS", 3)
-    assert not only_points(form)
+    assert not is_enumerable_root_form(form)
     monkeypatch.setattr("tolevo.algorithms.exact.choices.MAX_COMBINATIONS", 4)
-    assert only_points(form)
+    assert is_enumerable_root_form(form)
 
 
 def test_ranges_are_cut_at_the_bends_inside_of_them_alone() -> None:
@@ -245,10 +243,10 @@ def test_all_choices_of_points_under_doubt_by_hand() -> None:
     assert len({round(value, 6) for value, _ in every}) == 4
     for limit, _ in every:
         fits = [cost for value, cost in every if value <= limit]
-        found = least_of_points(form, np.array([[limit * (1.0 + 1e-12)]]))
+        found = cheapest_choice_within_limits(form, np.array([[limit * (1.0 + 1e-12)]]))
         assert found.cost[0] == pytest.approx(min(fits)) == found.bound[0]
         tighter = [cost for value, cost in every if value < limit * (1.0 - 1e-9)]
-        found = least_of_points(form, np.array([[limit * (1.0 - 1e-9)]]))
+        found = cheapest_choice_within_limits(form, np.array([[limit * (1.0 - 1e-9)]]))
         assert found.cost[0] == (pytest.approx(min(tighter)) if tighter else np.inf)
 
 
@@ -256,7 +254,7 @@ def test_only_a_requirement_of_its_own_doubt_is_not_priced_by_its_square() -> No
     spread = np.ones((2, 3))
     form = form_of(np.zeros((2, 3)), spread, (0.0, 0.0), (0.0, 0.0))
     doubted = replace(form, surpluses=(None, Surplus(np.ones(3), np.zeros(3))))
-    assert only_roots(doubted).tolist() == [True, False]
+    assert pure_root_rows(doubted).tolist() == [True, False]
 
 
 def test_a_root_of_nothing_has_no_price() -> None:

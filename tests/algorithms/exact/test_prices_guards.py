@@ -8,8 +8,7 @@ import pytest
 from tests.algorithms.exact.parts_by_hand import INF, Priced, form, way
 from tolevo.algorithms.exact import choices
 from tolevo.algorithms.exact.choices import least_cost
-from tolevo.algorithms.exact.combination import Prices
-from tolevo.algorithms.exact.combination import pure_root_rows as only_roots
+from tolevo.algorithms.exact.combination import Prices, pure_root_rows
 from tolevo.models.costs import Reciprocal
 from tolevo.models.propagation.convolution import EvenPlateau
 from tolevo.problems.forms import Piece, Quantile, Spread
@@ -20,7 +19,7 @@ def test_a_quantile_is_not_priced_by_its_square() -> None:
     quantile = Quantile(0.9, ((Piece(1.0, EvenPlateau()),),) * 2)
     part = way(0.0, 1.0, 0.1, 1.0, (0.0, 0.0), (1.0, 1.0))
     own = form([part], [part], quantiles=(None, quantile))
-    assert only_roots(own).tolist() == [True, False]
+    assert pure_root_rows(own).tolist() == [True, False]
 
 
 def test_a_tangent_without_a_bound_costs_nothing_where_its_price_is_nothing() -> None:

@@ -14,8 +14,7 @@ import pytest
 from scipy import optimize
 
 from tolevo.algorithms.exact import separable
-from tolevo.algorithms.exact.separable import Leaf, Squares, least_leaf
-from tolevo.algorithms.exact.separable import is_separable_without_doubt as separable_but_for_doubt
+from tolevo.algorithms.exact.separable import Leaf, Squares, is_separable_without_doubt, least_leaf
 from tolevo.models.capability import Surplus
 from tolevo.models.costs import Reciprocal, ReciprocalPower
 from tolevo.problems.forms import Feature, Form, Way
@@ -155,18 +154,18 @@ def test_what_is_separable_but_for_doubt() -> None:
     nothing = np.zeros(2)
     convex = Surplus(np.ones(2), nothing)
     at_one_limit = Surplus(np.ones(2), nothing, error=np.ones(2))
-    assert not separable_but_for_doubt(form)
-    assert separable_but_for_doubt(replace(form, surpluses=(convex,)))
-    assert not separable_but_for_doubt(replace(form, surpluses=(at_one_limit,)))
+    assert not is_separable_without_doubt(form)
+    assert is_separable_without_doubt(replace(form, surpluses=(convex,)))
+    assert not is_separable_without_doubt(replace(form, surpluses=(at_one_limit,)))
 
 
 def test_doubt_of_one_requirement_and_a_mean_beside_it() -> None:
     form, convex = form_of(0, (2, 2), 2), Surplus(np.ones(2), np.zeros(2))
     doubted = replace(form, surpluses=(None, convex))
-    assert separable_but_for_doubt(doubted)
+    assert is_separable_without_doubt(doubted)
     shifted = replace(form.features[0].ways[0], linear=(0.0, 1.0))
     first = replace(form.features[0], ways=(shifted,))
-    assert not separable_but_for_doubt(replace(doubted, features=(first, form.features[1])))
+    assert not is_separable_without_doubt(replace(doubted, features=(first, form.features[1])))
 
 
 def test_a_limit_below_the_offset_leaves_no_room() -> None:

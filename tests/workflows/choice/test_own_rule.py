@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 
 import tolevo
-from tolevo.commands.run.choice import FIRST
+from tolevo.commands.run.choice import FIRST, choose_rows
 from tolevo.commands.run.choice import RULE_KINDS as RULES
-from tolevo.commands.run.choice import choose_rows as chosen
 from tolevo.registry import names
 from tolevo.testing import RuleContract, front
 
@@ -84,7 +83,7 @@ def test_that_of_the_page_keeps_the_contract(test: str) -> None:
 @pytest.mark.usefixtures("installed")
 def test_one_that_fails_is_named_and_stops_nothing() -> None:
     notes: list[str] = []
-    found = chosen(front(2), notes)
+    found = choose_rows(front(2), notes)
     assert {"knee", "topsis", "middle"} <= set(found)
     assert {"broken", "beyond", "absent", "no_rule"}.isdisjoint(found)
     for name, reason in (

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from tolevo.algorithms.search import search
-from tolevo.commands.run.changes import round_design as rounded
+from tolevo.commands.run.changes import round_design
 from tolevo.commands.run.prices import front_slopes, prices, slopes_of
-from tolevo.commands.run.promise import cheapest_design as cheapest
+from tolevo.commands.run.promise import cheapest_design
 from tolevo.commands.run.tolerances import tolerances, values_of
 from tolevo.configuration.reader import read
 
@@ -83,7 +83,7 @@ def test_the_price_of_a_yield_by_optima_at_limits_beside(tmp_path: Path) -> None
         (tmp_path / "y.toml").write_text(text + "".join(parts), encoding="utf-8")
         return read(tmp_path / "y.toml").problem
 
-    low, middle, high = (cheapest(at(least)) for least in (99.725, 99.73, 99.735))
+    low, middle, high = (cheapest_design(at(least)) for least in (99.725, 99.73, 99.735))
     problem = at(99.73)
     designs = middle.design[None, :]
     front = problem.frame(designs).assign(gap_percent=0.0)
@@ -117,7 +117,7 @@ def test_rounding_of_two_hundred_parts_takes_seconds_and_loses_little(tmp_path: 
     design = np.clip(0.05 * np.cbrt(b / s**2), 0.003, 0.5)  # -C' = price s^2 t / V
     values = {v.name: np.array(sorted(values_of(problem, v, "IT"))) for v in problem.free}
     begun = time.process_time()
-    found = rounded(problem, design, values)
+    found = round_design(problem, design, values)
     assert time.process_time() - begun < 5.0
     before, after = (problem.outputs_of(one[None]) for one in (design, found))
     assert after["variation"][0] <= before["variation"][0] * (1.0 + 1e-9)

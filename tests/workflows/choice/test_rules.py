@@ -8,15 +8,15 @@ import pytest
 from tolevo.commands.run.choice import (
     Points,
     best_trade_off,
+    choose_by_topsis,
+    choose_by_weights,
+    choose_rows,
     closeness,
     farthest_from_chord,
     largest_product,
     sensitivity,
     sharpest_bend,
 )
-from tolevo.commands.run.choice import choose_by_topsis as by_topsis
-from tolevo.commands.run.choice import choose_by_weights as by_pseudo_weights
-from tolevo.commands.run.choice import choose_rows as chosen
 
 KNEES = (farthest_from_chord, sharpest_bend, best_trade_off, largest_product)
 
@@ -60,7 +60,7 @@ def test_a_front_that_bends_the_other_way_has_no_bend() -> None:
 
 
 def test_topsis_of_the_fighter_aircraft() -> None:
-    """Hwang & Yoon (1981), chapter III: closeness 0.643, 0.268, 0.613, 0.312; A1 is chosen."""
+    """Hwang & Yoon (1981), chapter III: closeness 0.643, 0.268, 0.613, 0.312; A1 is choose_rows."""
     rated = np.array([
         [2.0, 1500, 20000, 5.5, 5, 9],
         [2.5, 2700, 18000, 6.5, 3, 5],
@@ -71,14 +71,14 @@ def test_topsis_of_the_fighter_aircraft() -> None:
     weights = np.array([0.2, 0.1, 0.1, 0.1, 0.2, 0.3])
     np.testing.assert_allclose(closeness(minimised, weights), [0.643, 0.268, 0.613, 0.312],
                                atol=6e-4)  # fmt: skip
-    assert by_topsis(minimised, weights) == 0
+    assert choose_by_topsis(minimised, weights) == 0
 
 
 def test_pseudo_weights_of_a_straight_front_are_its_places() -> None:
     x = np.linspace(0.0, 1.0, 11)
     values = np.stack([x, 5.0 * (1.0 - x)], axis=1)
-    assert by_pseudo_weights(values, np.array([0.7, 0.3])) == 3
-    assert by_pseudo_weights(np.ones((3, 2)), np.array([0.5, 0.5])) is None
+    assert choose_by_weights(values, np.array([0.7, 0.3])) == 3
+    assert choose_by_weights(np.ones((3, 2)), np.array([0.5, 0.5])) is None
 
 
 def points(**more) -> Points:  # type: ignore[no-untyped-def]
@@ -88,16 +88,16 @@ def points(**more) -> Points:  # type: ignore[no-untyped-def]
 
 
 def test_cheapest_within_limits_and_best_for_budget() -> None:
-    found = chosen(points(kept=np.array([True, True, False]), budget=6.5))
+    found = choose_rows(points(kept=np.array([True, True, False]), budget=6.5))
     assert found["cheapest_within_limits"] == 1
     assert found["best_for_budget"] == 1
-    nothing = chosen(points(kept=np.zeros(3, dtype=bool), budget=1.0))
+    nothing = choose_rows(points(kept=np.zeros(3, dtype=bool), budget=1.0))
     assert {"cheapest_within_limits", "best_for_budget"}.isdisjoint(nothing)
 
 
 def test_a_single_objective_has_one_choice() -> None:
     one = Points(np.array([[3.0], [2.0]]), ("cost",), np.array([3.0, 2.0]), np.ones(1))
-    assert chosen(one) == {"only": 1}
+    assert choose_rows(one) == {"only": 1}
 
 
 def test_a_dearer_curve_moves_the_choice_to_what_the_money_still_buys() -> None:

@@ -8,8 +8,7 @@ from typer.testing import CliRunner
 
 from tolevo.cli import app
 from tolevo.commands.reproduce.claims import Claim
-from tolevo.commands.reproduce.configuration import read_claims
-from tolevo.commands.reproduce.configuration import shipped_claims as shipped
+from tolevo.commands.reproduce.configuration import read_claims, shipped_claims
 from tolevo.errors import InputError
 
 HEAD = 'document = "X"\ntitle = "A paper"\n'
@@ -247,7 +246,7 @@ def test_seed_and_study_may_be_set(tmp_path: Path) -> None:
 def test_shipped_files_are_read_and_name_what_is_asked_for() -> None:
     plan = read_claims(())
     names = {source.file.document.name: source.file for source in plan.sources}
-    assert [path.name for path in shipped()] == [f"claims_{name}.toml" for name in "abm"]
+    assert [path.name for path in shipped_claims()] == [f"claims_{name}.toml" for name in "abm"]
     assert list(names) == ["A", "B", "M"]
     for own in names.values():
         for one in own.claims:

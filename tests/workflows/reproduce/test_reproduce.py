@@ -14,7 +14,7 @@ from tolevo.commands.reproduce import reproduce as command
 from tolevo.commands.reproduce.claims import Checked, ClaimTask, check
 from tolevo.commands.reproduce.configuration import read_claims
 from tolevo.directory import KINDS, MANIFEST, standing
-from tolevo.directory.standing import present_files as present
+from tolevo.directory.standing import present_files
 
 PAPER = """
 document = "X"
@@ -115,7 +115,7 @@ def files(folder: Path) -> dict[str, bytes]:
 def test_every_file_is_known_by_name(done: Path) -> None:
     """What is not would be in no manifest, and would outlive the result that it belongs to."""
     kind = KINDS["reproduce"]
-    assert set(files(done)) == {*present(done, (*kind.files, *kind.pages)), MANIFEST}
+    assert set(files(done)) == {*present_files(done, (*kind.files, *kind.pages)), MANIFEST}
     assert standing(done).complete
 
 

@@ -15,8 +15,7 @@ from tolevo.commands.study.analysis import analyse
 from tolevo.commands.study.designs import Factorial, LatinHypercube, Morris, OneAtATime, Sobol, Table
 from tolevo.commands.study.page import study_page
 from tolevo.commands.study.plan import Design, Factor, StudyData
-from tolevo.commands.study.study import FILES
-from tolevo.commands.study.study import write_analysis as analysed
+from tolevo.commands.study.study import FILES, write_analysis
 
 FACTORS = (
     Factor("algorithm.population", (20, 40, 80)),
@@ -98,16 +97,16 @@ def test_a_study_of_failures_only_is_still_described(synthetic: Any, design: Des
 
 def test_statistics_are_written_once_and_again_where_runs_differ(synthetic: Any, tmp_path: Path) -> None:
     settings, data = made(synthetic, OneAtATime(), 8)
-    first = analysed(settings, data, tmp_path)
+    first = write_analysis(settings, data, tmp_path)
     assert all((tmp_path / name).is_file() for name in FILES)
     assert len(pd.read_csv(tmp_path / "tests.csv")) > 0
     (tmp_path / "tests.csv").write_text("kept")
-    assert analysed(settings, data, tmp_path) == first
+    assert write_analysis(settings, data, tmp_path) == first
     assert (tmp_path / "tests.csv").read_text() == "kept"
     data.table.loc[0, "gap_percent"] = 99.0
-    analysed(settings, data, tmp_path)
+    write_analysis(settings, data, tmp_path)
     assert (tmp_path / "tests.csv").read_text() != "kept"
     (tmp_path / "study.json").write_text("{broken")
     (tmp_path / "tests.csv").write_text("gone")
-    analysed(settings, data, tmp_path)
+    write_analysis(settings, data, tmp_path)
     assert (tmp_path / "tests.csv").read_text() != "gone"

@@ -15,8 +15,7 @@ from scipy.stats import binom
 from tolevo.commands.study.configuration import read_study
 from tolevo.commands.study.plan import StudyPlan
 from tolevo.commands.study.storage import DATABASE, Database
-from tolevo.commands.study.study import ALPHA, looks, study, trailing_settings
-from tolevo.commands.study.study import settings_behind_leader as behind
+from tolevo.commands.study.study import ALPHA, looks, settings_behind_leader, study, trailing_settings
 from tolevo.commands.study.trial import Surveying
 from tolevo.errors import InputError, RunError
 from tolevo.execution import InProcess, Lost, Result, TaskT
@@ -103,14 +102,14 @@ def test_looks_do_not_depend_on_how_many_seeds_there_are() -> None:
 
 def test_a_leader_in_one_response_stays() -> None:
     values = np.arange(8.0)[:, None] + np.zeros(12)
-    assert behind(values, 1).any()
+    assert settings_behind_leader(values, 1).any()
     assert not trailing_settings([values, -values], np.ones(8, dtype=bool), 1)[[0, 7]].any()
 
 
 def test_what_failed_everywhere_is_behind() -> None:
     values = np.tile(np.arange(12.0), (10, 1)) + np.random.default_rng(0).random((10, 12))
     values[4] = np.inf
-    assert behind(values, 1)[4]
+    assert settings_behind_leader(values, 1)[4]
 
 
 @pytest.fixture(scope="module")
@@ -157,7 +156,7 @@ def test_a_real_study_is_raced_the_same_wherever_it_runs(plan: StudyPlan, tmp_pa
     made = (table["status"] != "stopped").sum()
     assert made < 0.85 * plan.total
     reasons = table.loc[table["status"] == "stopped", "reason"].unique()
-    assert all(one.startswith("behind beyond chance after") for one in reasons)
+    assert all(one.startswith("settings_behind_leader beyond chance after") for one in reasons)
     with pytest.raises(RunError, match="--resume"):
         study(plan, tmp_path / "b", Late(after=3))
     again = Late()
@@ -180,7 +179,7 @@ def test_without_racing_references_come_late_as_well(tmp_path: Path) -> None:
 
 
 def test_leaders_are_the_design_of_a_finer_study(tmp_path: Path) -> None:
-    """Multi-fidelity: all settings by a short study, those not behind again by a longer one."""
+    """Multi-fidelity: all settings by a short study, those not settings_behind_leader again by a longer one."""
     (tmp_path / "run.toml").write_text(RUN, encoding="utf-8")
     (tmp_path / "study.toml").write_text(STUDY.replace("seeds = 12", "seeds = 6"), encoding="utf-8")
     study(read_study(tmp_path / "study.toml"), tmp_path / "coarse", InProcess())

@@ -11,9 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tolevo.algorithms.archive import DEFAULT_PER_OCTAVE as FEW
-from tolevo.algorithms.archive import Box, Course
-from tolevo.algorithms.archive import is_charted_generation as charted
+from tolevo.algorithms.archive import DEFAULT_PER_OCTAVE, Box, Course, is_charted_generation
 from tolevo.algorithms.search import search
 from tolevo.commands.run.proofs import exact_front
 from tolevo.commands.study.configuration import read_study
@@ -184,7 +182,7 @@ def test_the_evaluation_that_reaches_a_level_is_found_within_a_batch() -> None:
 
 
 def test_charted_generations_do_not_depend_on_the_end() -> None:
-    chosen = [g for g in range(1, 65) if charted(g, FEW)]
+    chosen = [g for g in range(1, 65) if is_charted_generation(g, DEFAULT_PER_OCTAVE)]
     assert chosen == [1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24, 28, 32, 40, 48, 56, 64]
 
 

@@ -17,8 +17,7 @@ from tolevo.commands.study import statistics as resampling
 from tolevo.commands.study.designs import Factorial, LatinHypercube, Morris, OneAtATime, Sobol
 from tolevo.commands.study.plan import Design, Factor, StudyData, StudySettings
 from tolevo.commands.study.sensitivity import sensitivity
-from tolevo.commands.study.statistics import contrasts, runs_of
-from tolevo.commands.study.statistics import cross_mean as crossed
+from tolevo.commands.study.statistics import contrasts, cross_mean, runs_of
 
 pytestmark = pytest.mark.long
 
@@ -232,14 +231,14 @@ def test_an_infinite_response_has_no_shares(synthetic: Any) -> None:
 def test_noise_alone_has_no_square_over_different_seeds() -> None:
     """4,000 settings of 4 seeds: the square of a mean is 1/4, that over different seeds is 0."""
     noise = np.random.default_rng(4).normal(size=(4000, 4))
-    found = crossed(noise, noise, np.ones(4))
+    found = cross_mean(noise, noise, np.ones(4))
     error = found.std() / np.sqrt(len(found))
     assert abs(found.mean()) < 5 * error < 0.05
     by_hand = [a * b for i, a in enumerate(noise[0]) for j, b in enumerate(noise[0]) if i != j]
     assert found[0] == pytest.approx(np.mean(by_hand))
-    without = crossed(noise, noise, np.array([1.0, 1.0, 1.0, 0.0]))
-    np.testing.assert_allclose(without, crossed(noise[:, :3], noise[:, :3], np.ones(3)))
-    assert np.isnan(crossed(noise, noise, np.array([1.0, 0.0, 0.0, 0.0]))).all()
+    without = cross_mean(noise, noise, np.array([1.0, 1.0, 1.0, 0.0]))
+    np.testing.assert_allclose(without, cross_mean(noise[:, :3], noise[:, :3], np.ones(3)))
+    assert np.isnan(cross_mean(noise, noise, np.array([1.0, 0.0, 0.0, 0.0]))).all()
 
 
 def product(coefficients: tuple[float, ...]) -> Any:

@@ -24,12 +24,12 @@ from tolevo.commands.study.statistics import (
     _spread,
     friedman_tests,
     level_test,
+    mean_over_settings,
     model,
     random_settings,
     runs_of,
     wilcoxon_tests,
 )
-from tolevo.commands.study.statistics import mean_over_settings as over_settings
 
 Array = NDArray[np.float64]
 
@@ -50,8 +50,8 @@ def test_a_weighted_mean_over_settings_is_that_of_numpy_whatever_its_weights_add
     values, weights = np.array([1.0, 4.0, np.nan, 9.0]), np.array([0.1, 0.2, 5.0, 0.05])
     known = np.array([True, True, False, True])
     expected = np.average(values[known], weights=weights[known])
-    assert over_settings(values, weights) == pytest.approx(expected)
-    assert np.isnan(over_settings(values, np.array([0.0, 0.0, 1.0, 0.0])))
+    assert mean_over_settings(values, weights) == pytest.approx(expected)
+    assert np.isnan(mean_over_settings(values, np.array([0.0, 0.0, 1.0, 0.0])))
 
 
 def mean_of(values: Array) -> Any:

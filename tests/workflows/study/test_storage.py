@@ -22,8 +22,7 @@ from tolevo.commands.study.plan import StudyOutcome
 from tolevo.commands.study.storage import DATABASE, FORMAT
 from tolevo.commands.study.study import study
 from tolevo.directory import KINDS, MANIFEST, owned, standing
-from tolevo.directory.standing import present_files as present
-from tolevo.directory.standing import write_unfinished
+from tolevo.directory.standing import present_files, write_unfinished
 from tolevo.errors import InputError
 from tolevo.execution import InProcess
 from tolevo.files import write_record
@@ -117,7 +116,7 @@ def test_a_finished_study_reopens_in_a_second(config: Path, out: Path) -> None:
 def test_every_file_is_known_by_name(finished: Path) -> None:
     """What is not would be in no manifest, and would outlive the study that it belongs to."""
     kind = KINDS["study"]
-    known = {*present(finished, (*kind.files, *kind.pages)), MANIFEST}
+    known = {*present_files(finished, (*kind.files, *kind.pages)), MANIFEST}
     assert {path.name for path in finished.iterdir()} == known
     assert standing(finished).complete
 

@@ -507,9 +507,9 @@ def round_design(
     `bounds`) and is no worse in the other objectives; where there is none, the one that breaks
     the limits least, then the least worse. Up to `MAX_EXHAUSTIVE_VARIABLES` variables every
     combination is tried, and up to `HARD` where limits would break; else changes are priced one
-    by one (`choices_by_moves`). The full model decides between the best `VERIFIED`; where all of them break a limit, the quick search is
-    repeated, corrected by the difference of the full model at the design: on a sample of units the
-    quick one may be the more lenient.
+    by one (`choices_by_moves`). The full model decides between the best `VERIFIED`; where all of
+    them break a limit, the quick search is repeated, corrected by the difference of the full model
+    at the design: on a sample of units the quick one may be the more lenient.
     """
     near = neighbours(problem, design, values)
     if not len(near.at):
