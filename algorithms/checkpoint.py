@@ -19,12 +19,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..errors import refuse
-from ..files import seal_content as sealed
-from ..files import unseal_content as unsealed
-from ..files import write_bytes
+from ..files import seal_content, unseal_content, write_bytes
 from ..journal import Section
-from .archive import SavedState, State, part
-from .archive import merge_states as joined
+from .archive import SavedState, State, merge_states, part
 
 FORMAT = 4
 EVERY = 2.0
@@ -55,7 +52,7 @@ class Checkpoint:
     def read(cls, path: Path, every: float = EVERY) -> Checkpoint:
         """The checkpoint in a file of `write`. Raises InputError where the file has none."""
         try:
-            with np.load(io.BytesIO(unsealed(path.read_bytes())), allow_pickle=False) as file:
+            with np.load(io.BytesIO(unseal_content(path.read_bytes())), allow_pickle=False) as file:
                 content = {key: file[key] for key in file.files}
             if int(content["format"]) != FORMAT:
                 raise ValueError(f"format {content['format']}, expected {FORMAT}")
@@ -124,10 +121,10 @@ class Checkpoint:
         }
         sections = {f"section.{at}": section.state() for at, section in enumerate(self._sections.values())}
         tables = {f"table.{at}": _arrays(table) for at, table in enumerate(self.tables.values())}
-        content |= joined(state=self._state, **tables, **sections)
+        content |= merge_states(state=self._state, **tables, **sections)
         file = io.BytesIO()
         np.savez(file, allow_pickle=False, **content)
-        write_bytes(self.path, sealed(file.getvalue()))
+        write_bytes(self.path, seal_content(file.getvalue()))
 
 
 def _arrays(table: pd.DataFrame) -> State:

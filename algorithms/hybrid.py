@@ -10,8 +10,7 @@ import numpy as np
 from ..section import INDIVIDUALS, POINTS, Array
 from .archive import nondominated
 from .engine import GDE3Engine, Space
-from .exact.bounds import convex_pieces, upper_limit
-from .exact.bounds import restrict_form as restricted
+from .exact.bounds import convex_pieces, restrict_form, upper_limit
 from .exact.choices import search_vectors
 from .exact.corrected import corrected_vectors, is_corrected
 from .exact.epsilon import integer_moves, scale_of
@@ -132,7 +131,7 @@ def seed_vectors(run: Run, count: int) -> Array:
         return corrected_vectors(run, closed, min(count, RELAXED))
     if closed is not None:
         return exact_vectors(problem, closed, count)
-    form = convex_pieces(restricted(form, np.arange(len(form.outputs)) == 0))
+    form = convex_pieces(restrict_form(form, np.arange(len(form.outputs)) == 0))
     upper = np.array([upper_limit(problem, name) for name in form.outputs])
     seeds = search_vectors(problem, form, front(form, min(count, RELAXED), upper))
     settled = np.array([v.name in form.settled for v in problem.free])

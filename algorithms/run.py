@@ -11,12 +11,10 @@ from functools import cache, partial
 
 import numpy as np
 
-from ..journal import recall_arrays as recalled
-from ..journal import recording_suspended as unrecorded
+from ..journal import recall_arrays, recording_suspended
 from ..problems.tolerance_problem import ToleranceProblem
 from ..section import Array, Flags, Integers
-from .archive import Archive, Attained, SavedState, State, part
-from .archive import merge_states as joined
+from .archive import Archive, Attained, SavedState, State, merge_states, part
 from .engine import violation_of
 from .settings import Budget
 
@@ -144,7 +142,7 @@ def mark_failures_infeasible(f: Array, g: Array, box: Callable[[], tuple[Array, 
 
 
 def _box(problem: ToleranceProblem) -> tuple[Array, Array]:
-    with unrecorded():  # it is asked for at moments that differ
+    with recording_suspended():  # it is asked for at moments that differ
         return problem.box()
 
 
@@ -269,7 +267,7 @@ class Run:
 
     def _values(self, x: Array) -> Values:
         """Values of a batch, with the clock at its end; recalled where this search is repeated."""
-        f, g, end = recalled((x,), lambda: (*self._computed(x), np.array(self.seconds)))
+        f, g, end = recall_arrays((x,), lambda: (*self._computed(x), np.array(self.seconds)))
         self._start = min(self._start, time.monotonic() - float(end))
         return f, g
 
@@ -360,7 +358,7 @@ class Run:
             "failed": self.failed,
         }
         discrete = {} if self.discrete is None else self.discrete.state()
-        return arrays | joined(archive=self.archive.state(), attained=self.attained.state(), discrete=discrete)
+        return arrays | merge_states(archive=self.archive.state(), attained=self.attained.state(), discrete=discrete)
 
     def restore(self, state: SavedState) -> None:
         """Continue from a `state()`, with the clock at its seconds."""

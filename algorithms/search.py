@@ -21,14 +21,12 @@ from pymoo.core.population import Population
 from pymoo.core.termination import NoTermination
 
 from ..errors import ModelError
-from ..journal import recording_suspended as unrecorded
+from ..journal import recording_suspended
 from ..problems.tolerance_problem import ToleranceProblem
 from ..section import Array
-from .archive import Course, SavedState, State, part
-from .archive import merge_states as joined
+from .archive import Course, SavedState, State, merge_states, part
 from .engine import Space
-from .exact.epsilon import finish_front as finished
-from .exact.epsilon import replace_violating_points as secured
+from .exact.epsilon import finish_front, replace_violating_points
 from .run import BudgetSpent, Progress, Run, Values
 from .settings import AlgorithmSettings, Budget, Solver
 
@@ -282,16 +280,16 @@ def drive(run: Run, settings: AlgorithmSettings, seed: int, engine: str, keeper:
         if isinstance(settings, Solver):
             settings.solve(run)
         else:
-            with unrecorded():  # its state is saved instead
+            with recording_suspended():  # its state is saved instead
                 _evolve(run, lambda: driver(run.problem, settings, seed, engine), keeper)
     except BudgetSpent:
         pass
     run.problem = problem
     polish = bool(getattr(settings, "polish", False)) and not isinstance(settings, Solver)
     if (run.problem.declaration.sampled and not len(run.chosen)) or polish:
-        finished(run, polish)
+        finish_front(run, polish)
     elif run.problem.limits:
-        secured(run)
+        replace_violating_points(run)
 
 
 def _evolve(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> None:
@@ -337,7 +335,7 @@ def _save(keeper: Keeper, run: Run, population: Driver) -> None:
     except Unsavable:
         keeper.cannot_save()
         return
-    keeper.save(joined(run=run.state(), driver=driven))
+    keeper.save(merge_states(run=run.state(), driver=driven))
 
 
 # A search that records its course alone, as one of the many runs of a study.

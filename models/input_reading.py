@@ -6,8 +6,7 @@ from dataclasses import MISSING, Field, asdict, fields, replace
 from typing import Any
 
 from ..section import Range, Section
-from .inputs import DISTRIBUTIONS, Distribution
-from .inputs import declared_range as allowed
+from .inputs import DISTRIBUTIONS, Distribution, declared_range
 
 Stated = dict[str, Any]
 """Parameters by name; None where a fault has been reported."""
@@ -75,7 +74,7 @@ def _value(section: Section, key: str, kind: type[Distribution] | None) -> Any:
         return section.numbers(key)
     kinds = ([] if kind is None else [kind]) + list(DISTRIBUTIONS.sound().values())
     parameter = next(parameters[key] for parameters in map(_parameters, kinds) if key in parameters)
-    return section.number(key, within=allowed(parameter))
+    return section.number(key, within=declared_range(parameter))
 
 
 def _build_distribution(

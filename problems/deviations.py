@@ -16,8 +16,7 @@ from scipy.special import ndtr
 
 from ..models.capability import Knowledge, Norm, norm_of
 from ..section import Array
-from .settings import ASSURED, DRAWS, Promise, assured_percent, normal_yield
-from .settings import VALUES_PER_BLOCK as AT_ONCE
+from .settings import ASSURED, DRAWS, VALUES_PER_BLOCK, Promise, assured_percent, normal_yield
 
 # Draws of the posterior of processes, and the yields of a sum of deviations over them.
 #
@@ -59,7 +58,7 @@ class Draws:
     @property
     def rows(self) -> int:
         """Designs that are evaluated together."""
-        return max(1, AT_ONCE // self.count)
+        return max(1, VALUES_PER_BLOCK // self.count)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,8 +17,7 @@ from ..models.capability import Knowledge, PartSample
 from ..models.costs import CostCurve
 from ..models.input_reading import read_distribution
 from ..models.inputs import Normal
-from ..models.machine_offers import PLUG_IN, Offer, Owner, Way, read_offers, samples_of
-from ..models.machine_offers import departures_from_normality as departures
+from ..models.machine_offers import PLUG_IN, Offer, Owner, Way, departures_from_normality, read_offers, samples_of
 from ..models.machines import GoodPartsBySpread
 from ..section import Array, Assumption, Flags, Integers, Kind, Section, Variable
 from ..units import split_unit
@@ -236,7 +235,10 @@ class Machined(ToleranceProblem):
 
     def cautions(self) -> tuple[str, ...]:
         tolerances = self.machined_tolerances.items()
-        return (*super().cautions(), *(text for name, made in tolerances for text in departures(made.offers, name)))
+        return (
+            *super().cautions(),
+            *(text for name, made in tolerances for text in departures_from_normality(made.offers, name)),
+        )
 
     def samples(self) -> tuple[tuple[str, str, PartSample], ...]:
         return (

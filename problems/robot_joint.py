@@ -25,8 +25,7 @@ from .pose_accuracy.outputs import Grouping, costs_of, read_grouping, standard_d
 from .robot import problem as definition
 from .robot.machine import Machine, Places
 from .robot.problem import PARAMETERS as OF_ROBOTS
-from .robot.problem import Drive, RobotProblem, declaration_of, millimetres, share_name
-from .robot.problem import sketch_part as sketched
+from .robot.problem import Drive, RobotProblem, declaration_of, millimetres, share_name, sketch_part
 from .settings import Settings
 
 __all__ = ["RobotJoint"]
@@ -269,14 +268,14 @@ class RobotJoint(RobotProblem):
             hip = machine.origins[at]
             elbow = hip + machine.arms[at] * now.u[at]
             end = elbow + machine.rods[at] * now.w[at]
-            parts.append(sketched(f"arm {at + 1}", "link", [hip, elbow], self._shares(OF_ARMS, at + 1)))
-            parts.append(sketched(f"rod {at + 1}", "link", [elbow, end], self._shares(OF_RODS, at + 1)))
+            parts.append(sketch_part(f"arm {at + 1}", "link", [hip, elbow], self._shares(OF_ARMS, at + 1)))
+            parts.append(sketch_part(f"rod {at + 1}", "link", [elbow, end], self._shares(OF_RODS, at + 1)))
         for at in range(JOINTS):  # on one column
             point = machine.origins[at] + [0.0, 0.0, -0.04 * at]
-            parts.append(sketched(f"joint {at + 1}", "joint", [point], [f"share_joint_{at + 1}_percent"]))
+            parts.append(sketch_part(f"joint {at + 1}", "joint", [point], [f"share_joint_{at + 1}_percent"]))
         corners = [(a, 0.0, b) for a in ring.r for b in ring.z]
         ends = [p + np.array([r, 0.0, z]) for p in now.p]
-        return {"parts": [*parts, sketched("platform", "tool", [*ends, ends[0]])], "poses": millimetres(corners)}
+        return {"parts": [*parts, sketch_part("platform", "tool", [*ends, ends[0]])], "poses": millimetres(corners)}
 
     def _shares(self, stems: tuple[str, ...], chain: int) -> list[str]:
         """Columns of the fractions of a chain's link variables whose elementary errors begin so."""

@@ -13,15 +13,21 @@ import pandas as pd
 from pymoo.core.problem import Problem
 
 from ..errors import Fault, ModelError
-from ..journal import recall_columns as recalled_columns
+from ..journal import recall_columns
 from ..records import Bars, UnitsShown
 from ..section import Array, Assumption, Integers, Output, Section, Variable, completed
 from .declaration import ConfiguredProblem, Declaration, Interval
-from .limits import apart, limits_of
-from .limits import unreachable_limit_faults as impossible
-from .settings import Bound, Promise, Settings, VariableSetting, assumptions_of, unit_slips
-from .settings import add_currency as with_currency
-from .settings import rising_price_note as rising
+from .limits import apart, limits_of, unreachable_limit_faults
+from .settings import (
+    Bound,
+    Promise,
+    Settings,
+    VariableSetting,
+    add_currency,
+    assumptions_of,
+    rising_price_note,
+    unit_slips,
+)
 
 if TYPE_CHECKING:
     from ..models.capability import PartSample
@@ -98,7 +104,7 @@ class ToleranceProblem(Problem):
         if money.currency:
             priced = tuple(name for name in money.assumed if name in self.settings.costs)
             self.settings = replace(self.settings, money=replace(money, assumed=priced))
-            outputs = with_currency(self.outputs, self.settings.money)
+            outputs = add_currency(self.outputs, self.settings.money)
             self.declaration = replace(self.declaration, outputs=outputs)
         self.objectives = self.settings.objectives
         self.limits = limits_of(self.settings.limits, self.outputs, self.variables)
@@ -260,11 +266,11 @@ class ToleranceProblem(Problem):
         designs = np.asarray(designs, dtype=float)
         outputs = dict(known or {})
         if known is None:
-            outputs = recalled_columns(
+            outputs = recall_columns(
                 (designs, searching), lambda: self._outputs(designs, searching) | self._further(designs, searching)
             )
         if errors and not searching:
-            outputs |= recalled_columns((designs, "errors"), lambda: self._verified(designs, outputs))
+            outputs |= recall_columns((designs, "errors"), lambda: self._verified(designs, outputs))
         for output in self.outputs:
             shape = np.shape(outputs[output.name]) if output.name in outputs else None
             if shape != (len(designs),):
@@ -324,7 +330,7 @@ class ToleranceProblem(Problem):
 
     def needed_outputs(self, designs: Array) -> dict[str, Array]:
         """Outputs (n,) of full designs as reported, those of `needed`; recalled."""
-        return recalled_columns((designs, "needed"), lambda: self.needed(designs))
+        return recall_columns((designs, "needed"), lambda: self.needed(designs))
 
     def frame(
         self, designs: Array, outputs: Mapping[str, Array] | None = None, searching: bool = False
@@ -557,7 +563,7 @@ class ToleranceProblem(Problem):
             if (sample := settings.variables[variable.name].sample)
             for text in sample.departures(variable.name)
         )
-        prices = filter(None, (rising(name, curve) for name, curve in settings.costs.items()))
+        prices = filter(None, (rising_price_note(name, curve) for name, curve in settings.costs.items()))
         return (*settings.notes, *slips, *prices, *departures, *self.warnings())
 
     def samples(self) -> tuple[tuple[str, str, PartSample], ...]:
@@ -570,7 +576,7 @@ class ToleranceProblem(Problem):
 
     def out_of_reach(self) -> list[Fault]:
         """Limits that no design can meet."""
-        return impossible(self)
+        return unreachable_limit_faults(self)
 
     def search_faults(self) -> list[Fault]:
         """What is wrong with a search of the problem, though its designs can be evaluated."""

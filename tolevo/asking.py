@@ -13,8 +13,7 @@ from scipy.spatial.distance import cdist
 
 from .algorithms.archive import Archive, nondominated
 from .algorithms.engine import violation_of
-from .algorithms.run import DiscreteDesigns
-from .algorithms.run import mark_failures_infeasible as without_failures
+from .algorithms.run import DiscreteDesigns, mark_failures_infeasible
 from .algorithms.search import driver
 from .algorithms.settings import AlgorithmSettings, Solver
 from .errors import Fault, raise_all, refuse
@@ -207,7 +206,7 @@ class Search:
         designs = self.problem.complete(self._new)
         values = {name: np.asarray(outputs[name], dtype=float) for name in self._needed()}
         f, g = self.problem.objective_values(values), self.problem.violations(designs, values)
-        f, g, failed = without_failures(f, g, self.problem.box)
+        f, g, failed = mark_failures_infeasible(f, g, self.problem.box)
         self._archive.add(self._new, f, np.where(failed, np.inf, violation_of(g)))
         self._failed = np.concatenate([self._failed, self._new[failed]])
         self._evaluations += len(f)

@@ -25,7 +25,7 @@ from .files import cause, write_text
 from .interrupts import INTERRUPTED, current, keep_standard_streams, listen, warn_in_a_line
 from .models.manipulator.maps import SOURCES
 from .results import Finished
-from .section import force_counts as forced
+from .section import force_counts
 
 if TYPE_CHECKING:
     from .algorithms.run import Progress
@@ -240,7 +240,7 @@ def command(name: str) -> Callable[[Callable[..., Finished | None]], Callable[..
         whole = expand_option_groups(function)
 
         def ending(**options: Any) -> None:
-            with exit_status(), forced(options.get("force", False)):
+            with exit_status(), force_counts(options.get("force", False)):
                 finished = whole(**options)
             if finished is not None:
                 raise typer.Exit(_print_ending(finished))

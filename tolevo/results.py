@@ -12,7 +12,7 @@ from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from .arguments import directory_faults
-from .directory import owned
+from .directory import own_folder
 from .directory.standing import MANIFEST, UNFINISHED
 from .errors import raise_all
 
@@ -62,7 +62,7 @@ class Finished:
         """
         target = Path(out)
         raise_all(directory_faults(target, overwrite))
-        with owned(target, self.command, False, overwrite) as place:
+        with own_folder(target, self.command, False, overwrite) as place:
             place.begin()
             for path in sorted(self.folder.iterdir()):
                 if path.name not in (MANIFEST, UNFINISHED):

@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 
 from ...errors import ModelError
 from ...problems.forms import Feature, Form, Way, largest_parts, least_values
-from ...problems.limits import LIMIT_ROUNDING as ROOM
-from ...problems.limits import loosened
+from ...problems.limits import LIMIT_ROUNDING, loosened
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Flags
 from .choices import cost_range, least_cost
-from .combination import Optimum, less_rounding, spread_at
-from .combination import tabulate_priced_costs as tabulated
+from .combination import Optimum, less_rounding, spread_at, tabulate_priced_costs
 
 
 def convex_pieces(form: Form) -> Form:
@@ -125,7 +123,7 @@ class _Course:
 def _bound_by_tangents(form: Form, near: Optimum, limits: Array) -> Array:
     """Lagrangian bounds (n,) at limits (n, r) by the tangents and multiples of prices of `near`."""
     spread = spread_at(form, near.chosen, near.t, largest_parts(form))
-    tables, received = tabulated(form, GRID, near.multiplier, limits, spread)
+    tables, received = tabulate_priced_costs(form, GRID, near.multiplier, limits, spread)
     return np.asarray(form.base + np.max(less_rounding(_combine_ways(tables), received), axis=1).min(axis=0))
 
 
@@ -190,7 +188,7 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
         return Proof(np.empty(0), form.statement, form.relaxed)
     own = [_values_if_required(problem, form, values, name, points) for name in form.outputs]
     limits = np.minimum(
-        loosened(np.stack(own, axis=1), LOOSER / ROOM), loosened(row_limits(problem, form), LIMIT_WIDENING)
+        loosened(np.stack(own, axis=1), LOOSER / LIMIT_ROUNDING), loosened(row_limits(problem, form), LIMIT_WIDENING)
     )
     distinct, place = np.unique(limits, axis=0, return_inverse=True)
     bound = _least_bound(form, distinct)[np.ravel(place)]
@@ -242,7 +240,7 @@ def within_reach(form: Form, limits: Array) -> Flags:
     every = range(len(form.outputs) if form.quantiles else 0)
     for row, least in zip(every, least_values(form, every, limits.max(axis=0)), strict=True):
         if least is not None:
-            possible &= limits[:, row] >= least.value - LIMIT_WIDENING * ROOM * abs(least.value)
+            possible &= limits[:, row] >= least.value - LIMIT_WIDENING * LIMIT_ROUNDING * abs(least.value)
     return possible
 
 

@@ -20,19 +20,15 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ...journal import recall_arrays as recalled
+from ...journal import recall_arrays
 from ...problems.forms import Feature, Form, Spread, largest_parts, spread_of
 from ...problems.limits import EQUAL, loosened
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Flags, Integers
-from .combination import ROUNDING, Ascent, Combination, Path, less_rounding, rows_of, spread_at
+from .combination import ROUNDING, Ascent, Combination, Path, less_rounding, rows_of, spread_at, tabulate_priced_costs
 from .combination import Optimum as Optimum
-from .combination import tabulate_priced_costs as tabulated
 from .programme import Programme
-from .separable import Leaf, Squares, least_leaf
-from .separable import is_separable as separable
-from .separable import is_separable_without_doubt as separable_but_for_doubt
-from .separable import least_cost_under_doubt as least_under_doubt
+from .separable import Leaf, Squares, is_separable, is_separable_without_doubt, least_cost_under_doubt, least_leaf
 
 # Many ways under several requirements: branch and bound on a linear master problem.
 #
@@ -480,8 +476,8 @@ def least_cost(form: Form, limits: Array, watch: Watch = ignore_progress) -> Opt
         return _solve_limits_in_turn(form, limits, watch, lambda limit, _: _least_cost_by_master(form, limit))
     if is_enumerable_root_form(form):
         return _solve_all_limits(form, limits, watch, lambda: cheapest_choice_within_limits(form, limits))
-    if separable_but_for_doubt(form) and not _has_point_alternatives(form):
-        return _solve_all_limits(form, limits, watch, lambda: least_under_doubt(form, limits, cost_range(form)[0]))
+    if is_separable_without_doubt(form) and not _has_point_alternatives(form):
+        return _solve_all_limits(form, limits, watch, lambda: least_cost_under_doubt(form, limits, cost_range(form)[0]))
     several = len(form.outputs) > 1
     if (several or form.combinations > MAX_UNPRICED_COMBINATIONS) and _has_priced_curves(form):
         return _least_cost_by_squares(form, limits, watch)
@@ -523,7 +519,7 @@ def _recall_optimum(form: Form, limits: Array, solve: Callable[[], Optimum]) -> 
         optimum = solve()
         return tuple(getattr(optimum, name) for name in Optimum.__dataclass_fields__)
 
-    return Optimum(*recalled((limits, *form.outputs, np.array(ranges)), arrays))
+    return Optimum(*recall_arrays((limits, *form.outputs, np.array(ranges)), arrays))
 
 
 def _has_point_alternatives(form: Form) -> bool:
@@ -548,7 +544,7 @@ def _least_cost(form: Form, limits: Array, near: Optimum | None) -> Optimum:
 def _has_priced_curves(form: Form) -> bool:
     """Whether a form of roots alone has curves that know their own prices (PricedCurve)."""
     curves = [way.curve for feature in form.features for way in feature.ways]
-    return any(curve.priced for curve in curves) and separable(form)
+    return any(curve.priced for curve in curves) and is_separable(form)
 
 
 def _least_cost_by_squares(form: Form, limits: Array, watch: Watch) -> Optimum:
@@ -556,7 +552,7 @@ def _least_cost_by_squares(form: Form, limits: Array, watch: Watch) -> Optimum:
     squares, optima, floor = Squares(form), [Optimum.unknown(form, limits[:0])], cost_range(form)[0]
     known: Leaf | None = None
     for done, limit in enumerate(limits, 1):
-        ways, t, mu, numbers = recalled((limit, *form.outputs), partial(_leaf_arrays, squares, limit, known))
+        ways, t, mu, numbers = recall_arrays((limit, *form.outputs), partial(_leaf_arrays, squares, limit, known))
         best = Leaf(tuple(ways.tolist()), t, float(numbers[0]), float(numbers[1]), mu)
         if np.isfinite(best.cost):
             known = best
@@ -635,7 +631,7 @@ class _Search:
     def tabulate(self) -> None:
         """Cost plus price of every way (ways, g, n) at a grid of prices around the best known."""
         multiplier = self._scaled_multipliers() * self.factor[:, None]
-        self.tables, self.received = tabulated(self.form, GRID, multiplier, self.limits, self._spread())
+        self.tables, self.received = tabulate_priced_costs(self.form, GRID, multiplier, self.limits, self._spread())
         self.open_ = [np.zeros(self.received.shape)]
         for table in self.tables[::-1]:
             self.open_.insert(0, self.open_[0] + table.min(axis=0))

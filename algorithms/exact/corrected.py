@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...journal import recall_arrays as recalled
+from ...journal import recall_arrays
 from ...problems.forms import Form, least_value
 from ...section import Array, Flags, Integers
 from ..run import Run
@@ -123,7 +123,7 @@ class Corrected:
                 return (nothing, *after)
             return (point.x, *after, np.array(point.cost), point.t, np.array(point.ways, dtype=np.int64))
 
-        x, moved, start, *more = recalled((np.array(ways), limit, least, than), arrays)
+        x, moved, start, *more = recall_arrays((np.array(ways), limit, least, than), arrays)
         self._moved, self._start = (array if len(array) else None for array in (moved, start))
         return Point(tuple(more[2].tolist()), x, float(more[0]), more[1]) if more else None
 

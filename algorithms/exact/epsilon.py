@@ -20,8 +20,7 @@ from ...section import Array, Flags
 from ..archive import nondominated
 from ..run import BudgetSpent, Run
 from ..settings import Budget
-from .local import NEARLY, Branch, joint_front
-from .local import joint_front_points as joint
+from .local import NEARLY, Branch, joint_front, joint_front_points
 
 # The end of a search on a sample: its points are tested on fresh units, and solved again.
 #
@@ -154,7 +153,7 @@ def sampled_front(run: Run, branches: list[Branch], points: int) -> None:
             run.phase("least value", 0.8 * at / len(branches))
             branch.begin(run)
         alive = [branch for branch in branches if branch.f]
-        submit_retested_points(run, joint(alive)[:1] if alive else [])
+        submit_retested_points(run, joint_front_points(alive)[:1] if alive else [])
     else:
         levels = _fill_between_levels(run, branches, points)
         submit_retested_points(run, [_best_branch_point(branches, level) for level in sorted(levels)])

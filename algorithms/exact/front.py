@@ -10,8 +10,7 @@ import scipy
 from ...problems.forms import Form
 from ...section import Array, Flags
 from .bounds import convex_pieces
-from .choices import Watch, contributions, least_cost
-from .choices import ignore_progress as unwatched
+from .choices import Watch, contributions, ignore_progress, least_cost
 from .combination import Combination, Optimum, Path, arc_length
 from .programme import Programme
 
@@ -20,7 +19,12 @@ COARSE = 128
 
 
 def front(
-    form: Form, points: int, upper: Array, swept: Flags | None = None, most: float = np.inf, watch: Watch = unwatched
+    form: Form,
+    points: int,
+    upper: Array,
+    swept: Flags | None = None,
+    most: float = np.inf,
+    watch: Watch = ignore_progress,
 ) -> Optimum:
     """About `points` allocations along the front of cost and the swept requirements.
 

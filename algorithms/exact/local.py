@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 from scipy.special import ndtri
 
-from ...journal import recall_columns as recalled_columns
+from ...journal import recall_columns
 from ...problems.limits import Limit
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array
@@ -186,7 +186,7 @@ class Smooth:
     def _exact(self, y: Array) -> tuple[Array, Array]:
         problem, x = self.run.problem, self.vectors(y[None, :])
         designs = problem.complete(x)
-        slopes = recalled_columns((designs,), lambda: dict(problem.gradient(designs)))
+        slopes = recall_columns((designs,), lambda: dict(problem.gradient(designs)))
         slopes |= {name: unit for name, unit in _units(problem).items() if name not in slopes}
         columns = [problem.names.index(v.name) for v in problem.free if not v.integer]
         width = self.high - self.low

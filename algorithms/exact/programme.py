@@ -14,10 +14,9 @@ from functools import partial
 
 import numpy as np
 
-from ...journal import recall_arrays as recalled
+from ...journal import recall_arrays
 from ...section import Array, Flags
-from .combination import ROUNDING, Combination, Solved
-from .combination import move_point_within_limits as moved_within
+from .combination import ROUNDING, Combination, Solved, move_point_within_limits
 from .local import ascend, slsqp
 
 GAP, GAP_QUANTILE = 1e-10, 1e-8
@@ -71,7 +70,7 @@ class Programme:
                     start = np.clip(starts[row], c.low, c.high)
                 first = self._between(limit, inner) if start is None else start
                 solve = partial(self._solved, limit, first, inner, tolerance)
-                start, multiplier[row] = recalled((limit, first, inner), solve)
+                start, multiplier[row] = recall_arrays((limit, first, inner), solve)
                 corner = self._cornered(limit)
                 if corner is not None:
                     further, prices = self._solved(limit, corner, inner, tolerance)
@@ -271,7 +270,7 @@ class Programme:
         multiplier[asked] = solution.multiplier * unit / scale
         t = whole(solution.x)[0]
         if inner is not None:
-            moved = moved_within(c, t, limit, inner)
+            moved = move_point_within_limits(c, t, limit, inner)
             t = inner if moved is None else moved
         return t, multiplier
 

@@ -24,8 +24,7 @@ import numpy as np
 from ...models.costs import Reciprocal
 from ...problems.forms import Form
 from ...section import Array, Flags
-from .combination import ROUNDING, Combination, Optimum
-from .combination import pure_root_rows as only_roots
+from .combination import ROUNDING, Combination, Optimum, pure_root_rows
 from .local import ascend
 
 STEPS = 60
@@ -44,7 +43,7 @@ LEAVES = 400
 
 def is_separable(form: Form) -> bool:
     """Whether all requirements are roots alone, and all costs positive functions of one price."""
-    return bool(np.all(only_roots(form)))
+    return bool(np.all(pure_root_rows(form)))
 
 
 def is_separable_without_doubt(form: Form) -> bool:

@@ -9,18 +9,22 @@ from typing import ClassVar
 import numpy as np
 
 from ...problems.forms import Form
-from ...problems.limits import LIMIT_ROUNDING as ROOM
-from ...problems.limits import loosened
+from ...problems.limits import LIMIT_ROUNDING, loosened
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import POINTS, Array, Flags
 from ..run import Run
 from ..settings import Budget, Solver
-from .bounds import LIMIT_WIDENING as BEYOND
-from .bounds import convex_pieces, reason, row_limits, upper_limit
-from .bounds import restrict_form as restricted
-from .choices import Watch, cheapest_choice, least_cost, search_vector, search_vectors, tightest_ways
-from .choices import has_only_point_ways as points_alone
-from .choices import ignore_progress as unwatched
+from .bounds import LIMIT_WIDENING, convex_pieces, reason, restrict_form, row_limits, upper_limit
+from .choices import (
+    Watch,
+    cheapest_choice,
+    has_only_point_ways,
+    ignore_progress,
+    least_cost,
+    search_vector,
+    search_vectors,
+    tightest_ways,
+)
 from .combination import Optimum, within
 from .corrected import corrected_vectors, is_corrected
 from .epsilon import epsilon_front, scale_of
@@ -111,14 +115,14 @@ def closed_form(problem: ToleranceProblem) -> Form | None:
     used = np.array([not asked.isdisjoint(form.requesting_outputs(name)) for name in form.outputs])
     if not np.any(used):
         return None
-    return convex_pieces(restricted(form, used))
+    return convex_pieces(restrict_form(form, used))
 
 
-def exact_vectors(problem: ToleranceProblem, form: Form, points: int, watch: Watch = unwatched) -> Array:
+def exact_vectors(problem: ToleranceProblem, form: Form, points: int, watch: Watch = ignore_progress) -> Array:
     """Search vectors (k, variables) of the exact front, or of the one least cost."""
     upper = _solved_limits(problem, form)
     real = np.isfinite(upper)
-    if np.any(np.abs(upper - tightest(form))[real] <= ROOM * np.abs(upper[real])):
+    if np.any(np.abs(upper - tightest(form))[real] <= LIMIT_ROUNDING * np.abs(upper[real])):
         return _tightest_corner_design(problem, form, upper)
     if problem.n_obj == 1:
         return _cheapest_design(problem, form, upper)
@@ -157,7 +161,7 @@ def _improve_by_full_model(run: Run, form: Form, x: Array) -> Array:
     problem = run.problem
     if (
         form.exact
-        or points_alone(form)
+        or has_only_point_ways(form)
         or problem.objectives != ("cost",)
         or len(x) != 1
         or problem.declaration.sampled
@@ -180,7 +184,7 @@ def _improve_by_full_model(run: Run, form: Form, x: Array) -> Array:
 def _cheapest_point_choice(problem: ToleranceProblem) -> Array:
     """The cheapest choice where the form omits limits, but all its ways are points; else nothing."""
     form = problem.form()
-    if form is None or form.also or form.settled or not points_alone(form):
+    if form is None or form.also or form.settled or not has_only_point_ways(form):
         return np.empty((0, problem.n_var))
     x = cheapest_choice(problem, form, row_limits(problem, form), -np.inf)
     return np.empty((0, problem.n_var)) if x is None else x
@@ -205,8 +209,8 @@ def _cheapest_design(problem: ToleranceProblem, form: Form, upper: Array) -> Arr
     Where the form understates the outputs, even by their rounding alone, it is solved again with
     limits moved by as much.
     """
-    if points_alone(form) and not form.also:
-        proven = least_cost(form, loosened(upper, BEYOND)[None, :]).bound[0]
+    if has_only_point_ways(form) and not form.also:
+        proven = least_cost(form, loosened(upper, LIMIT_WIDENING)[None, :]).bound[0]
         x = cheapest_choice(problem, form, upper, float(proven))
         if x is not None:
             return x

@@ -10,11 +10,11 @@ from .knowledge import (
     Surplus,
     Ways,
     calibrated,
+    draw_cumulants,
     fraction_within_limits,
     knowledge_of,
     norm_of,
 )
-from .knowledge import draw_cumulants as cumulants_drawn
 from .samples import PartSample, read_sample
 
 __all__ = [
@@ -28,7 +28,7 @@ __all__ = [
     "Surplus",
     "Ways",
     "calibrated",
-    "cumulants_drawn",
+    "draw_cumulants",
     "fraction_within_limits",
     "knowledge_of",
     "norm_of",

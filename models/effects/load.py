@@ -8,7 +8,7 @@ from ...section import Array
 from ..gear import PINS
 from ..measurable import Role
 from .effect import EffectParameter, Measurements, Target, Values, kind_of, quantity
-from .measurements import play_along_path as along_path
+from .measurements import play_along_path
 from .shapes import POSITIONS, Columns, Load, LoadShape, Orders, Shape, Weight
 
 # A dead band that is crossed over a small load.
@@ -134,7 +134,7 @@ class FrictionHysteresis(Shape):
     def columns(self, measurements: Measurements, values: Values, target: Target) -> Columns:
         def loop() -> Array:
             load = Load.of(measurements)
-            return along_path(measurements, load, values[self.shape_parameters(target)[0].name]) - load
+            return play_along_path(measurements, load, values[self.shape_parameters(target)[0].name]) - load
 
         return {MOVING.stem: lambda: np.asarray(measurements[Role.DIRECTION], dtype=float), LOOP: loop}
 

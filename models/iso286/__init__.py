@@ -1,12 +1,11 @@
 """Standards of drawings: limits and fits (ISO 286), general tolerances (2768), symbols (1101)."""
 
-from .fits import GRADES, UNVERIFIED, Fit, grade_um, pair_of_text, zone
-from .fits import MAX_SIZE_MM as LARGEST
+from .fits import GRADES, MAX_SIZE_MM, UNVERIFIED, Fit, grade_um, pair_of_text, zone
 from .general import SYMBOLS, angle_rad, geometrical_mm, linear_mm
 
 __all__ = [
     "GRADES",
-    "LARGEST",
+    "MAX_SIZE_MM",
     "SYMBOLS",
     "UNVERIFIED",
     "Fit",

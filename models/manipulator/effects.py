@@ -13,8 +13,17 @@ from ...units import MRAD, UM
 from ..measurable import Changeable
 from . import maps as sources
 from .geometry import CHAINS, Manipulator, angles, cross, dot, posture
-from .maps import NAMES, PER_CHAIN, SCALES, SOURCES, Combination, first_order, matrix, orientation_combinations
-from .maps import solve_separated_maps as separated
+from .maps import (
+    NAMES,
+    PER_CHAIN,
+    SCALES,
+    SOURCES,
+    Combination,
+    first_order,
+    matrix,
+    orientation_combinations,
+    solve_separated_maps,
+)
 
 KINDS = tuple(
     f"{kind}_{chain}" for kind in ("rod_length", "joint_distance", "joint_line") for chain in range(1, CHAINS + 1)
@@ -241,7 +250,7 @@ def lifts(manipulator: Manipulator, r: Array, z: Array, phi: Array) -> tuple[Arr
         lift = lift.reshape(len(r), CHAINS, PER_CHAIN)
         return lift[..., sources.DRIVE_ZERO], lift[..., sources.ROD_LENGTH]
     chains = posture(manipulator, r, z)
-    turn, place, shift = separated(chains)
+    turn, place, shift = solve_separated_maps(chains)
     move = place[:, 2]
     tilt = np.einsum("ni,nic->nc", shift[:, 2], turn)
     drive = move * manipulator.arms * dot(chains.w, chains.v)

@@ -27,8 +27,7 @@ from .geometry import (
     turned,
     vector,
 )
-from .maps import NAMES, first_order
-from .maps import solve_separated_maps as separated
+from .maps import NAMES, first_order, solve_separated_maps
 from .ring import Index
 
 SIDES = np.array([0.5, -0.5])
@@ -361,7 +360,7 @@ def split(manipulator: Manipulator, r: Array, z: Array, phi: Array | float = 0.0
     maps = first_order(manipulator, r, z, phi)
     radius = np.broadcast_to(np.ravel(r), len(maps.position))
     chains = posture(manipulator, radius, np.ravel(z))
-    through = separated(chains)[2] @ maps.orientation
+    through = solve_separated_maps(chains)[2] @ maps.orientation
     residual = maps.orientation.copy()
     residual[:, 2] -= maps.position[:, 1] / radius[:, None]
     return Split(maps.position, through, residual)

@@ -18,8 +18,7 @@ from ...units import MM, MRAD
 from ..inputs import Distribution
 from ..measurable import NO_CHANGES, Column, MeasurableModel, Outside, Role
 from .effects import CHANGEABLE, base_tilt, changed_errors
-from .forward import compensated, exact_pose
-from .forward import turn_about_vertical as about_up
+from .forward import compensated, exact_pose, turn_about_vertical
 from .geometry import CHAINS, Manipulator, TaskRing, cross, posture, reach, rotation_vector, turned, vector
 from .maps import NAMES, SOURCES, error_vector
 from .ring import GRID, INDICES
@@ -351,6 +350,6 @@ class ManipulatorPose(MeasurableModel):
         r, z = np.hypot(where[:, 0], where[:, 1]), where[:, 2]
         errors = changed_errors(self.machine, r, z, phi + ahead, self.errors, changes)
         residual = compensated(self.machine, r, z, phi + ahead, errors)
-        axes = about_up(turned(np.eye(3), residual[:, None, :]), ahead[:, None])
+        axes = turn_about_vertical(turned(np.eye(3), residual[:, None, :]), ahead[:, None])
         # the frame at phi + ahead, turned back to axes that begin at phi
         return rotation_vector(turned(axes, tilt[:, None, :]))

@@ -16,8 +16,7 @@ from ..propagation.sums import total_cumulants
 from . import geometry as involute
 from .cycloid import LINEAR_ERRORS, ROTATIONS, EccentricityLaw, coefficients, pin_circle_growth
 from .geometry import RvGeometry, backlash_zone, lever, modification_backlash
-from .tighter_planet import TighterPlanet
-from .tighter_planet import tighter_planet_law as tighter_of
+from .tighter_planet import TighterPlanet, tighter_planet_law
 
 # Geometric backlash of an RV reducer in its three stages (document B), as a sum to propagate.
 
@@ -93,7 +92,7 @@ class BacklashModel:
     def involute_term(self, allocation: Allocation) -> Term:
         """phi_1: the clearance of the tighter planet."""
         mid, half = involute.backlash_zone(self.stage, self.geometry, allocation.involute_grade)
-        return Term(tighter_of(self._input("involute_grade"), self.tighter), mid, half)
+        return Term(tighter_planet_law(self._input("involute_grade"), self.tighter), mid, half)
 
     def output_term(self, allocation: Allocation) -> Term:
         """phi_3 = du/a_0, du the play of the crank-arm bearings in [0, c]."""

@@ -23,8 +23,7 @@ from .contact import declared as contact
 from .cycloid import LINEAR_ERRORS
 from .geometry import lever
 from .population.contact import touch
-from .population.errors import Lattice, Scaled, Table, turn_lattice
-from .population.errors import change_units as changed
+from .population.errors import Lattice, Scaled, Table, change_units, turn_lattice
 from .population.units import ERRORS, BaseSample, Involute, UnitBasis, UnitDesign, stem
 
 MODEL = "model"
@@ -225,7 +224,7 @@ class ContactUnits:
         """y (positions, n) [arcmin] of the cycloid stage."""
         geometry = self.basis.geometry
         drawn = Scaled.of(geometry, sample, design or self.design)
-        units = changed(geometry, drawn, sample, changes)
+        units = change_units(geometry, drawn, sample, changes)
         backlash = touch(lattice, table, units).cycloid(geometry.output_ratio)
         return np.asarray(backlash, dtype=np.float64)
 

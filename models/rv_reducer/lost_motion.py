@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from ...errors import Fault, raise_all
 from ...section import Array, Output, Parameter, Value, number
 from ...units import ARCMIN, MM, MRAD, UM
-from ..gear import RV_40E, Gear
-from ..gear import rv_teeth_of_ratio as of_ratio
+from ..gear import RV_40E, Gear, rv_teeth_of_ratio
 from ..inputs import Distribution
 from ..measurable import NO_CHANGES, Changeable, Column, MeasurableModel, Outside, Role
 from . import declared
@@ -26,8 +25,7 @@ from .contact import declared as contact
 from .contact.contact import LoadedContact, turn_angles, warn_of_overload
 from .contact.geometry import ContactGeometry, Mesh, PartErrors
 from .declared import Rows, outside
-from .dynamics import NEGLIGIBLE_AMPLITUDE as LEFT_OUT
-from .dynamics import OrderTable
+from .dynamics import NEGLIGIBLE_AMPLITUDE, OrderTable
 
 _GEOMETRY = (
     "pin_circle_radius_mm",
@@ -179,7 +177,7 @@ def gear_of(parameters: Mapping[str, object]) -> Gear:
         if isinstance(value, int | float) and value > 0:
             values[name] = value
     pins, teeth, ratio = (number(values[name]) for name in names)
-    return of_ratio(int(pins), int(teeth), ratio) if pins > teeth else RV_40E
+    return rv_teeth_of_ratio(int(pins), int(teeth), ratio) if pins > teeth else RV_40E
 
 
 # Quantities of a loaded unit that effects may change, and the first-order change of the twist.
@@ -278,7 +276,7 @@ class Responses:
                 OrderTable.of(change.applied(self.unit, amount).mesh(self.samples), self.most, left_out=0.0)
                 for amount in (change.low, change.high)
             )
-            self._cached[name] = high.difference(low, change.high - change.low, LEFT_OUT)
+            self._cached[name] = high.difference(low, change.high - change.low, NEGLIGIBLE_AMPLITUDE)
         return self._cached[name]
 
     def of(self, changes: Mapping[str, Any], rows: int) -> list[tuple[OrderTable, Array]]:
@@ -350,7 +348,7 @@ class RvLostMotion(MeasurableModel):
         samples = SAMPLES_PER_PIN * self.unit.contact.geometry.pins
         self.momentary = self.unit.contact.momentary_torque
         most = REACH * self.momentary
-        self.static = OrderTable.of(self.unit.mesh(samples), most, LEFT_OUT)
+        self.static = OrderTable.of(self.unit.mesh(samples), most, NEGLIGIBLE_AMPLITUDE)
         self.responses = Responses(self.unit, samples, most)
 
     @classmethod

@@ -19,9 +19,17 @@ from . import declared
 from . import lost_motion as loaded_unit
 from .contact.contact import warn_of_overload
 from .declared import Rows, outside
-from .dynamics import NEGLIGIBLE_AMPLITUDE as LEFT_OUT
-from .dynamics import ComplexArray, DisplacedMesh, FullDynamics, OrderTable, Oscillator, Train, transfer
-from .dynamics import tabulate_mesh as tabulated
+from .dynamics import (
+    NEGLIGIBLE_AMPLITUDE,
+    ComplexArray,
+    DisplacedMesh,
+    FullDynamics,
+    OrderTable,
+    Oscillator,
+    Train,
+    tabulate_mesh,
+    transfer,
+)
 from .lost_motion import CHANGEABLE, Responses
 
 SAMPLES_PER_PIN = 100
@@ -136,7 +144,7 @@ class RvTransmission(MeasurableModel):
         most = REACH * self.momentary
         mesh = self.unit.mesh(self.samples)
         excitation = _excitation(p, self.unit)
-        self.static = OrderTable.of(mesh, most, LEFT_OUT).plus(excitation)
+        self.static = OrderTable.of(mesh, most, NEGLIGIBLE_AMPLITUDE).plus(excitation)
         self.train = self._scaled(train, p["first_mode_Hz"])
         self.responses = Responses(self.unit, self.samples, most)
         self.full: FullDynamics | None = None
@@ -144,7 +152,7 @@ class RvTransmission(MeasurableModel):
             angle = 2.0 * pi * np.arange(self.samples) / self.samples
             waves = sum((amplitude * np.exp(1j * k * angle) for k, amplitude in excitation.items()), 0j)
             displacement = np.real(waves) * np.ones(self.samples)
-            self.full = FullDynamics(DisplacedMesh(tabulated(mesh, most), displacement), self.train)
+            self.full = FullDynamics(DisplacedMesh(tabulate_mesh(mesh, most), displacement), self.train)
 
     @classmethod
     def gear_of(cls, parameters: Mapping[str, Any]) -> Gear | None:

@@ -13,7 +13,7 @@ from ...section import Array, Output, Parameter, Section, Value, completed
 from ...units import MM, MRAD, UM
 from ..inputs import Distribution
 from ..measurable import NO_CHANGES, Column, MeasurableModel
-from . import MAX_JOINTS as MOST_JOINTS
+from . import MAX_JOINTS
 from .kinematics import Chain, positions
 
 DEG = np.pi / 180.0
@@ -85,11 +85,11 @@ def _frame(stem: str, axes: tuple[str, ...]) -> list[Parameter]:
 
 
 PARAMETERS: tuple[Parameter, ...] = (
-    Parameter("joints", 6, "", "revolute joints of the chain", _SOURCE, low=1, high=MOST_JOINTS),
-    *(_nominal(column, joint) for joint in range(1, MOST_JOINTS + 1) for column in TABLE),
+    Parameter("joints", 6, "", "revolute joints of the chain", _SOURCE, low=1, high=MAX_JOINTS),
+    *(_nominal(column, joint) for joint in range(1, MAX_JOINTS + 1) for column in TABLE),
     *(
         Parameter(error(kind, joint), 0.0, unit, f"{meaning} {joint}", low=-inf)
-        for joint in range(1, MOST_JOINTS + 1)
+        for joint in range(1, MAX_JOINTS + 1)
         for kind, (unit, meaning, _) in ERRORS.items()
     ),
     *_frame("base", BASE),
@@ -163,8 +163,8 @@ def read_chain(top: Section) -> dict[str, Value]:
     if "joint" not in top:
         return values
     rows = top.tables("joint")
-    if not 1 <= len(rows) <= MOST_JOINTS:
-        top.fault("joint", f"is no chain: it has {len(rows)} rows, and needs 1 to {MOST_JOINTS}")
+    if not 1 <= len(rows) <= MAX_JOINTS:
+        top.fault("joint", f"is no chain: it has {len(rows)} rows, and needs 1 to {MAX_JOINTS}")
         return values
     joints = [_joint(top.item("joint", at), at + 1) for at in range(len(rows))]
     for joint in joints:
@@ -231,7 +231,7 @@ class SerialArm(MeasurableModel):
     """
 
     columns = tuple(
-        Column(f"joint_{joint}_deg", "deg", f"commanded angle of joint {joint}") for joint in range(1, MOST_JOINTS + 1)
+        Column(f"joint_{joint}_deg", "deg", f"commanded angle of joint {joint}") for joint in range(1, MAX_JOINTS + 1)
     )
     outputs = tuple(Output(f"{axis}_mm", "mm", f"measured position, {axis}") for axis in "xyz")
     parameters = PARAMETERS

@@ -1,7 +1,6 @@
 """Tolerance stacks: any requirement on any parts, linearised and exact."""
 
-from .conditioned import Conditioned
-from .conditioned import condition_on_piece as conditioned
+from .conditioned import Conditioned, condition_on_piece
 from .linear_sum import LinearSum, linear_sum_of
 from .mechanism import (
     AsMade,
@@ -12,17 +11,17 @@ from .mechanism import (
     Tolerances,
     box,
     half_width,
+    interpolate_designs,
     joint_yield_percent,
     law_of,
     least_margin,
     limit_of,
+    linear_model,
     mean_of,
     spread_of,
     worst_by_corners,
     yield_percent,
 )
-from .mechanism import interpolate_designs as between
-from .mechanism import linear_model as linearised
 
 __all__ = [
     "AsMade",
@@ -33,16 +32,16 @@ __all__ = [
     "Mechanism",
     "Sample",
     "Tolerances",
-    "between",
     "box",
-    "conditioned",
+    "condition_on_piece",
     "half_width",
+    "interpolate_designs",
     "joint_yield_percent",
     "law_of",
     "least_margin",
     "limit_of",
+    "linear_model",
     "linear_sum_of",
-    "linearised",
     "mean_of",
     "spread_of",
     "worst_by_corners",

@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from ...journal import recall_columns as recalled_columns
+from ...journal import recall_columns
 from ...models.manipulator.ring import (
     GRID,
     Field,
@@ -61,7 +61,7 @@ class Population:
         names = OVER_MACHINES.intersection(wanted)
         starts = range(0, len(sigma) if names else 0, BLOCK)
         parts = [sigma[at : at + BLOCK] for at in starts]
-        blocks = [recalled_columns((part, *sorted(names)), partial(self._block, part, names)) for part in parts]
+        blocks = [recall_columns((part, *sorted(names)), partial(self._block, part, names)) for part in parts]
         every = blocks[0] if blocks else ()
         return {name: np.concatenate([block[name] for block in blocks]) for name in every}
 

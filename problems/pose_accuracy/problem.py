@@ -20,7 +20,7 @@ from ...section import Array, Assumption, Section, Value, number
 from ...units import MM, MRAD, UM
 from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..forms import Feature, Form, Way
-from ..limits import narrow_range as narrowed
+from ..limits import narrow_range
 from ..settings import ASSURANCE, PROMISED, Settings
 from .machines import Population, PromisingPoses
 from .outputs import (
@@ -313,7 +313,9 @@ class PoseAccuracy(PromisingPoses):
         named = [name for name in ERRORS if name in self.required_outputs] or ["squareness_mrad"]
         rows = np.sqrt(np.vstack([self.squares[name] for name in named]))
         outputs = tuple(name for name in named for _ in range(len(self.squares[name])))
-        ranges = {name: narrowed(self.limits, name, *super(PoseAccuracy, self).interval(name)) for name in self.names}
+        ranges = {
+            name: narrow_range(self.limits, name, *super(PoseAccuracy, self).interval(name)) for name in self.names
+        }
         nothing = (0.0,) * len(rows)
         features = tuple(
             Feature(name, (Way(self.settings.costs[name], *ranges[name], nothing, tuple(rows[:, at].tolist())),))

@@ -17,7 +17,7 @@ from ...models.robot import CALIBRATED, ratio
 from ...section import Array, Assumption, Output, Parameter, Value, Variable
 from ..declaration import Declaration, Interval
 from ..forms import Feature, Form, Way
-from ..limits import narrow_range as narrowed
+from ..limits import narrow_range
 from ..nested_reducers import Nested
 from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import ToleranceProblem
@@ -370,7 +370,7 @@ def _link_features(problem: RobotProblem, rows: int) -> list[Feature]:
 
 def _range(problem: RobotProblem, name: str, usual: tuple[float, float]) -> tuple[float, float]:
     """Range of a variable within the limits on it."""
-    return narrowed(problem.limits, name, *(problem.interval(name) if name in problem.names else usual))
+    return narrow_range(problem.limits, name, *(problem.interval(name) if name in problem.names else usual))
 
 
 # Where the next unit of cost reduces the error most, in words.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...errors import Fault
-from ...journal import recall_arrays as recalled
+from ...journal import recall_arrays
 from ...models.costs import CostCurve, Reciprocal, ReciprocalPower, Table
 from ...models.propagation import Convolution, Estimate, Moments, MonteCarlo, Propagated, Propagation
 from ...models.propagation.sums import ClippedSum, Term, total_cumulants
@@ -26,13 +26,10 @@ from ..limits import apart
 from ..machined import Machined
 from ..promise import Promising
 from ..settings import ASSURED, PROMISED, Bound, Settings
-from .counterparts import changes_of, deviations_of, sentence
-from .counterparts import form_of_promise as promised_form
+from .counterparts import changes_of, deviations_of, form_of_promise, sentence
 from .form import deviations
 from .quantile_form import quantile_form, shortfalls
-from .shift import BEARING, GRADE, SHIFT, TERMS, Shift, columns_of, shift_of
-from .shift import move_means as moved
-from .shift import promise_faults as refused
+from .shift import BEARING, GRADE, SHIFT, TERMS, Shift, columns_of, move_means, promise_faults, shift_of
 
 if TYPE_CHECKING:
     from ..rv_reducer import RvReducer
@@ -76,7 +73,7 @@ def verdicts(problem: RvBacklash, designs: Array) -> tuple[str, ...]:
         evaluations = [contact.evaluation(row, searching=False) for row in rows]
         return (np.array([[evaluation.value(name) for name in NAMED] for evaluation in evaluations]),)
 
-    (values,) = recalled((designs, "by contact"), values_of)
+    (values,) = recall_arrays((designs, "by contact"), values_of)
     return tuple(
         f"by contact this allocation keeps {problem.limit:g} arcmin in {kept:.1f} % of "
         f"the units at all {contact.count('positions')} positions of a turn; {coverage:.4g} % of them stay below "
@@ -336,7 +333,7 @@ class RvBacklash(Promising, Machined):
 
     def total(self, designs: Array) -> ClippedSum:
         """The sum over units that is propagated [rad]."""
-        return self.change.opened(moved(self, designs, self.plain_total(self.effective(designs))))
+        return self.change.opened(move_means(self, designs, self.plain_total(self.effective(designs))))
 
     def plain_total(self, designs: Array) -> ClippedSum:
         """The same of spreads of centred parts."""
@@ -373,7 +370,7 @@ class RvBacklash(Promising, Machined):
         if self.change.growth != 0.0:
             return None
         quantile = self._quantile_form
-        return quantile if isinstance(quantile, Form) else promised_form(self)
+        return quantile if isinstance(quantile, Form) else form_of_promise(self)
 
     def unproven(self) -> str:
         return self._quantile_form if isinstance(self._quantile_form, str) else ""
@@ -538,7 +535,7 @@ class RvBacklash(Promising, Machined):
         return [Fault("parameters.eccentricity_mm", text)]
 
     def search_faults(self) -> list[Fault]:
-        return refused(self)
+        return promise_faults(self)
 
     def warnings(self) -> tuple[str, ...]:
         if "interference_probability" in self.settings.limits:

@@ -22,8 +22,18 @@ from ..forms import Feature, Form, Piece, Quantile, Way
 from ..limits import Limit
 from ..settings import ASSURED, PROMISED
 from .counterparts import MEAN, STD, doubt_of, statement_of
-from .form import OUTPUTS, Member, Part, Sum, bearing_feature, cell_way, grade_feature, sum_of, tolerance_feature
-from .form import coarsen_sum as coarse
+from .form import (
+    OUTPUTS,
+    Member,
+    Part,
+    Sum,
+    bearing_feature,
+    cell_way,
+    coarsen_sum,
+    grade_feature,
+    sum_of,
+    tolerance_feature,
+)
 from .shift import SHIFT, Shift, allows_any, columns_of, profile_at, unit_terms
 
 if TYPE_CHECKING:
@@ -124,7 +134,7 @@ def quantile_form(problem: RvBacklash) -> Form | str:
     statement = f"quantile of the geometric backlash, which the effective one exceeds{left_out}"
     if promised is not None:
         statement += f"; {statement_of(problem)}"
-    wide = coarse(problem, total, grades=promised is not None)
+    wide = coarsen_sum(problem, total, grades=promised is not None)
     others = tuple(_form(wide, rows, statement, relaxed, promised) for rows in _branches(main, total))
     return replace(_form(total, main, statement, relaxed, promised), also=others)
 

@@ -17,7 +17,7 @@ from ...models.propagation.sums import ClippedSum, Term
 from ...models.rv_reducer.cycloid import LINEAR_ERRORS
 from ...section import Array
 from ...units import ARCMIN, MM
-from ..limits import narrow_range as narrowed
+from ..limits import narrow_range
 from ..machined import MachinedTolerance, curve_of
 
 if TYPE_CHECKING:
@@ -164,7 +164,7 @@ def bearing_term(problem: RvBacklash) -> Term:
 
 def ends(problem: RvBacklash, name: str) -> tuple[float, float]:
     """Range of a variable within the limits on it."""
-    return narrowed(problem.limits, name, *problem.interval(name))
+    return narrow_range(problem.limits, name, *problem.interval(name))
 
 
 # The joint effect of modification and stagger on phi_2: one shift s, and designs that have it.

@@ -25,8 +25,7 @@ from ..rv_backlash.shift import TERMS
 from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import Variant
 from . import declared as geometry
-from .counterparts import changes_of, sentence
-from .counterparts import outputs_without_rule as unruled
+from .counterparts import changes_of, outputs_without_rule, sentence
 from .declared import (
     DEFAULT_LIMITS,
     DEFAULT_OBJECTIVES,
@@ -38,14 +37,13 @@ from .declared import (
     SAMPLED,
     SAMPLED_UNDER_LOAD,
     VARIABLES,
+    changed_geometry_parameters,
+    default_values_sentence,
     size_faults,
+    unlimited_interference_faults,
+    unpriced_error_faults,
 )
-from .declared import changed_geometry_parameters as changed
-from .declared import default_values_sentence as still_default
-from .declared import unlimited_interference_faults as unlimited
-from .declared import unpriced_error_faults as priceless
-from .evaluation import MEASURES, Evaluation, Populations, UnitModel, is_unit_statistic
-from .evaluation import unit_tables as units_shown
+from .evaluation import MEASURES, Evaluation, Populations, UnitModel, is_unit_statistic, unit_tables
 from .promising import PromisingUnits
 
 # Designs of `rv_reducer` that a search by gradients begins from.
@@ -243,7 +241,7 @@ class RvReducer(PromisingUnits, Machined):
         given = self.settings
         units = UnitModel.of(given.parameters, given.variables, given.propagation.coverage)
         change = changes_of(given.effects, units.geometry)
-        lacking = unruled(MEASURES, SAMPLED_OUTPUTS, SAMPLED_UNDER_LOAD) if change.outside else []
+        lacking = outputs_without_rule(MEASURES, SAMPLED_OUTPUTS, SAMPLED_UNDER_LOAD) if change.outside else []
         if lacking:
             raise ModelError(f"{', '.join(lacking)}: no rule says what effects do; add its kind to RULES")
         self.model = units.changed(change)
@@ -399,7 +397,7 @@ class RvReducer(PromisingUnits, Machined):
 
     def references(self) -> dict[str, Array]:
         """The documents' allocations, which are those of the RV-40E-121 alone, without machines."""
-        if self.machined_tolerances or changed(self.settings.parameters):
+        if self.machined_tolerances or changed_geometry_parameters(self.settings.parameters):
             return {}
         nominal = nominal_of(self)
         return {
@@ -462,18 +460,18 @@ class RvReducer(PromisingUnits, Machined):
         ends = {name: super(RvReducer, self).interval(name) for name in ("dr_rp_mm", "dr_p_mm")}
         return [
             *geometry.faults(self.model.geometry, self.given, ends),
-            *priceless({variable.name for variable in self.free}, self.settings.costs),
+            *unpriced_error_faults({variable.name for variable in self.free}, self.settings.costs),
             *(size_faults(self.count, MAX_CACHED_EVALUATIONS) or super().faults()),
         ]
 
     def search_faults(self) -> list[Fault]:
-        return unlimited(self.settings.limits, self.settings.parameters)
+        return unlimited_interference_faults(self.settings.limits, self.settings.parameters)
 
     def warnings(self) -> tuple[str, ...]:
         given = self.settings
         gap = given.limits.get("radial_gap_mm", Bound())
         odd = geometry.warnings(self.model.geometry, given.parameters, gap)
-        return (*still_default(self.given, given.parameters), *odd)
+        return (*default_values_sentence(self.given, given.parameters), *odd)
 
     # ---------------------------------------------------------------- what a reader is shown
 
@@ -494,7 +492,7 @@ class RvReducer(PromisingUnits, Machined):
 
     def shown_units(self, design: Array) -> UnitsShown | None:
         evaluation = self.evaluation(design, searching=False)
-        return units_shown(evaluation, self.settings.parameters)
+        return unit_tables(evaluation, self.settings.parameters)
 
     def variants(self) -> tuple[Variant, ...]:
         return variants(self)

@@ -19,7 +19,7 @@ from ...models.assembly.process import DatumFlowChain
 from ...section import Array
 from ...units import ARCSEC, MRAD
 from ..forms import Feature, Form, Way
-from ..limits import narrow_range as narrowed
+from ..limits import narrow_range
 from .declared import AXES, DOCUMENT_MRAD, PRECISION, SIZE
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def form_of(problem: RvTransmissionError) -> Form | None:
     base = problem.influence.base_amplitude / ARCSEC
     features = []
     for at, name in enumerate(DOCUMENT_MRAD):
-        ends = narrowed(problem.limits, name, *problem.interval(name))
+        ends = narrow_range(problem.limits, name, *problem.interval(name))
         spreads = tuple(np.sqrt(squares[:, at]).tolist())
         features.append(Feature(name, (Way(problem.settings.costs[name], *ends, (0.0,) * len(squares), spreads),)))
     relaxed = _relaxed_limits(problem)

@@ -10,19 +10,23 @@ from typing import Any
 import numpy as np
 
 from ...errors import Fault
-from ...models.robot import POSE_COORDINATES as WHOLE
-from ...models.robot import Drives
+from ...models.robot import POSE_COORDINATES, Drives
 from ...models.serial_arm import arm as declared
-from ...models.serial_arm.kinematics import Chain, Frames, Reached, frames, gravity_torques
-from ...models.serial_arm.kinematics import blocking_joints as blocking
-from ...models.serial_arm.kinematics import inverse_over_cell as over_cell
-from ...models.serial_arm.kinematics import singular_joints as singular
+from ...models.serial_arm.kinematics import (
+    Chain,
+    Frames,
+    Reached,
+    blocking_joints,
+    frames,
+    gravity_torques,
+    inverse_over_cell,
+    singular_joints,
+)
 from ...section import Array, Assumption, Section, Value, completed, number
 from ...units import MRAD, UM
 from ..declaration import ConfiguredProblem, Declaration
 from ..robot.machine import Machine, Places
-from ..robot.problem import RobotProblem, declaration_of, millimetres, share_name
-from ..robot.problem import sketch_part as sketched
+from ..robot.problem import RobotProblem, declaration_of, millimetres, share_name, sketch_part
 from ..settings import Settings
 from .definition import Definition, definition_tables, read_definition, shipped_arm
 
@@ -76,7 +80,7 @@ class ArmMachine(Machine):
             return Reached(angles, np.zeros(len(angles)))
         if not cell.of_tool:
             position = position + np.einsum("nij,j->ni", turn, chain.tool)
-        return over_cell(chain, position, turn, self.definition.near, *self.definition.ends)
+        return inverse_over_cell(chain, position, turn, self.definition.near, *self.definition.ends)
 
     @cached_property
     def frames(self) -> Frames:
@@ -120,7 +124,7 @@ def _correct_errors(move: Array, turn: Array, by_move: Array, by_turn: Array) ->
     """The residual errors (n, 3, sources) when commands keep the position exact; the orientation
     as well where there are enough joints.
     """
-    if move.shape[2] >= WHOLE:
+    if move.shape[2] >= POSE_COORDINATES:
         return np.zeros_like(by_move), np.zeros_like(by_turn)
     commands = np.linalg.pinv(move) @ by_move
     return np.zeros_like(by_move), by_turn - turn @ commands
@@ -173,10 +177,10 @@ class SerialArmAllocation(RobotProblem):
         for at in range(len(chain.d)):
             knee = origin[at] + chain.d[at] * now.axes[middle, at]
             names = [share_name(name) for name in self.link_names if f"_{at + 1}_" in name]
-            parts.append(sketched(f"link {at + 1}", "link", [origin[at], knee, origin[at + 1]], names))
+            parts.append(sketch_part(f"link {at + 1}", "link", [origin[at], knee, origin[at + 1]], names))
         for at in self.definition.gearings:
-            parts.append(sketched(f"joint {at + 1}", "joint", [origin[at]], [f"share_joint_{at + 1}_percent"]))
-        tool = sketched("tool", "tool", [origin[-1], now.tool[middle]])
+            parts.append(sketch_part(f"joint {at + 1}", "joint", [origin[at]], [f"share_joint_{at + 1}_percent"]))
+        tool = sketch_part("tool", "tool", [origin[-1], now.tool[middle]])
         return {"parts": [*parts, tool], "poses": millimetres(list(now.tool))}
 
     # ---------------------------------------------------------------- faults and assumptions
@@ -186,7 +190,7 @@ class SerialArmAllocation(RobotProblem):
 
     def _out_of_reach(self) -> list[Fault]:
         reached, machine = self.machine.reached, self.machine
-        why = blocking(machine.chain, reached, *self.definition.ends)
+        why = blocking_joints(machine.chain, reached, *self.definition.ends)
         messages = [
             (at, f"is out of reach by {1e3 * reached.missing[at]:.3g} mm: {text}")
             for at, text in enumerate(why)
@@ -195,7 +199,7 @@ class SerialArmAllocation(RobotProblem):
         return self._at_poses(messages, "move or shrink the cell, or widen range_deg")
 
     def _singular(self) -> list[Fault]:
-        joints = enumerate(singular(self.machine.chain, self.machine.frames))
+        joints = enumerate(singular_joints(self.machine.chain, self.machine.frames))
         reason = "is singular: joints {} move the tool in the same direction"
         messages = [(at, reason.format(names)) for at, names in joints if names]
         return self._at_poses(messages, "move the cell, or give another posture (near_deg)")

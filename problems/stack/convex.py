@@ -14,10 +14,8 @@ from ...models.costs import Reciprocal
 from ...models.machines import GoodPartsBySpread, convex_cost
 from ...section import Array, Flags, Integers
 from ..forms import Feature, Form, Way
-from ..limits import Limit, overlap
-from ..limits import narrow_range as narrowed
-from .definition import Part, Process, limits_of, spread_and_mean
-from .definition import process_by_spread as by_spread
+from ..limits import Limit, narrow_range, overlap
+from .definition import Part, Process, limits_of, process_by_spread, spread_and_mean
 from .rows import YIELD, Row, quantile_of, rows_of, surplus_of
 
 if TYPE_CHECKING:
@@ -56,7 +54,7 @@ def machine_ways(
         used, exact = convex_cost(process.curve, np.linspace(low, high, TRIED**2))
         slopes = tuple(float(row.linear[at]) for row in rows)
         return [Way(used, low, high, slopes, (0.0,) * len(rows), choice=float(number))], exact
-    curve = by_spread(part, process)
+    curve = process_by_spread(part, process)
     used, exact = convex_cost(curve, curve.tabulated)
     cells = CELLS if _has_other_terms(process, rows, at) else 1
     ends = spread_and_mean(part, process, np.linspace(low, high, cells + 1))[0]
@@ -239,7 +237,7 @@ def _square(spread: Array, t: Array, correlation: Array, settled: Flags) -> floa
 
 def range_of(stack: Stack, part: Part) -> tuple[float, float]:
     """The range of a part's tolerance within the limits on it."""
-    return narrowed(stack.limits, f"{part.name}_t")
+    return narrow_range(stack.limits, f"{part.name}_t")
 
 
 def _feature(part: Part, rows: list[Row], at: int, ends: tuple[float, float]) -> tuple[Feature, bool]:

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...errors import Fault
-from ...models.stack import between, half_width, joint_yield_percent
+from ...models.stack import half_width, interpolate_designs, joint_yield_percent
 from ...section import Need, Section, too_many
 from ..settings import PROMISED, YIELD
-from .convex import has_process_within_limits as possible
-from .convex import range_of
+from .convex import has_process_within_limits, range_of
 from .definition import Requirement
 from .outputs import OBJECTIVES, VARIATIONS, common_unit
 from .promises import Measured, promise_faults
@@ -115,7 +114,7 @@ def _never_half(stack: Stack, measured: Measured) -> bool:
     """
     if measured.off_limits or any(part.by_machine or part.alternatives for part in measured.parts):
         return measured.off_limits
-    line = between(*stack.ends_as_made, np.linspace(0.0, 1.0, TRIED)[:, None])
+    line = interpolate_designs(*stack.ends_as_made, np.linspace(0.0, 1.0, TRIED)[:, None])
     percent, _ = joint_yield_percent([measured.mechanism], line, stack.yields.searching)
     return bool(np.all(percent < FIFTY_PERCENT))
 
@@ -142,7 +141,7 @@ def range_faults(stack: Stack) -> list[Fault]:
     low, _ = stack.ends_of_t
     limits = {part.name: range_of(stack, part)[0] for part in stack.definition.parts}
     moved = np.maximum(low, list(limits.values()))
-    if np.all(moved == low) or not possible(stack):
+    if np.all(moved == low) or not has_process_within_limits(stack):
         return []
     faults = []
     for measured in stack.measured:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...models.cost_reading import Joint
-from ...models.stack import Conditioned, Sample, Tolerances, conditioned, half_width, joint_yield_percent
+from ...models.stack import Conditioned, Sample, Tolerances, condition_on_piece, half_width, joint_yield_percent
 from ...section import Array, Integers, Kind, Output, Variable
 from ..limits import Limit
 from ..settings import Bound, Promise, Settings, VariableSetting
@@ -440,7 +440,7 @@ class Yields:
             per_unit = INTEGRATED[1 if len(self.settings.objectives) == 1 else 2]
             sample = self.drawn(units if searching else self.settings.propagation.samples // per_unit)
             mechanisms = [measured.mechanism for measured in requirements]
-            self._conditioned[key] = conditioned(mechanisms, sample)
+            self._conditioned[key] = condition_on_piece(mechanisms, sample)
         return self._conditioned[key]
 
     def _half_width(self, measured: Measured, t: Tolerances, searching: bool, needed: bool) -> dict[str, Array]:

@@ -14,8 +14,7 @@ from scipy.special import ndtr
 
 from ...errors import Fault, nearest
 from ...models.capability import PartSample, read_sample
-from ...models.cost_reading import add_constant_cost as dearer
-from ...models.cost_reading import name_of, read_curve, read_extras, read_extras_by
+from ...models.cost_reading import add_constant_cost, name_of, read_curve, read_extras, read_extras_by
 from ...models.costs import CostCurve, Reciprocal, Table
 from ...models.expressions import CONSTANTS, FUNCTIONS
 from ...models.input_reading import read_distribution
@@ -130,7 +129,7 @@ def read_searched_grades(section: Section, unit: str, nominal: float | None) -> 
     processes = []
     for grade, half_width in zip(grades, t, strict=True):
         grade_cost = curve if prices is None else Reciprocal(prices[grade], 0.0)
-        grade_cost = None if grade_cost is None else dearer(grade_cost, more[grade])
+        grade_cost = None if grade_cost is None else add_constant_cost(grade_cost, more[grade])
         processes.append(Process(half_width, half_width, grade_cost, grade))
     return tuple(processes)
 
@@ -339,7 +338,7 @@ def _narrow_to_cost_table(low: float, high: float, curve: CostCurve | None, unit
 def _read_cost(section: Section) -> CostCurve | None:
     """The cost of a part, including its part of a set-up and its inspection."""
     curve, more = read_curve(section.section("cost")), read_extras(section)
-    return None if curve is None else dearer(curve, more)
+    return None if curve is None else add_constant_cost(curve, more)
 
 
 def _check_cost(section: Section, key: str, curve: CostCurve | None, t: float, unit: str) -> None:

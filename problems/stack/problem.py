@@ -14,39 +14,33 @@ from scipy.special import ndtr
 from ...errors import Fault, ModelError
 from ...models.capability import PartSample
 from ...models.costs import CostCurve
-from ...models.machine_offers import departures_from_normality as departures
-from ...models.stack import Linear, Mechanism, Sample, Tolerances, between, yield_percent
+from ...models.machine_offers import departures_from_normality
+from ...models.stack import Linear, Mechanism, Sample, Tolerances, interpolate_designs, yield_percent
 from ...models.stack.mechanism import SIGMAS
 from ...section import Array, Assumption, Integers, Output, Section, Variable
 from ...units import family, unit_hint
 from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..forms import Form
 from ..limits import keeps
-from ..settings import Promise, Settings, read_promise
-from ..settings import rising_price_note as rising
+from ..settings import Promise, Settings, read_promise, rising_price_note
 from ..tolerance_problem import ToleranceProblem
 from .convex import corner_of, form_of, limits_by_spread, out_of_process, samples_of
-from .definition import Definition, Part
-from .definition import parts_by_process as as_made
-from .definition import ranges_by_process as ends_as_made
-from .faults import faults_of, unit_faults
-from .faults import nominal_limit_faults as with_nominal
-from .faults import read_output_names as named_outputs
+from .definition import Definition, Part, parts_by_process, ranges_by_process
+from .faults import faults_of, nominal_limit_faults, read_output_names, unit_faults
 from .outputs import (
     OBJECTIVES,
     PartCosts,
     Yields,
+    complete_definition,
     intervals_of,
     joint_slopes,
     joint_variations,
     outputs_of,
+    slopes_by_count,
+    slopes_by_limit,
     variables_of,
 )
-from .outputs import complete_definition as with_defaults
-from .outputs import slopes_by_count as by_count
-from .outputs import slopes_by_limit as by_limit
-from .parts import drawn, labels_of, price_remark
-from .parts import placeholder_part as stand_in
+from .parts import drawn, labels_of, placeholder_part, price_remark
 from .promises import Measured, Promises, measured
 from .reading import assumptions_of, read_definition, tables_of
 from .rows import shortfall
@@ -117,11 +111,11 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
         for process in part.processes:
             name = f"{part.name} ({process.name})" if process.name else part.name
             sentences += [f"part {name}: {process.note}"] if process.note else []
-            sentences += [note] if (note := rising(f"part {name}", process.curve)) else []
+            sentences += [note] if (note := rising_price_note(f"part {name}", process.curve)) else []
     for part in stack.definition.parts:
         sentences += () if part.sample is None else part.sample.departures(f"part {part.name}")
     for part in stack.definition.parts:
-        sentences += departures(part.machines, f"part {part.name}")
+        sentences += departures_from_normality(part.machines, f"part {part.name}")
     for values in stack.measured:
         if text := values.off_nominal:
             most = "fewer than half of the units conform whatever the tolerances" if values.off_limits else ""
@@ -211,7 +205,7 @@ def domain_remarks(requirements: Sequence[Measured], front: pd.DataFrame) -> tup
 def _loosest_feasible(stack: Stack, measured: Measured) -> tuple[Tolerances, str]:
     """The loosest design (1, p) that keeps the limits on the linear variations, and its name."""
     low, high = stack.ends_as_made
-    line = between(low, high, np.linspace(0.0, 1.0, 257)[:, None])
+    line = interpolate_designs(low, high, np.linspace(0.0, 1.0, 257)[:, None])
     values = measured.variations(line)
     if measured.requirement.method == "monte_carlo":
         values.pop(measured.name("variation"), None)
@@ -252,11 +246,12 @@ class Stack(ToleranceProblem):
         """The stack of its requirements, `[[part]]` and `[[correlation]]`, faulty or not."""
         faults: list[Fault] = []
         parts, requirements, definition = read_definition(top, faults)
-        faults += unit_faults(requirements, *named_outputs(top))
+        faults += unit_faults(requirements, *read_output_names(top))
         for fault in faults:
             top.fault(fault.place, fault.message)
         known = [
-            part or stand_in(table, at) for at, (part, table) in enumerate(zip(parts, top.tables("part"), strict=True))
+            part or placeholder_part(table, at)
+            for at, (part, table) in enumerate(zip(parts, top.tables("part"), strict=True))
         ]
         mechanisms = measured(definition) if definition is not None else ()
         outputs = outputs_of(requirements, known, mechanisms, read_promise(top))
@@ -269,7 +264,7 @@ class Stack(ToleranceProblem):
         return {"propagation": propagation} | tables_of(self.definition)
 
     def _completed(self, given: Settings) -> Settings:
-        return super()._completed(with_defaults(self.definition, self.measured, given))
+        return super()._completed(complete_definition(self.definition, self.measured, given))
 
     # ---------------------------------------------------------------- designs
 
@@ -290,7 +285,7 @@ class Stack(ToleranceProblem):
 
     def parts_as_made(self, designs: Array) -> Tolerances:
         """Parts of full designs as they come out: with the scatter of their machines."""
-        return as_made(self._parts, self.tolerances(designs), self._chosen_of_all(designs))
+        return parts_by_process(self._parts, self.tolerances(designs), self._chosen_of_all(designs))
 
     def _chosen_of_all(self, designs: Array) -> Integers:
         """Number of the process (n, parts) that each part is made by."""
@@ -430,8 +425,8 @@ class Stack(ToleranceProblem):
             derivatives |= joint_slopes(self.measured, values, derivatives)
         if not any(part.by_machine for part in self._parts):
             derivatives |= self.yields.slopes(t, coverage)
-        derivatives = by_limit(self, designs, derivatives) | {"cost": self._by_part(designs, slope=True)}
-        derivatives |= by_count(self, designs)
+        derivatives = slopes_by_limit(self, designs, derivatives) | {"cost": self._by_part(designs, slope=True)}
+        derivatives |= slopes_by_count(self, designs)
         at = [self.names.index(f"{part.name}_t") for part in self._parts]
         wide = {name: np.zeros_like(designs) for name in derivatives}
         for name, slopes in derivatives.items():
@@ -481,7 +476,7 @@ class Stack(ToleranceProblem):
     @cached_property
     def ends_as_made(self) -> tuple[Tolerances, Tolerances]:
         """Tightest and loosest parts as they come out (1, parts)."""
-        return ends_as_made(self._parts)
+        return ranges_by_process(self._parts)
 
     @property
     def negative(self) -> bool:
@@ -514,7 +509,7 @@ class Stack(ToleranceProblem):
         return faults_of(self, super().faults)
 
     def out_of_reach(self) -> list[Fault]:
-        return with_nominal(self, super().out_of_reach())
+        return nominal_limit_faults(self, super().out_of_reach())
 
     def assumptions(self) -> tuple[Assumption, ...]:
         return assumptions_of(self.definition)

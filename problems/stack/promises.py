@@ -21,8 +21,8 @@ from ...models.stack import (
     law_of,
     least_margin,
     limit_of,
+    linear_model,
     linear_sum_of,
-    linearised,
     mean_of,
     spread_of,
     worst_by_corners,
@@ -31,8 +31,18 @@ from ...models.stack.mechanism import SIGMAS
 from ...section import Array, Integers, Output
 from ..deviations import Draws, Sums
 from ..promise import assurances, contradictions, means_promise, outputs_of_promise
-from ..settings import ASSURANCE, ASSURED, DRAWS, PLUG_IN, PROMISED, Bound, Promise, assured_percent, normal_yield
-from ..settings import VALUES_PER_BLOCK as AT_ONCE
+from ..settings import (
+    ASSURANCE,
+    ASSURED,
+    DRAWS,
+    PLUG_IN,
+    PROMISED,
+    VALUES_PER_BLOCK,
+    Bound,
+    Promise,
+    assured_percent,
+    normal_yield,
+)
 from .definition import Definition, Part, Requirement, spread_and_mean
 
 if TYPE_CHECKING:
@@ -54,7 +64,7 @@ class Measured:
     @cached_property
     def linear(self) -> Linear:
         """The linear model about the mid-limits."""
-        return linearised(self.mechanism)
+        return linear_model(self.mechanism)
 
     @cached_property
     def law(self) -> Law | str:
@@ -329,7 +339,7 @@ class Posterior:
 
     def _portions(self, t: Tolerances) -> list[tuple[tuple[int, ...], Integers]]:
         """Rows of designs that are evaluated together, with the processes that they choose."""
-        step = max(1, AT_ONCE // self.draws)
+        step = max(1, VALUES_PER_BLOCK // self.draws)
         return [
             (chosen, rows[first : first + step])
             for chosen, rows in self._choices(t)

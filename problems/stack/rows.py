@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from ...models.capability.knowledge import Surplus
-from ...models.capability.knowledge import divide_or_default as over
+from ...models.capability.knowledge import Surplus, divide_or_default
 from ...models.roots import bracketed_roots
 from ...models.stack import Law
 from ...models.stack.mechanism import SIGMAS
@@ -247,7 +246,7 @@ def _promise_rows(stack: Stack, gaussian: bool) -> list[Row]:
         norms, linear = promised.norms, promised.measured.linear
         spread = promised.quantile * np.sqrt(norms[0].even)
         doubts = [norm.surplus() for norm in norms] if assured else []
-        wider = np.array([np.sqrt(over(norm.even, norms[0].even, 1.0)) for norm in norms])
+        wider = np.array([np.sqrt(divide_or_default(norm.even, norms[0].even, 1.0)) for norm in norms])
         sides, names = promised.sides, ENDS
         if not np.any(linear.mean) and not _is_off_centre(promised.measured):
             names = {1.0: "both limits" if len(sides) > 1 else ENDS[sides[0][0]]}

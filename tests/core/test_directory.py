@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from tolevo.directory import MANIFEST, UNFINISHED, Ownership, holders, owned, standing
+from tolevo.directory import MANIFEST, UNFINISHED, Ownership, holders, standing
+from tolevo.directory import own_folder as owned
 from tolevo.directory.lock import LOCK, Held, acquire, hold
 from tolevo.directory.standing import KINDS, digest, kind_of, read_manifest, read_unfinished, write_unfinished
 from tolevo.errors import InputError

@@ -10,7 +10,8 @@ from scipy.stats import multivariate_normal, norm
 
 from tolevo.models.expressions import Formula
 from tolevo.models.inputs import Normal, Uniform
-from tolevo.models.stack import Conditioned, Mechanism, Sample, conditioned, joint_yield_percent
+from tolevo.models.stack import Conditioned, Mechanism, Sample, joint_yield_percent
+from tolevo.models.stack import condition_on_piece as conditioned
 
 SIGMA = 1.0 / 3.0
 

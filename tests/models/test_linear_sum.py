@@ -7,7 +7,8 @@ import pytest
 import scipy
 
 from tolevo.models.inputs import Beta, Distribution, Empirical, Normal, Rayleigh, SkewNormal, Triangular, Uniform
-from tolevo.models.stack import LinearSum, Mechanism, law_of, linear_sum_of, linearised
+from tolevo.models.stack import LinearSum, Mechanism, law_of, linear_sum_of
+from tolevo.models.stack import linear_model as linearised
 from tolevo.section import Array
 
 

@@ -139,7 +139,7 @@ def ended_within(analysis: Analysis, most: int, monkeypatch: pytest.MonkeyPatch)
         turns.append(name)
         return without(before, name, trusted)
 
-    monkeypatch.setattr(result, "without", counted)
+    monkeypatch.setattr(result, "analysis_without_effect", counted)
     end = finish_analysis(analysis)
     assert len({*turns}) == len(turns)
     assert not {*turns} & {*end.fit.names}

@@ -23,7 +23,8 @@ from typer.testing import CliRunner, Result
 
 from tolevo.algorithms.checkpoint import Checkpoint
 from tolevo.cli import app
-from tolevo.directory import LOCK, MANIFEST, UNFINISHED, holders, owned, standing
+from tolevo.directory import LOCK, MANIFEST, UNFINISHED, holders, standing
+from tolevo.directory import own_folder as owned
 
 TRIALS = int(os.environ.get("TOLEVO_TRIALS", "3"))
 CONFIG = """

@@ -7,11 +7,19 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from ..page.document import bullets, data, described, document, package_scripts, picture, section, table
-from ..page.document import remarks_section as remarked
+from ..page.document import (
+    bullets,
+    data,
+    described,
+    document,
+    package_scripts,
+    picture,
+    remarks_section,
+    section,
+    table,
+)
 from ..page.drawing import COLOURS, axis_label, new_axes, style_axes, words
-from ..page.explorer import MAX_POINTS as MOST
-from ..page.explorer import thin_points as thinned
+from ..page.explorer import MAX_POINTS, thin_points
 from ..records import Axis, Comparison
 
 __all__ = ["comparison_page"]
@@ -69,7 +77,7 @@ def comparison_page(result: Comparison, remarks: Sequence[str] = ()) -> str:
     `remarks` report what is wrong with the files that it is built from.
     """
     sections = (
-        *remarked(remarks),
+        *remarks_section(remarks),
         section("Fronts", _fronts(result)),
         section("Hypervolume", table(result.table)),
         section("Cost at equal value", described(EQUAL_VALUE_TEXT, result.equal)),
@@ -82,7 +90,7 @@ def comparison_page(result: Comparison, remarks: Sequence[str] = ()) -> str:
 def _fronts(result: Comparison) -> str:
     caption = "The fronts in the plane of the first two objectives."
     still = picture("fronts", comparison_figure(result), caption)
-    per_run = MOST // len(result.runs)
+    per_run = MAX_POINTS // len(result.runs)
     rule = f'<p class="hint">At most {per_run} points of each run, evenly along its front.</p>'
     plots = f'<div id="plots"></div>\n{data(_content(result, per_run))}'
     return f"{rule}{plots}\n<noscript>{still}</noscript>"
@@ -96,7 +104,7 @@ def _content(result: Comparison, per_run: int) -> dict[str, Any]:
             {
                 "label": run.label,
                 "aims": [
-                    run.front.reset_index(drop=True).iloc[thinned(run.front, names, [], per_run)][n].tolist()
+                    run.front.reset_index(drop=True).iloc[thin_points(run.front, names, [], per_run)][n].tolist()
                     for n in names
                 ],
             }

@@ -10,7 +10,7 @@ import pandas as pd
 from .. import tables
 from ..blocks import ArrayRows, Computed
 from ..errors import nearest, raise_all
-from ..problems.settings import unit_slip as slip
+from ..problems.settings import unit_slip
 from ..problems.tolerance_problem import ToleranceProblem
 from ..section import Array, Variable
 from ..units import unit_hint
@@ -123,7 +123,7 @@ def _slips(problem: ToleranceProblem, frame: pd.DataFrame) -> list[str]:
             continue
         values = frame[variable.name].to_numpy(dtype=float)
         if len(values := values[values != 0.0]):
-            texts = [slip(end, variable.unit, variable.low, variable.high) for end in (values.min(), values.max())]
+            texts = [unit_slip(end, variable.unit, variable.low, variable.high) for end in (values.min(), values.max())]
             if all(texts):
                 questions.append(f"is column {variable.name} in another unit? {texts[0]}")
     return questions

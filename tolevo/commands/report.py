@@ -21,18 +21,16 @@ from .. import page_data
 from ..algorithms.checkpoint import Checkpoint
 from ..directory import BUSY, KINDS, MANIFEST, Standing, seal_of, standing
 from ..directory.lock import Held, acquire
-from ..directory.standing import fits
-from ..directory.standing import present_files as present
+from ..directory.standing import fits, present_files
 from ..errors import Fault, InputError, raise_all, refuse
 from ..files import read_own_csv, read_record, write_bytes, write_text
-from ..page.document import add_reload as renewed
-from ..page.document import unfinished_page
+from ..page.document import add_reload, unfinished_page
 from ..page.drawing import as_png, as_svg
 from ..page.page import figures as run_figures
 from ..page.page import page
 from ..records import Axis, Bars, RunResult, StudyResult
 from ..units import split_unit
-from .comparison import compare_runs as compared
+from .comparison import compare_runs
 from .comparison_page import comparison_figure, comparison_page
 from .gap.records import GapResult
 from .gap.uncertainty import FILE as REPLICATES
@@ -82,7 +80,7 @@ def facts(folder: Path, here: Standing) -> tuple[str, ...]:
     if here.command == "study":
         runs = _runs(folder)
         return (f"{len(runs)} runs have ended." if len(runs) else "No run has ended.",)
-    state = present(folder, KINDS[here.command].state) if here.command in KINDS else []
+    state = present_files(folder, KINDS[here.command].state) if here.command in KINDS else []
     if not state:
         return ("Nothing has been saved.",)
     if here.command == "gap":
@@ -117,7 +115,7 @@ def _responses(folder: Path) -> dict[str, pd.DataFrame]:
 def _checked_claims(folder: Path) -> dict[str, pd.DataFrame]:
     """Claims that have been checked, with their verdicts."""
     rows = []
-    for name in present(folder, KINDS["reproduce"].state):
+    for name in present_files(folder, KINDS["reproduce"].state):
         try:
             record = read_record(folder / name)
         except ValueError:
@@ -531,11 +529,11 @@ def _build_page(folder: Path, out: Path | None, figures: Path | None, renew: boo
     if result is None:
         sentences, frames = facts(folder, stored.standing), tables(folder, stored.standing)
         text = unfinished_page(folder.resolve().name, kind, sentences, remarks, frames)
-        _write(stored, out, renewed(text) if renew else text)
+        _write(stored, out, add_reload(text) if renew else text)
         return Report(out or folder / PAGE, remarks, unfinished=True)
     _, build, draw = _pages()[kind]
     text, going = build(result, remarks), stored.unfinished
-    _write(stored, out, renewed(text) if renew and going else text)
+    _write(stored, out, add_reload(text) if renew and going else text)
     _draw(draw(result), figures)
     return Report(out or folder / PAGE, remarks, going)
 
@@ -670,7 +668,7 @@ def _compare_folders(folders: Sequence[Path], out: Path, figures: Path | None) -
             remarks.append(f"{folder}: holds a {kind}; only runs are compared")
         else:
             remarks += [str(fault) for fault in _faults(folder, kind, [])]
-    comparison, sentences = compared(runs)
+    comparison, sentences = compare_runs(runs)
     if comparison is None:
         text = "fewer than two runs remain that can be compared"
         split = [remark.split(": ", 1) for remark in (*remarks, *sentences)]

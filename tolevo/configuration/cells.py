@@ -13,7 +13,7 @@ from .. import tables
 from ..commands.gap.plan import ROLES
 from ..errors import nearest, raise_all, refuse
 from ..models.measurable import Role
-from ..models.serial_arm import MAX_JOINTS as MOST_JOINTS
+from ..models.serial_arm import MAX_JOINTS
 from ..section import Section, Variable, shown
 from ..tables import ColumnUse
 from ..units import fits
@@ -21,7 +21,7 @@ from .plugins import ModelClass, ProblemClass, sign_of
 
 PLACE = {"x_mm": "mm", "y_mm": "mm", "z_mm": "mm"}
 TURN = {"rx_deg": "deg", "ry_deg": "deg", "rz_deg": "deg"}
-JOINTS = {f"joint_{at}_deg": "deg" for at in range(1, MOST_JOINTS + 1)}
+JOINTS = {f"joint_{at}_deg": "deg" for at in range(1, MAX_JOINTS + 1)}
 
 
 def fill_poses(top: Section, problem_class: ProblemClass | None, folder: Path) -> Section:

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import nearest
-from ..models.cost_reading import EXTRAS, name_of, read_curve, read_extras, times
-from ..models.cost_reading import add_constant_cost as dearer
+from ..models.cost_reading import EXTRAS, add_constant_cost, name_of, read_curve, read_extras, times
 from ..models.costs import CostCurve, Table
 from ..problems.settings import Money, VariableSetting
 from ..section import POSITIVE, Section, Variable
@@ -34,7 +33,7 @@ def _read(section: Section, default: CostCurve) -> CostCurve | None:
         section.accept(section.all_keys())
         return None
     curve = read_curve(section, default)
-    return None if curve is None else dearer(curve, more)
+    return None if curve is None else add_constant_cost(curve, more)
 
 
 def narrow_setting(

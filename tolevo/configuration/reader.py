@@ -17,22 +17,25 @@ from ..problems.declaration import Declaration
 from ..problems.settings import METHODS, Bound, PropagationSetting, Settings, VariableSetting, unit_slips
 from ..problems.tolerance_problem import ToleranceProblem
 from ..section import POSITIVE, SAMPLES, Kind, Output, Range, Section, Value, Variable, completed
-from .cells import Nested, read_design_columns, read_model_columns
-from .cells import fill_poses as with_poses
+from .cells import Nested, fill_poses, read_design_columns, read_model_columns
 from .configuration import TABLE, Configuration, read_table_model, table_model
-from .cost_files import fill_files as with_files
-from .costs import check_ends, read_costs, read_money, unknown
-from .costs import narrow_setting as narrowed
+from .cost_files import fill_files
+from .costs import check_ends, narrow_setting, read_costs, read_money, unknown
 from .parameters import mid_parameter, read_effects, read_parameters, read_unresolved, read_variable
-from .plugins import ModelClass, load_named, problem_of, read_labels, read_sense, read_zero
-from .plugins import foreign_model_message as stranger
-from .plugins import model_belongs as belongs
-from .reducers import fill_reducers as with_reducers
+from .plugins import (
+    ModelClass,
+    foreign_model_message,
+    load_named,
+    model_belongs,
+    problem_of,
+    read_labels,
+    read_sense,
+    read_zero,
+)
+from .reducers import fill_reducers
 from .resolved import complete_tables, resolved_limits, resolved_measurement, resolved_variables
 from .search import read_search, resolved_algorithm
-from .source import Source, Table, folder_of
-from .source import override_source as overridden
-from .source import replace_algorithm as with_choices
+from .source import Source, Table, folder_of, override_source, replace_algorithm
 
 # `[objectives]`, `[limits]` and `[propagation]`.
 
@@ -203,12 +206,14 @@ def read(
     An `algorithm` and a `seed` take the place of its own. Raises InputError with every fault.
     """
     faults: list[Fault] = []
-    return read_tables(with_choices(overridden(source, overrides, faults), algorithm, seed), folder_of(source), faults)
+    return read_tables(
+        replace_algorithm(override_source(source, overrides, faults), algorithm, seed), folder_of(source), faults
+    )
 
 
 def read_tables(table: Table, folder: Path, faults: list[Fault]) -> Configuration:
     """`read_table` with the contents of the files that the tables name, relative to `folder`."""
-    filled = with_files(table, folder, faults)
+    filled = fill_files(table, folder, faults)
     return read_table(filled.table, faults, filled.notes, folder)
 
 
@@ -240,7 +245,7 @@ def _read_problem(
     if "problem" not in top:
         top.fault("problem", 'is missing: name a problem (see `tolevo list`), or model = "..."')
     problem_class = problem_of(top)
-    top = with_poses(with_reducers(top, problem_class, folder), problem_class, folder)
+    top = fill_poses(fill_reducers(top, problem_class, folder), problem_class, folder)
     configured = problem_class.configured(top) if problem_class else None
     declared = configured.declaration if configured else Declaration()
     model = load_named(top, "model", "models", declared.model)
@@ -251,8 +256,12 @@ def _read_problem(
     read_unresolved(top, model, model_name)  # they act on measurements: an allocation has none
     outputs = model.outputs if model else ()
     zero, sense = read_zero(top, outputs), read_sense(top, outputs)
-    if problem_class and model and not belongs(top.take("problem"), problem_class.declaration.model, model_name, model):
-        top.fault("model", stranger(top.take("problem"), model_name, model))
+    if (
+        problem_class
+        and model
+        and not model_belongs(top.take("problem"), problem_class.declaration.model, model_name, model)
+    ):
+        top.fault("model", foreign_model_message(top.take("problem"), model_name, model))
     if configured is None:  # its sections cannot be checked
         tables = problem_class.declaration.tables if problem_class else ()
         top.accept(("parameters", "variables", "columns", *tables, *PROBLEM_ONLY))
@@ -317,7 +326,7 @@ def _settings(top: Section, declared: Declaration, model: ModelClass | None, not
     messages = list(notes)
     for variable in declared.variables:
         name, curve = variable.name, curves.get(variable.name)
-        narrower, note = narrowed(variable, variables.get(name), curve)
+        narrower, note = narrow_setting(variable, variables.get(name), curve)
         if narrower is not None and note:
             variables[name] = narrower
             messages.append(note)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .. import tables
-from ..directory import not_whole
+from ..directory import incompleteness
 from ..errors import Fault, InputError
 from ..files import is_file, is_folder, read_own_csv
 from ..section import POSITIVE, Section
@@ -128,7 +128,7 @@ def _reducer_by_tables(section: Section, key: str, table: dict[str, Any], source
 
 def _reducer_by_run(section: Section, key: str, folder: Path, source: str) -> Nested | None:
     """A reducer by the directory of a finished run."""
-    if faults := not_whole(folder):
+    if faults := incompleteness(folder):
         section.fault(key, "; ".join(map(str, faults)))
         return None
     table, front = load(folder / "config.toml", []), folder / "front.csv"

@@ -9,11 +9,8 @@ directory is that of an unfinished result; and marks the set of files that it ha
 from __future__ import annotations
 
 from .lock import LOCK, holders
-from .ownership import BUSY, OCCUPIED, Ownership, busy_faults
-from .ownership import own_folder as owned
-from .standing import KINDS, MANIFEST, UNFINISHED, Standing, kind_of, seal_of, standing
-from .standing import incompleteness as not_whole
-from .standing import is_occupied as occupied
+from .ownership import BUSY, OCCUPIED, Ownership, busy_faults, own_folder
+from .standing import KINDS, MANIFEST, UNFINISHED, Standing, incompleteness, is_occupied, kind_of, seal_of, standing
 
 __all__ = [
     "BUSY",
@@ -26,10 +23,10 @@ __all__ = [
     "Standing",
     "busy_faults",
     "holders",
+    "incompleteness",
+    "is_occupied",
     "kind_of",
-    "not_whole",
-    "occupied",
-    "owned",
+    "own_folder",
     "seal_of",
     "standing",
 ]

@@ -19,17 +19,17 @@ from .standing import (
     Unfinished,
     fits,
     folders,
+    irregular_file_faults,
+    is_occupied,
     is_output_file,
     kinds_in,
+    present_files,
     read_unfinished,
     standing,
     sweep,
     write_manifest,
     write_unfinished,
 )
-from .standing import irregular_file_faults as irregular
-from .standing import is_occupied as occupied
-from .standing import present_files as present
 
 BUSY = "is in use by {}: wait for it, end it, or name another directory"
 OCCUPIED = "{} is not empty; name another directory, or add --overwrite or --resume"
@@ -60,16 +60,16 @@ class Ownership:
         """Whether there is nothing to continue: it is empty, or this command was interrupted before
         it had saved anything.
         """
-        if not occupied(self.folder):
+        if not is_occupied(self.folder):
             return True
         here = self.standing
         same_command = here.unfinished is not None and here.command == self.command
-        return same_command and not present(self.folder, KINDS[self.command].state)
+        return same_command and not present_files(self.folder, KINDS[self.command].state)
 
     def check(self, resume: bool, overwrite: bool, apart: Sequence[str] = ()) -> None:
         """Check what is there. Raises InputError where it cannot be continued or replaced."""
         if not resume:
-            if not overwrite and occupied(self.folder):
+            if not overwrite and is_occupied(self.folder):
                 raise refuse("--out", OCCUPIED.format(self.folder))
             return
         here = self.standing = standing(self.folder, apart)
@@ -100,7 +100,9 @@ class Ownership:
         """What an interrupt leaves, and how to go on."""
         kind = KINDS[self.command]
         kept = (
-            f"{kind.saved} is kept in {self.folder}" if present(self.folder, kind.state) else "nothing had been saved"
+            f"{kind.saved} is kept in {self.folder}"
+            if present_files(self.folder, kind.state)
+            else "nothing had been saved"
         )
         return f"{kept}; run the same command with --resume to continue"
 
@@ -110,7 +112,7 @@ class Ownership:
         names = {*kinds_in(self.folder), self.command, mark.command if mark else ""}
         kinds = [kind for name, kind in KINDS.items() if name in names]
         patterns = [name for kind in kinds for name in (*kind.state, *kind.files, *kind.pages)]
-        return list(dict.fromkeys([*present(self.folder, patterns), *(mark.retiring if mark else ())]))
+        return list(dict.fromkeys([*present_files(self.folder, patterns), *(mark.retiring if mark else ())]))
 
     def _retire(self, names: Sequence[str]) -> None:
         """Remove files of an older result, the manifest first, so that no set looks complete."""
@@ -138,7 +140,7 @@ class Ownership:
         if not self.begun:
             return refuse("--out", UNCHANGED.format(path, reason, remedy))
         kind = KINDS[self.command]
-        saved = present(self.folder, kind.state)
+        saved = present_files(self.folder, kind.state)
         kept = f"{kind.saved} is kept in {self.folder}" if saved else "nothing had been saved before"
         text = f"{path} cannot be written: {reason}; {kept}"
         return StorageError(f"{text}; {remedy}, then run the same command with --resume")
@@ -155,7 +157,7 @@ def own_folder(
     given, or where its files do not belong together; RunError where a file cannot be written later
     on.
     """
-    raise_all(irregular(folder))
+    raise_all(irregular_file_faults(folder))
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         lock = _take_folder(folder, command)

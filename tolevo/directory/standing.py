@@ -14,8 +14,7 @@ from os.path import lexists
 from pathlib import Path
 
 from ..errors import Fault
-from ..files import PART, is_file, is_folder, read_record, write_record
-from ..files import file_obstacle as not_a_file
+from ..files import PART, file_obstacle, is_file, is_folder, read_record, write_record
 from .lock import LOCK, holders
 
 
@@ -365,7 +364,7 @@ def irregular_file_faults(folder: Path) -> list[Fault]:
     marks, faults = (LOCK, MANIFEST, UNFINISHED), list[Fault]()
     for path in sorted(path for place in folders(folder) for path in place.iterdir()):
         named = path.name in marks or is_output_file(path.name)
-        if named and not is_file(path) and lexists(path) and (why := not_a_file(path)):  # it may just have ended
+        if named and not is_file(path) and lexists(path) and (why := file_obstacle(path)):  # it may just have ended
             text = f"{why.partition(';')[0]}, no file of a result; move it away, or name another directory"
             faults.append(Fault(str(path), text))
     return faults

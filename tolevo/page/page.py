@@ -16,13 +16,21 @@ from ..records import SECTIONS, Bars, RunResult, model_lines, unit_of_cost
 from ..registry import PLUGIN_FAULTS, origin
 from ..section import Array
 from ..units import split_unit
-from .document import about, bullets, chosen, described, document, picture, section, shown, table
-from .document import folded_section as folded
-from .document import remarks_section as remarked
-from .drawing import COLOURS, bars_figure, flags, new_figure, style_axes
-from .drawing import label_with_unit as with_unit
-from .explorer import configured, explorer, scripts
-from .explorer import has_front as interactive
+from .document import (
+    about,
+    bullets,
+    chosen,
+    described,
+    document,
+    folded_section,
+    picture,
+    remarks_section,
+    section,
+    shown,
+    table,
+)
+from .drawing import COLOURS, bars_figure, flags, label_with_unit, new_figure, style_axes
+from .explorer import configured, explorer, has_front, scripts
 from .figures import (
     RATIO,
     contributions_figure,
@@ -67,13 +75,14 @@ def choice_sections(result: RunResult) -> tuple[str, ...]:
     parts = [described(CHOICES, chosen(result.choices, names))]
     if result.choice_sensitivity is not None:
         moved = result.choice_sensitivity[~result.choice_sensitivity["same"].astype(bool)]
-        parts.append(folded("With other costs", described(SENSITIVITY, moved.drop(columns="same"))))
+        parts.append(folded_section("With other costs", described(SENSITIVITY, moved.drop(columns="same"))))
     if result.allocation is not None:
         parts += [
-            folded(f"For the drawing: {order.title}", described(order.note, order.drawn)) for order in orders(result)
+            folded_section(f"For the drawing: {order.title}", described(order.note, order.drawn))
+            for order in orders(result)
         ]
         rules = pd.DataFrame(list(result.summary.get("rounding") or ()))
-        parts.append(folded("Rounding", described(ROUNDED, rules)))
+        parts.append(folded_section("Rounding", described(ROUNDED, rules)))
     return (section("Choices", "\n".join(parts)),)
 
 
@@ -228,7 +237,7 @@ def _chart(axes: Axes, name: str, unit: str, values: Sequence[float]) -> None:
     axes.axhline(mean, color="#555555", linewidth=0.8)
     for side in (-1.0, 1.0):
         axes.axhline(mean + side * reach, color=COLOURS[1], linewidth=0.8, linestyle="--")
-    axes.set_title(with_unit(name, unit), fontsize="small")
+    axes.set_title(label_with_unit(name, unit), fontsize="small")
     axes.tick_params(labelsize="x-small")
     style_axes(axes)
 
@@ -284,11 +293,11 @@ def _process_knowledge(result: RunResult) -> list[str]:
     """What is known of the processes of measured parts, and their control charts."""
     parts = []
     if result.capability is not None:
-        parts.append(folded("What is known of the processes", described(CAPABILITY, result.capability)))
+        parts.append(folded_section("What is known of the processes", described(CAPABILITY, result.capability)))
     charts = measured_parts(result.configuration)
     if charts:
         more = f" The first {CHARTS} of {len(charts)}." if len(charts) > CHARTS else ""
-        parts.append(folded("Control charts", picture("control", control_figure(charts), CHARTED + more)))
+        parts.append(folded_section("Control charts", picture("control", control_figure(charts), CHARTED + more)))
     return parts
 
 
@@ -404,9 +413,9 @@ def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
 
     `remarks` report what is wrong with the files that it is built from.
     """
-    scripted = interactive(result)
+    scripted = has_front(result)
     parts = (
-        *remarked(remarks),
+        *remarks_section(remarks),
         _model(result.summary),
         _front(result, scripted),
         section("In words", bullets(result.notes)) if result.notes else "",
@@ -418,12 +427,12 @@ def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
         *plugin_sections(result),
         section("Effects", _moves_table(result.moved)) if result.moved is not None else "",
         section("References", _references(result)) if len(result.references) else "",
-        section("Points of the front", folded("Table", _points(result))) if len(result.front) else "",
+        section("Points of the front", folded_section("Table", _points(result))) if len(result.front) else "",
         section("Convergence", _convergence(result.convergence)) if len(result.convergence) > 1 else "",
         section("Sensitivity", _bars(result.bars)) if result.bars else "",
         section("Assumptions", _assumptions(result.summary)) if result.summary.get("assumptions") else "",
-        section("Summary", folded("summary.json", summary_table(result.summary))),
-        section("Configuration", folded("config.toml", f"<pre>{escape(result.configuration)}</pre>")),
+        section("Summary", folded_section("summary.json", summary_table(result.summary))),
+        section("Configuration", folded_section("config.toml", f"<pre>{escape(result.configuration)}</pre>")),
     )
     return document(result.title, parts, scripts() if scripted else (), _head(result))
 
@@ -445,7 +454,7 @@ def _model(summary: Mapping[str, Any]) -> str:
     if not lines:
         return ""
     first = escape(lines[0].removeprefix("model: "))
-    more = folded("The choices by other models", bullets(lines[1:])) if lines[1:] else ""
+    more = folded_section("The choices by other models", bullets(lines[1:])) if lines[1:] else ""
     return f'<p class="model"><strong>All numbers on this page are by {first}.</strong></p>\n{more}'
 
 
@@ -501,13 +510,13 @@ def _convergence(convergence: pd.DataFrame) -> str:
     caption = "Hypervolume in the fixed box of the problem, and fraction of feasible designs."
     if drawn_column(convergence) == RATIO:
         caption += " The dashed line is the exact front."
-    return folded("Figure", picture("convergence", convergence_figure(convergence), caption))
+    return folded_section("Figure", picture("convergence", convergence_figure(convergence), caption))
 
 
 def _assumptions(summary: Mapping[str, Any]) -> str:
     assumptions = pd.DataFrame(list(summary.get("assumptions") or ()))
     text = "These values are in use though nobody has stated them."
-    return folded("Values in use", described(text, chosen(assumptions, ASSUMPTION_COLUMNS)))
+    return folded_section("Values in use", described(text, chosen(assumptions, ASSUMPTION_COLUMNS)))
 
 
 # The figures of a run for a paper, in a common style.

@@ -5,14 +5,19 @@ The index of a table is the line number in its file (the row number in a Parquet
 """
 
 from .aqdef import Characteristic, names_of_characteristics, read_aqdef
-from .header import ColumnUse, Fitted, Tell
-from .header import discard_lines as silent
-from .header import drop_unused as without_unused
-from .header import fit_columns as fitted
-from .reading import PARQUET, SHOWN, cell_faults, columns_of, read_table, table_of, write
-from .reading import open_or_raise as opened_whole
-from .reading import open_table as opened
-from .reading import parse_columns as parsed
+from .header import ColumnUse, Fitted, Tell, discard_lines, drop_unused, fit_columns
+from .reading import (
+    PARQUET,
+    SHOWN,
+    cell_faults,
+    columns_of,
+    open_or_raise,
+    open_table,
+    parse_columns,
+    read_table,
+    table_of,
+    write,
+)
 from .record import AS_DETECTED, KEYS, NO_OPTIONS, Dialect, ReadOptions, Table
 from .signs import is_missing
 
@@ -31,16 +36,16 @@ __all__ = [
     "Tell",
     "cell_faults",
     "columns_of",
-    "fitted",
+    "discard_lines",
+    "drop_unused",
+    "fit_columns",
     "is_missing",
     "names_of_characteristics",
-    "opened",
-    "opened_whole",
-    "parsed",
+    "open_or_raise",
+    "open_table",
+    "parse_columns",
     "read_aqdef",
     "read_table",
-    "silent",
     "table_of",
-    "without_unused",
     "write",
 ]

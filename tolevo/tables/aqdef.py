@@ -11,11 +11,11 @@ from pathlib import Path
 
 from .. import files
 from ..errors import Fault, InputError, raise_all, refuse
-from ..units import shorten_text as shortened
+from ..units import shorten_text
 from .header import known_unit
 from .record import Columns, Dialect, ReadOptions, Table
 from .signs import moment
-from .text import decode_text as decoded
+from .text import decode_text
 
 __all__ = ["SUFFIXES", "Characteristic", "names_of_characteristics", "read_aqdef"]
 
@@ -258,7 +258,7 @@ def characteristics(
     try:
         for file in _files(path, place):
             content.place = place if file == path else file.name
-            text, _ = decoded(_bytes(file, content.place), content.place, encoding, _SEPARATORS)
+            text, _ = decode_text(_bytes(file, content.place), content.place, encoding, _SEPARATORS)
             content.read(text.split("\n"))
     except InputError as error:
         return [], list(error.faults), []
@@ -405,7 +405,7 @@ def _number(text: str, place: str, faults: list[Fault]) -> float | None:
     )
     if math.isfinite(number):
         return number
-    faults.append(Fault(place, f'must be a number, got "{shortened(text)}"'))
+    faults.append(Fault(place, f'must be a number, got "{shorten_text(text)}"'))
     return None
 
 
@@ -413,7 +413,7 @@ def _read_integer(text: str, place: str, faults: list[Fault]) -> int | None:
     if not text:
         return None
     if not text.isdecimal() or len(text) > MAX_NUMBER_CHARACTERS:
-        faults.append(Fault(place, f'must be a whole number, got "{shortened(text)}"'))
+        faults.append(Fault(place, f'must be a whole number, got "{shorten_text(text)}"'))
         return None
     return int(text)
 

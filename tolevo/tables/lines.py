@@ -17,9 +17,19 @@ from pyarrow import csv as arrow
 from ..errors import refuse
 from .header import Row
 from .record import NAMES, Dialect, ReadOptions
-from .signs import DECIMAL, MISSING, PROBES, THOUSANDS, Evidence, Notation, is_date, is_missing, notation
-from .signs import OTHER_DECIMAL_SIGN as OTHER
-from .text import decode_text as decoded
+from .signs import (
+    DECIMAL,
+    MISSING,
+    OTHER_DECIMAL_SIGN,
+    PROBES,
+    THOUSANDS,
+    Evidence,
+    Notation,
+    is_date,
+    is_missing,
+    notation,
+)
+from .text import decode_text
 
 SAMPLE = 200
 """Lines that are looked at."""
@@ -176,7 +186,9 @@ ENDS = 400
 _WIDE_SPACES = "\u00a0\u2007\u202f\u3000"
 """Spaces beyond ASCII."""
 _LABEL = r"^[+-]?0[0-9]+$|^[+-]?[0-9]{16,}$"
-_GROUPED = {d: rf"^[+-]?(?:[0-9]+|[1-9][0-9]{{0,2}}(?:\{o}[0-9]{{3}})+)(?:\{d}[0-9]*)?$" for d, o in OTHER.items()}
+_GROUPED = {
+    d: rf"^[+-]?(?:[0-9]+|[1-9][0-9]{{0,2}}(?:\{o}[0-9]{{3}})+)(?:\{d}[0-9]*)?$" for d, o in OTHER_DECIMAL_SIGN.items()
+}
 _MARKS = pa.array(
     sorted(
         {form for mark in MISSING for form in (mark, mark.upper(), mark.title())}
@@ -316,7 +328,7 @@ def _without_signs(cells: pa.Array, probes: list[Notation], evidence: Evidence) 
     if len(votes) != 1:
         return None
     decimal = min(votes)
-    grouping = OTHER[decimal]
+    grouping = OTHER_DECIMAL_SIGN[decimal]
     if not _all(pc.match_substring_regex(cells, _GROUPED[decimal])) or not _any(
         pc.match_substring_regex(cells, rf"\{grouping}[0-9]{{3}}\{decimal}")
     ):
@@ -356,7 +368,7 @@ def rows_of_text(content: bytes, place: str, options: ReadOptions) -> tuple[list
 
     For a long file, the rows at both ends and the bulk of it.
     """
-    text, encoding = decoded(content, place, options.encoding)
+    text, encoding = decode_text(content, place, options.encoding)
     form = separator(text[:100_000].splitlines(), place, options.separator)
     dialect = Dialect("csv", encoding, form.delimiter, quote=form.quote)
     bulk = bulk_of(text, form.delimiter, form.quote, form.skipped)

@@ -17,16 +17,12 @@ from numpy.typing import NDArray
 
 from .. import files
 from ..errors import Fault, InputError, nearest, raise_all, refuse
-from ..files import clear_parts, csv_text, write_bytes, write_text
-from ..files import restore_cell as original
+from ..files import clear_parts, csv_text, restore_cell, write_bytes, write_text
 from ..section import is_forced
-from ..units import converted, fits
-from ..units import shorten_text as shortened
+from ..units import converted, fits, shorten_text
 from .aqdef import SUFFIXES
-from .header import Layout, Row, names_of, split_header, unit_of_cell
-from .header import find_layout as laid_out
-from .lines import Bulk, Separator, rows_of, rows_of_text
-from .lines import prove_column as proven
+from .header import Layout, Row, find_layout, names_of, split_header, unit_of_cell
+from .lines import Bulk, Separator, prove_column, rows_of, rows_of_text
 from .record import AS_DETECTED, Columns, Dialect, ReadOptions, Table
 from .signs import Evidence, canonical, decide, evidence, is_label
 
@@ -38,7 +34,7 @@ def assemble_table(
     rows: list[Row], dialect: Dialect, place: str, options: ReadOptions, bulk: Bulk | None = None
 ) -> tuple[Table | None, list[Fault]]:
     """The table in the rows of a file, which are not empty; for a long file, in its bulk."""
-    layout = laid_out(rows, place)
+    layout = find_layout(rows, place)
     header, body = _trim_layout(layout)
     faults = [*layout.faults, *_form_faults(header, body, place)]
     whole = [row for row in body if len(row[1]) == len(header)] if faults else body
@@ -70,7 +66,7 @@ def _proofs(cells_of: dict[str, Any]) -> tuple[dict[str, Evidence], dict[str, ND
         if isinstance(cells, list):
             proofs[name] = evidence(cells)
             continue
-        quick = proven(cells)
+        quick = prove_column(cells)
         if quick is None:
             cells_of[name] = cells.to_pylist()
             proofs[name] = evidence(cells_of[name])
@@ -149,7 +145,9 @@ def _is_near_nominal(options: ReadOptions, units: Mapping[str, str], column: str
 
 def _trim_layout(layout: Layout) -> tuple[list[str], list[Row]]:
     """The names and the rows without cells at the end that are empty in every row."""
-    header = [original(name.removeprefix("#").strip() if at == 0 else name) for at, name in enumerate(layout.header[1])]
+    header = [
+        restore_cell(name.removeprefix("#").strip() if at == 0 else name) for at, name in enumerate(layout.header[1])
+    ]
     body = layout.body
     while header and not header[-1] and all(len(row) < len(header) or not row[len(header) - 1] for _, row in body):
         header = header[:-1]
@@ -393,7 +391,7 @@ def _number(cell: Any) -> tuple[float, str]:
             raise ValueError
         value = float(cell)
     except (TypeError, ValueError):
-        return math.nan, f'must be a number, got "{shortened(str(cell))}"'
+        return math.nan, f'must be a number, got "{shorten_text(str(cell))}"'
     if not math.isfinite(value):
         return math.nan, f"must be a finite number, got {cell}"
     return value, ""

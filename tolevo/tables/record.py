@@ -15,9 +15,8 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from ..errors import Fault
-from ..files import restore_cells as originals
-from .signs import integers_if_whole as whole_if_so
-from .signs import typed_column
+from ..files import restore_cells
+from .signs import integers_if_whole, typed_column
 
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "\\t": "\t", "pipe": "|", "bar": "|", "space": " "}
 """Words for a delimiter, as a command line is typed."""
@@ -118,7 +117,7 @@ class Columns:
     def typed(self, numeric: Sequence[str], values: Mapping[str, NDArray[Any]]) -> pd.DataFrame:
         """The columns in `numeric` as numbers, None where a cell is none."""
         columns = {
-            name: whole_if_so(values[name]) if name in values else self._typed(cells, name in numeric)
+            name: integers_if_whole(values[name]) if name in values else self._typed(cells, name in numeric)
             for name, cells in self.cells.items()
         }
         return pd.DataFrame(columns, index=self._index())
@@ -148,7 +147,7 @@ class Columns:
 
 def _texts(cells: Any) -> NDArray[Any]:
     """Cells as Python objects, those of a text file without their marks of text."""
-    return cells if isinstance(cells, np.ndarray) else originals(_objects(cells))
+    return cells if isinstance(cells, np.ndarray) else restore_cells(_objects(cells))
 
 
 def _objects(cells: Any) -> NDArray[Any]:

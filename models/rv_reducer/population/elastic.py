@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from ....section import Array, Single
 from ....units import ARCMIN
 from ..contact.contact import LOST_MOTION_SHARE
-from .contact import NAMES, Slopes
-from .contact import pack_errors as packed
+from .contact import NAMES, Slopes, pack_errors
 from .errors import Lattice, Scaled, Table
 
 # Stiffness and torques of a population under load.
@@ -180,7 +179,7 @@ class Elastic:
         """
         from . import kernel
 
-        total, units = np.zeros(len(NAMES)), packed(self.units)
+        total, units = np.zeros(len(NAMES)), pack_errors(self.units)
         balances, lattice = self.balances, self.lattice
         for case, by_kind in self._by_case(weights).items():
             rows = np.flatnonzero((by_kind != 0.0).any(axis=(0, 2)))
@@ -240,7 +239,7 @@ def elastic(
     kernel.balances(
         (table.values, lattice.pin, lattice.start, lattice.stop, lattice.directions),
         springs.arrays,
-        packed(units),
+        pack_errors(units),
         np.array(torques) / ratio,
         cases.get("rated", -1),
         tuple(getattr(balances, field.name) for field in fields(balances)),

@@ -20,8 +20,7 @@ from ...inputs import Distribution, Uniform
 from .. import declared
 from .. import geometry as involute
 from ..contact.geometry import ContactGeometry, Nominal, lever
-from ..tighter_planet import TighterPlanet
-from ..tighter_planet import tighter_planet_law as tighter_of
+from ..tighter_planet import TighterPlanet, tighter_planet_law
 
 ERRORS = (
     "pin_circle_radius",
@@ -441,7 +440,7 @@ class UnitBasis:
             geometry,
             base.stage,
             hierarchy,
-            tighter_of(hierarchy.of("involute_grade"), TighterPlanet(cranks, planet_share)),
+            tighter_planet_law(hierarchy.of("involute_grade"), TighterPlanet(cranks, planet_share)),
             planet_share,
             mid,
             bool(parameters["involute_stage"]),

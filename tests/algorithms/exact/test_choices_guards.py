@@ -90,7 +90,7 @@ def at_points(*table: tuple[float, float]) -> list[Way]:
 
 def test_points_beside_a_range_are_searched_under_doubt(monkeypatch: pytest.MonkeyPatch) -> None:
     """1/u with 1.21 (t^2 + u^2) <= L^2: u is what a point t leaves of the limit."""
-    monkeypatch.setattr(choices, "least_under_doubt", unused)
+    monkeypatch.setattr(choices, "least_cost_under_doubt", unused)
     other = way(0.0, 1.0, 0.05, 2.0, (0.0,), (1.0,))
     own = form(at_points(*POINTS), [other], surpluses=(Surplus(np.zeros(2), np.full(2, 0.21)),))
     for limit in (0.45, 0.55, 0.8):
@@ -141,7 +141,7 @@ def test_one_combination_is_solved_at_all_limits_at_once(
     monkeypatch: pytest.MonkeyPatch, solved: list[tuple[int, ...]]
 ) -> None:
     """Without prices: 1/t1 + 1/t2 under t1 + t2 <= L and twice it <= 3 L, so that t = L/2."""
-    monkeypatch.setattr(choices, "tabulated", unused)
+    monkeypatch.setattr(choices, "tabulate_priced_costs", unused)
     part = way(0.0, 1.0, 0.01, 9.0, (1.0, 2.0), (0.0, 0.0))
     limits = np.array([0.5, 1.0, 2.0, 4.0])
     found = least_cost(form([part], [part]), np.stack([limits, 3.0 * limits], axis=1))

@@ -12,7 +12,8 @@ import pytest
 
 import tolevo
 from tolevo import tables
-from tolevo.tables import ColumnUse, fitted
+from tolevo.tables import ColumnUse
+from tolevo.tables import fit_columns as fitted
 from tolevo.units import converted
 
 Rows = list[list[object]]

@@ -21,7 +21,8 @@ from tolevo.commands.study.configuration import read_study
 from tolevo.commands.study.plan import StudyOutcome
 from tolevo.commands.study.storage import DATABASE, FORMAT
 from tolevo.commands.study.study import study
-from tolevo.directory import KINDS, MANIFEST, owned, standing
+from tolevo.directory import KINDS, MANIFEST, standing
+from tolevo.directory import own_folder as owned
 from tolevo.directory.standing import present_files, write_unfinished
 from tolevo.errors import InputError
 from tolevo.execution import InProcess

@@ -12,11 +12,9 @@ import numpy as np
 from ...models.measurable import Role
 from .fit import Fit
 from .generic import PREDICTED, STEP, SWING, Form
-from .linear import Groups, basis
-from .linear import project_out as projected_out
+from .linear import Groups, basis, project_out
 from .noise import Noise
-from .population import Batch, Scatter
-from .population import setup_with_scatter as carrying
+from .population import Batch, Scatter, setup_with_scatter
 from .scan import GenericResidual, Remaining, generic_residual
 from .selection import Search
 from .setup import Setup
@@ -56,7 +54,7 @@ class NullModel:
 
     def with_scatter(self, effect: Scatter) -> NullModel:
         """The same for a model that contains an effect on the scatter."""
-        setup, fitter = carrying(self.setup, effect), self.search.fitter
+        setup, fitter = setup_with_scatter(self.setup, effect), self.search.fitter
         moved = fitter.space.whiten(self.setup.residual - setup.residual)
         search = replace(self.search, fitter=fitter.of_record(fitter.y - moved))
         return replace(self, setup=setup, search=search)
@@ -159,9 +157,9 @@ def displaced(search: Search, fit: Fit, generic: Remaining) -> Sequence[int]:
 def _is_part(search: Search, fit: Fit, generic: Remaining, at: int, removed: Sequence[int]) -> bool:
     """Whether a form is a special case of members, some of their parameters being 0."""
     fitter = search.fitter
-    form = projected_out(generic.white.of(at), fitter.q)
+    form = project_out(generic.white.of(at), fitter.q)
     removed_columns = np.hstack([fitter.white(fit.members[k]) for k in removed])
-    q = basis(projected_out(removed_columns, fitter.q))
+    q = basis(project_out(removed_columns, fitter.q))
     return float(np.sum((q.T @ form) ** 2)) > PART * float(np.sum(form**2))
 
 
@@ -176,8 +174,8 @@ def _no_longer_significant(search: Search, fit: Fit, generic: Remaining, withdra
     for k in kept:
         others = [fitter.white(fit.members[j]) for j in kept if j != k]
         q = basis(np.hstack([fitter.base, form, *others]))
-        member_basis = basis(projected_out(fitter.white(fit.members[k]), q))
-        if float(np.sum((member_basis.T @ projected_out(fitter.y, q)) ** 2)) < search.thresholds.library:
+        member_basis = basis(project_out(fitter.white(fit.members[k]), q))
+        if float(np.sum((member_basis.T @ project_out(fitter.y, q)) ** 2)) < search.thresholds.library:
             insignificant.add(k)
     return insignificant
 
@@ -210,6 +208,6 @@ def acts_in(needs: Sequence[Role]) -> set[Role]:
 def _overlap(search: Search, fit: Fit, generic: Remaining, at: int, k: int) -> float:
     """Fraction of a member's contribution that lies in the span of a generic form."""
     contribution = search.fitter.contribution(fit, k)
-    span = basis(projected_out(generic.white.of(at), search.fitter.q))
+    span = basis(project_out(generic.white.of(at), search.fitter.q))
     total = float(np.sum(contribution**2))
     return float(np.sum((span.T @ contribution) ** 2)) / max(total, 1e-300)

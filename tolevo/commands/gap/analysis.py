@@ -9,28 +9,38 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.effects.measurements import changes_of
-from ...models.effects.measurements import effect_actions as acting
+from ...models.effects.measurements import changes_of, effect_actions
 from ...models.effects.unresolved import Term, Unresolved
 from ...models.measurable import Role
 from ...section import Array
-from .abstain import Identified, NullModel, acts_in, displaced, more_numbers, significant_forms
-from .abstain import has_structured_residuals as structured
-from .abstain import withdraw_members as identified
+from .abstain import (
+    Identified,
+    NullModel,
+    acts_in,
+    displaced,
+    has_structured_residuals,
+    more_numbers,
+    significant_forms,
+    withdraw_members,
+)
 from .blocks import HeldOut, improvement
 from .close import corrected
 from .data import GapData
 from .fit import Fit, Fitter, Member, Space, is_term
-from .generic import LEVELS
-from .generic import stack_columns as stacked
-from .linear import basis
-from .linear import project_out as projected_out
+from .generic import LEVELS, stack_columns
+from .linear import basis, project_out
 from .population import Misfit, Scatter, misfit, scatter
 from .scan import GenericResidual, Remaining, dictionary, generic_residual
-from .searching import alike, contributions, noise_of, searching, spread_of
-from .searching import change_noise as in_noise
-from .searching import reread_by_instrument as read_again
-from .searching import setup_as_read as as_read
+from .searching import (
+    alike,
+    change_noise,
+    contributions,
+    noise_of,
+    reread_by_instrument,
+    searching,
+    setup_as_read,
+    spread_of,
+)
 from .selection import (
     Other,
     Search,
@@ -42,10 +52,8 @@ from .selection import (
     select,
     with_identified_by_likelihood,
 )
-from .setup import Setup
-from .setup import move_setup as moved_to
-from .unresolved import label, member_of, member_with, term_of
-from .unresolved import whole_term as whole_of
+from .setup import Setup, move_setup
+from .unresolved import label, member_of, member_with, term_of, whole_term
 
 # The contribution of an effect as a generic curve: the part of a larger effect without formula.
 
@@ -68,7 +76,7 @@ def as_curve(fitter: Fitter, fit: Fit, small: int, large: int, data: GapData) ->
     small_member, large_member = fit.members[small], fit.members[large]
     contribution, large_columns = (fitter.columns.of(m.candidate, m.shape) for m in (small_member, large_member))
     contribution, q = contribution @ fit.coefficients[small], basis(fitter.raw_base)
-    shared = np.linalg.lstsq(projected_out(large_columns, q), projected_out(contribution, q), rcond=1e-9)[0]
+    shared = np.linalg.lstsq(project_out(large_columns, q), project_out(contribution, q), rcond=1e-9)[0]
     parts = np.split(contribution - large_columns @ shared, len(data.outputs))
     acting = [at for at, part in enumerate(parts) if np.any(part)]
     variables = acts_in(small_member.candidate.effect.needs) - {Role.DIRECTION}
@@ -274,7 +282,7 @@ class Settling:
     def _spans(self, fit: Fit, term: int, effect: int) -> bool:
         """Whether the whole form of a term spans nearly all of an effect's contribution."""
         fitter = self.search.fitter
-        q = basis(projected_out(fitter.white(whole_of(fit.members[term], self.data)), fitter.q))
+        q = basis(project_out(fitter.white(whole_term(fit.members[term], self.data)), fitter.q))
         contribution = fitter.contribution(fit, effect)
         return float(np.sum((q.T @ contribution) ** 2)) > 0.9 * float(contribution @ contribution)
 
@@ -391,7 +399,7 @@ class Analysis:
         null = self.initial_null_model
         selection = replace(self.selection, fit=null.null_fit)
         odd = misfit(null.batch, null.null_fit, None)
-        return Analysis(null, null, selection, identified(null, null.null_fit), (), self.significant, (), odd)
+        return Analysis(null, null, selection, withdraw_members(null, null.null_fit), (), self.significant, (), odd)
 
     @property
     def score(self) -> float:
@@ -404,18 +412,18 @@ class Analysis:
 
 def analysed(setup: Setup) -> Analysis:
     """Run the loop, the noise estimated again given the selected effects."""
-    setup = as_read(setup)
+    setup = setup_as_read(setup)
     noises = noise_of(setup, ())
     effects = dictionary(setup.library, setup.columns, spread_of(noises))
-    null_model = searching(setup, noises, effects, *stacked(setup.generic, len(setup.data.outputs)), None)
+    null_model = searching(setup, noises, effects, *stack_columns(setup.generic, len(setup.data.outputs)), None)
     selection = select(null_model.search)
     if max(noise.rho for noise in noises) > AUTOCORRELATED:
         selection, null_model = _select_without_autocorrelation(selection, null_model)
     for _ in range(ROUNDS if selection.fit.members else 0):
         search = null_model.search
-        moved = as_read(_linearise_setup(setup, search, selection.fit) if setup.free else setup, selection.fit)
+        moved = setup_as_read(_linearise_setup(setup, search, selection.fit) if setup.free else setup, selection.fit)
         if moved is not setup:
-            setup, fit = read_again(moved, Space(null_model.noises, moved.prior), selection.fit)
+            setup, fit = reread_by_instrument(moved, Space(null_model.noises, moved.prior), selection.fit)
             effects = dictionary(setup.library, setup.columns, spread_of(null_model.noises))
             selection = replace(selection, fit=fit)
         noises = noise_of(setup, contributions(setup, selection.fit))
@@ -438,7 +446,7 @@ def _analyse_batch(selection: Selection, null_model: NullModel) -> Analysis:
     outlier_count = null_model.noises[0].outliers
     if not outlier_count or not null_model.setup.on_scatter:
         return without_outliers
-    all_units = in_noise(null_model, tuple(replace(noise, good=None) for noise in null_model.noises))
+    all_units = change_noise(null_model, tuple(replace(noise, good=None) for noise in null_model.noises))
     with_outliers = conclude_analysis(all_units, select(all_units.search))
     penalty_per_unit = 2.0 * np.log(OUTLIER_SPREAD * null_model.batch.law.std)
     better = without_outliers.score + penalty_per_unit * outlier_count - with_outliers.score
@@ -455,7 +463,7 @@ def _settle_rows(selection: Selection, null_model: NullModel) -> Analysis:
         noises = noise_of(setup, contributions(setup, settled.fit))
         if alike(null_model.noises, noises):
             break
-        null_model = in_noise(null_model, noises)
+        null_model = change_noise(null_model, noises)
         search = null_model.search
         accepted = [search.fitter.fit(fit.members) for fit, _ in selection.accepted]
         selection = replace(selection, accepted=tuple((fit, search.tested(fit)) for fit in accepted))
@@ -525,8 +533,8 @@ def _answer(
 def _linearise_setup(setup: Setup, search: Search, fit: Fit) -> Setup:
     """The setup linearised about the joint fit in the full model: the columns depend on it."""
     model = corrected(setup, search.fitter.space, fit)
-    changes = changes_of(acting(model.active, setup.data.measurements, setup.data.target))
-    return moved_to(setup, {**setup.at, **model.free()}, changes)
+    changes = changes_of(effect_actions(model.active, setup.data.measurements, setup.data.target))
+    return move_setup(setup, {**setup.at, **model.free()}, changes)
 
 
 def _select_without_autocorrelation(selection: Selection, null_model: NullModel) -> tuple[Selection, NullModel]:
@@ -534,12 +542,12 @@ def _select_without_autocorrelation(selection: Selection, null_model: NullModel)
 
     A strong effect along the path of the measurement looks like autocorrelated noise.
     """
-    white = in_noise(null_model, tuple(replace(noise, rho=0.0) for noise in null_model.noises))
+    white = change_noise(null_model, tuple(replace(noise, rho=0.0) for noise in null_model.noises))
     white_fit = select(white.search, quick=True).fit
     if not white_fit.members:
         return selection, null_model
     setup = null_model.setup
-    new = in_noise(null_model, noise_of(setup, contributions(setup, white_fit)))
+    new = change_noise(null_model, noise_of(setup, contributions(setup, white_fit)))
     fit = new.search.fitter.refined(white_fit.members)
     gain = _minus_log(selection.fit, null_model.search) - _minus_log(fit, new.search)
     if gain < new.search.thresholds.library:
@@ -586,14 +594,14 @@ def conclude_analysis(initial: NullModel, selection: Selection) -> Analysis:
 
 
 def _test_fit(null_model: NullModel, fit: Fit) -> tuple[Identified, list[Other]]:
-    verdict = identified(null_model, fit)
+    verdict = withdraw_members(null_model, fit)
     return verdict, rivals(null_model.search, fit, verdict.confirmed)
 
 
 def _select_given_scatter(initial: NullModel, selection: Selection) -> tuple[NullModel, Selection, tuple[Scatter, ...]]:
     """Select again given the effects on the scatter: a mixture moves the mean itself."""
     null_model, original = initial, selection
-    if not initial.setup.laws or structured(initial, selection.fit):
+    if not initial.setup.laws or has_structured_residuals(initial, selection.fit):
         return initial, selection, ()  # units with a structure do not scatter
     fit, scatter_effects = _likeliest_scatter(initial, initial, selection.fit)
     for _ in range(ROUNDS if scatter_effects else 0):

@@ -8,9 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import optimize, special
 
-from ...models.effects.measurements import Active, changes_of
-from ...models.effects.measurements import apply_output_actions as added
-from ...models.effects.measurements import effect_actions as acting
+from ...models.effects.measurements import Active, apply_output_actions, changes_of, effect_actions
 from ...models.measurable import MeasurableModel
 from ...section import Array
 from .data import GapData
@@ -132,13 +130,13 @@ class Corrected:
     def predicted(self, data: GapData, values: Array | None = None) -> dict[str, Array]:
         """Every measured output (n,) at rows of data."""
         model = self if values is None else replace(self, values=values)
-        actions = acting(model.active, data.measurements, data.target)
+        actions = effect_actions(model.active, data.measurements, data.target)
         means = self.plan.model.means() if self.plan.model and data.target.population else {}
         whole = predictor(self.plan, data, model.model)(changes_of(actions))
         outputs = {o.name: whole[o.name] for o in data.outputs}
         for number, value in model.numbers_of("zero"):
             outputs[number.name] = outputs[number.name] + value
-        return added(outputs, actions, means, np.random.default_rng(self.plan.seed))
+        return apply_output_actions(outputs, actions, means, np.random.default_rng(self.plan.seed))
 
 
 def corrected(setup: Setup, space: Space, fit: Fit, plain: bool = False) -> Corrected:

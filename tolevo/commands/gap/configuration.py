@@ -15,16 +15,12 @@ import tomli_w
 
 from ... import registry
 from ...configuration.configuration import TABLE, Configuration
-from ...configuration.cost_files import fill_files as with_files
+from ...configuration.cost_files import fill_files
 from ...configuration.parameters import GEAR, UNRESOLVED, check_gear, resolved_effects, resolved_gear
 from ...configuration.plugins import KEYS as LABELS
-from ...configuration.plugins import SENSE, ZERO, ModelClass
-from ...configuration.plugins import foreign_model_message as stranger
-from ...configuration.plugins import model_belongs as belongs
-from ...configuration.reader import PROBLEM_ONLY, build_model, read_table
-from ...configuration.reader import rebuild_model as rebuilt
-from ...configuration.source import Source, folder_of, load
-from ...configuration.source import override_source as overridden
+from ...configuration.plugins import SENSE, ZERO, ModelClass, foreign_model_message, model_belongs
+from ...configuration.reader import PROBLEM_ONLY, build_model, read_table, rebuild_model
+from ...configuration.source import Source, folder_of, load, override_source
 from ...directory import kind_of, standing
 from ...errors import Fault, InputError, nearest, raise_all
 from ...models.effects.measurements import EXTRAS
@@ -32,9 +28,8 @@ from ...models.measurable import Column, MeasurableModel, MeasuredTable, Role
 from ...problems.settings import Labels
 from ...section import PLAIN, POSITIVE, Need, Output, Range, Section, completed, flat, shown
 from ...units import converted, split_unit
-from .drawing_configuration import Run
-from .drawing_configuration import apply_drawing as as_drawn
-from .next_points import rows_in_range as inside
+from .drawing_configuration import Run, apply_drawing
+from .next_points import rows_in_range
 from .plan import GapPlan, GapSettings, NextPlan, Span
 
 # `[free]` of a gap analysis: what may be recalibrated, and by how much.
@@ -217,7 +212,7 @@ def _range_faults(section: Section, model: MeasurableModel, spans: dict[str, Spa
         return  # the points themselves are tested again
     mesh = np.meshgrid(*axes, indexing="ij")
     table = {name: axis.ravel() for name, axis in zip(spans, mesh, strict=True)}
-    if not inside(model, table).any():
+    if not rows_in_range(model, table).any():
         section.fault("", f"holds no point that the model reaches: widen {' or '.join(spans)}")
 
 
@@ -250,7 +245,7 @@ def _read(top: Section, model: str, path: Path) -> tuple[dict[str, Any], Configu
         top.fault("run", "; ".join(f"{fault.place} {fault.message}" for fault in faults))
         return {}, None
     run_faults: list[Fault] = []
-    filled = with_files(table, path.parent, run_faults)
+    filled = fill_files(table, path.parent, run_faults)
     configuration = top.attempt(
         lambda: read_table(filled.table, run_faults, filled.notes), lambda fault: (f"run: {fault.place}", fault.message)
     )
@@ -285,8 +280,8 @@ def _belongs(top: Section, model: str, run: Configuration) -> bool:
     except InputError:
         return False  # the name is reported where it stands
     of_problem = run.problem.declaration.model if run.problem else ""
-    if not belongs(run.problem_name, of_problem, model, measured):
-        text = stranger(run.problem_name, model, measured)
+    if not model_belongs(run.problem_name, of_problem, model, measured):
+        text = foreign_model_message(run.problem_name, model, measured)
         top.fault("run", f"{text}; name a run configuration of it, or leave run out")
         return False
     return True
@@ -340,7 +335,7 @@ def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | N
     """
     faults: list[Fault] = []
     try:
-        table = overridden(source, overrides, faults)
+        table = override_source(source, overrides, faults)
     except InputError as error:
         return None, list(error.faults)
     top = Section(table, "", faults)
@@ -362,7 +357,9 @@ def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | N
     data.finish()
     run_tables, run = read_run(top, name or "", table, folder_of(source))
     simulated = configuration or _stand_in(table, name)
-    simulated, drawing = (simulated, None) if simulated is None else as_drawn(top, simulated, run, folder_of(source))
+    simulated, drawing = (
+        (simulated, None) if simulated is None else apply_drawing(top, simulated, run, folder_of(source))
+    )
     model = build_model(simulated) if simulated is not None else None
     noise = _noise(top.section("noise"), model.outputs if configuration and model else ()) if checkable else {}
     planned = read_next(top, model)
@@ -399,7 +396,7 @@ def _of_model(
         parameters=_parameters(configuration),
         stated_parameters=dict(table.get("parameters", {})) if whole and not of_table else {},
         columns=configuration.settings.definition if of_table else {},
-        rebuild=None if of_table else partial(rebuilt, configuration),
+        rebuild=None if of_table else partial(rebuild_model, configuration),
         active=active,
         zero=dict(configuration.settings.zero),
         sense=dict(configuration.settings.sense),

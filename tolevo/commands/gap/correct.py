@@ -17,18 +17,16 @@ from ...models.effects.instrument import Delay
 from ...models.inputs import Zone
 from ...section import Array
 from ...units import split_unit
-from .close import Corrected, widened
-from .close import refit_corrected_model as refitted
+from .close import Corrected, refit_corrected_model, widened
 from .data import GapData
 from .fit import Fit, Fitter, Member, Space, is_term
-from .linear import project_out as projected_out
+from .linear import project_out
 from .noise import Noise, outliers, size_follows
 from .plan import GapPlan
 from .population import Scatter
 from .records import FoundEffect
 from .result import Ending
-from .setup import move_setup as moved_to
-from .setup import values_of
+from .setup import move_setup, values_of
 from .unresolved import table_of
 
 
@@ -179,7 +177,7 @@ def _delays_by_kind(fitter: Fitter, fit: Fit, q: Array, member: Member, name: st
     longer, shorter = (fitter.columns.of(member.candidate, shape)[:, 0] for shape in ends)
     slope = (longer - shorter) / (2.0 * STEP * late)
     parts = [fitter.space.whiten(np.where(kind, slope, 0.0)) for kind in _kinds(slope, data).T]
-    g = projected_out(np.column_stack(parts), q)
+    g = project_out(np.column_stack(parts), q)
     if (np.sum(g**2, axis=0) < MIN_KIND_FRACTION * np.sum(g**2)).any():
         return None
     corrections, covariance = _estimate_coefficients(g, fit.residual)
@@ -234,11 +232,11 @@ def fit_all_rows(end: Ending, full: GapData) -> Ending:
     setup = end.setup
     if len(full) == len(setup.data) or full.target.population:
         return end
-    whole = moved_to(replace(setup, data=full), setup.at, {})
+    whole = move_setup(replace(setup, data=full), setup.at, {})
     predicted = end.model.predicted(full)
     residuals = [full.measured[o.name] - predicted[o.name] for o in full.outputs]
     space = Space(tuple(_noise(end, full, at, residual) for at, residual in enumerate(residuals)), setup.prior)
-    return replace(end, model=refitted(whole, space, end.fit, end.model).widened(end.model.added_variance))
+    return replace(end, model=refit_corrected_model(whole, space, end.fit, end.model).widened(end.model.added_variance))
 
 
 def _noise(end: Ending, full: GapData, at: int, residual: Array) -> Noise:

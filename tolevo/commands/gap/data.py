@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from ...errors import Fault
 from ...models.effects import Measurements, Target
-from ...models.effects.measurements import SESSION, measurements_of, target_from
-from ...models.effects.measurements import has_session_clocks as own_clocks
+from ...models.effects.measurements import SESSION, has_session_clocks, measurements_of, target_from
 from ...models.measurable import Column, Role
 from ...section import Array, Output
 from ...units import converted, dimension
@@ -34,7 +33,9 @@ def sort_by_time(frame: pd.DataFrame, columns: Sequence[Column], notes: list[str
     time = clock_of(columns, frame)
     if time is None:
         return frame
-    separate_clocks = SESSION in frame and own_clocks(frame[SESSION].to_numpy(), frame[time].to_numpy(dtype=float))
+    separate_clocks = SESSION in frame and has_session_clocks(
+        frame[SESSION].to_numpy(), frame[time].to_numpy(dtype=float)
+    )
     steps = _steps(frame, time, separate_clocks)
     if count := int((steps < 0).sum()):
         notes.append(f"{time} goes back {count} times; the rows were put in the order of {time}")

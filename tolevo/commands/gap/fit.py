@@ -10,13 +10,12 @@ from operator import itemgetter
 import numpy as np
 from scipy import optimize
 
-from ...journal import recall_arrays as recalled
+from ...journal import recall_arrays
 from ...models.effects import EffectParameter
 from ...models.effects.unresolved import Unresolved
 from ...section import Array
 from .library import Candidate, Columns
-from .linear import ConditionalGroups, Groups, basis, unit
-from .linear import project_out as projected_out
+from .linear import ConditionalGroups, Groups, basis, project_out, unit
 from .noise import Noise
 
 # Whitened space: the outputs one below the other, each divided by its own noise.
@@ -194,7 +193,7 @@ class Fitter:
             with_y = self._product(groups, ("record",), self.y[:, None])[0]
             return (ConditionalGroups.of(z.T @ z, z.T @ self.y).gains(groups, with_groups, with_y),)
 
-        return recalled(("gains", *keys, self.y), computed)[0]
+        return recall_arrays(("gains", *keys, self.y), computed)[0]
 
     def _product(self, groups: Groups, key: tuple[object, ...], columns: Array) -> Array:
         """Products (k, C) of the columns (N, k) of a key with those of groups."""
@@ -215,7 +214,7 @@ class Fitter:
 
     def contribution(self, fit: Fit, at: int) -> Array:
         """The whitened contribution (N,) of a member that the free parameters cannot explain."""
-        return projected_out(self.white(fit.members[at]) @ fit.coefficients[at], self.q)
+        return project_out(self.white(fit.members[at]) @ fit.coefficients[at], self.q)
 
     def fit(self, members: Sequence[Member]) -> Fit:
         """The fit of these members, their nonlinear parameters as they are."""
@@ -257,7 +256,7 @@ class Fitter:
     def shaped(self, members: Sequence[Member], at: int) -> Member:
         """A member with its nonlinear parameters fitted given the others; the better of two forms."""
         q = self.spanned([member for k, member in enumerate(members) if k != at])
-        residual = projected_out(self.y, q)
+        residual = project_out(self.y, q)
         return max((self._shaped(form, q, residual) for form in members[at].forms), key=itemgetter(1))[0]
 
     def _shaped(self, member: Member, q: Array, residual: Array) -> tuple[Member, float]:
@@ -295,7 +294,7 @@ class Fitter:
             return np.asarray(best.x), np.array([losses[0], best.fun])
 
         losses: list[float] = []
-        x, (first, least) = recalled(("shape", *member.key, residual), computed)
+        x, (first, least) = recall_arrays(("shape", *member.key, residual), computed)
         if least >= first:  # no better than the start
             return member, -float(first)
         return Member(candidate, shape(x)), -float(least)

@@ -15,10 +15,10 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from ... import page_data
-from ...directory import owned
+from ...directory import own_folder
 from ...execution import Execution
 from ...files import csv_text, write_bytes, write_text
-from ...journal import recording_steps as recorded
+from ...journal import recording_steps
 from ...models.effects.measurements import Active, predicted
 from ...models.measurable import MeasurableModel, Role
 from ...page.drawing import as_png, as_svg
@@ -26,30 +26,23 @@ from ...page_data import as_json
 from ...records import Axis, mechanism_lines
 from ...section import Array
 from .analysis import Analysis, analysed
-from .correct import corrected_toml, in_problem, uneven_delays, zeros_with
-from .correct import fit_all_rows as on_all_rows
+from .correct import corrected_toml, fit_all_rows, in_problem, uneven_delays, zeros_with
 from .data import GapData
 from .ending_records import effects, gate, recalibrated, residual_table, rival_records, scores
 from .fit import Fit
-from .locate import along, regions, shapes, spectrum
-from .locate import regions_of_prediction as of_inside
+from .locate import along, regions, regions_of_prediction, shapes, spectrum
 from .next_measurement import next_measurement
 from .page import drawings, gap_page
-from .plan import GapPlan, GapProgress, Report
-from .plan import ignore_progress as silent
+from .plan import GapPlan, GapProgress, Report, ignore_progress
 from .population import Misfit
 from .populations import attribution_of, compared, inputs_instead, summary_messages
 from .read import unlikely_numbers
 from .records import FoundEffect, GapResult, Region, Rival, Shape
-from .remainder import OF_ROWS, gaps, never_worse, remainder_of, terms_of
-from .remainder import removed_effects as removed_from
-from .result import Ending
-from .result import finish_analysis as ended
+from .remainder import OF_ROWS, gaps, never_worse, remainder_of, removed_effects, terms_of
+from .result import Ending, finish_analysis
 from .scan import generic_residual
-from .setup import prepare_setup as prepared
-from .setup import residual_of
-from .uncertainty import Replicates, Spread, bootstrap, identity_of, is_complete
-from .uncertainty import open_replicates as opened
+from .setup import prepare_setup, residual_of
+from .uncertainty import Replicates, Spread, bootstrap, identity_of, is_complete, open_replicates
 
 # Quantiles of the units of a batch: measured, and of the model before and after correction.
 
@@ -147,7 +140,7 @@ def shape_records(end: Ending) -> tuple[Shape, ...]:
         return misfit_shapes
     fit = search.fitter.fit(end.fit.effects)
     remaining = generic_residual(fit, search.fitter, generic)
-    records = shapes(end.setup, search, generic, remaining, fit, removed_from(analysis))
+    records = shapes(end.setup, search, generic, remaining, fit, removed_effects(analysis))
     if end.verdict == "unnamed" and end.setup.plan.settings.empirical:
         records = tuple(_add_formula(end, shape, fit) for shape in records)
     return (*misfit_shapes, *records)
@@ -327,10 +320,10 @@ def gap(
     is written then.
     """
     identity = identity_of(plan, data)
-    with owned(out, "gap", resume, overwrite) as place:
+    with own_folder(out, "gap", resume, overwrite) as place:
         if resume and is_complete(place, identity):
             return GapOutcome("done", out, (*summary_of(out), f"{out} was complete already"))
-        replicates = opened(place, identity, resume)
+        replicates = open_replicates(place, identity, resume)
         try:
             result = analysis_result(plan, data, workers, progress, replicates)
             lines = lines_of(result)
@@ -362,27 +355,29 @@ def analysis_result(
     Linear algebra runs in a single thread: columns are long and few, and threads that wait for each
     other took two thirds of the CPU.
     """
-    report, replicates, spread = progress or silent, replicates or Replicates(), None
+    report, replicates, spread = progress or ignore_progress, replicates or Replicates(), None
     with threadpool_limits(1):
         end = ending(plan, data, report, replicates)
         if plan.settings.bootstrap and end.fit.members:
             spread = bootstrap(end.analysis, end.fit, replicates, workers, report)
         report(GapProgress("result"))
-        with recorded(replicates.section("result")):
+        with recording_steps(replicates.section("result")):
             return result_of(plan, data, end, spread)
 
 
-def ending(plan: GapPlan, data: GapData, report: Report = silent, replicates: Replicates | None = None) -> Ending:
+def ending(
+    plan: GapPlan, data: GapData, report: Report = ignore_progress, replicates: Replicates | None = None
+) -> Ending:
     """The final result of data in memory; `replicates` begin once the model accepts them.
 
     Raises InputError where the data are outside of the model's range.
     """
     report(GapProgress("columns of the library"))
-    setup, replicates = prepared(plan, data), replicates or Replicates()
+    setup, replicates = prepare_setup(plan, data), replicates or Replicates()
     replicates.begin()
     report(GapProgress("search"))
-    with recorded(replicates.section("search")):
-        return on_all_rows(never_worse(ended(analysed(setup))), data)
+    with recording_steps(replicates.section("search")):
+        return fit_all_rows(never_worse(finish_analysis(analysed(setup))), data)
 
 
 def result_of(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None = None) -> GapResult:
@@ -399,7 +394,7 @@ def result_of(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None =
         outputs=tuple(Axis(o.name, o.unit, o.meaning) for o in data.outputs),
         inputs=tuple(Axis(c.name, c.unit, c.meaning) for c in data.inputs),
         gate=gate(end),
-        where=of_inside(setup, end.fit, table)
+        where=regions_of_prediction(setup, end.fit, table)
         + regions(initial.setup, initial.search.fitter, initial.generic, initial.null_fit, limit),
         scores=scores(end),
         steps=analysis.selection.steps,
@@ -473,7 +468,7 @@ def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
             )
     if end.rows:
         notes += uneven_delays(analysis.search.fitter, end.fit, end.setup.data)
-    if removed := removed_from(analysis):
+    if removed := removed_effects(analysis):
         notes.append(f"{', '.join(removed)}: something similar is present, but its form differs")
     if far := far_move_note(end):
         notes.append(far)

@@ -28,8 +28,7 @@ from ...models.measurable import Column, Role
 from ...section import Array
 from ...units import converted
 from .data import GapData
-from .linear import Groups
-from .linear import join_groups as joined
+from .linear import Groups, join_groups
 
 HIGHEST = 130.0
 """Highest order of the periodogram, unless the gear has higher ones; its grid is of quarters."""
@@ -341,7 +340,7 @@ def stack_columns(groups: Groups, outputs: int) -> tuple[Groups, NDArray[np.int6
 
 def groups_of(columns: list[Array]) -> Groups:
     """Generic columns as groups of either sign."""
-    return joined(columns, [False] * len(columns))
+    return join_groups(columns, [False] * len(columns))
 
 
 # A formula for an unidentified effect, only where it predicts held-out rows better than a spline.

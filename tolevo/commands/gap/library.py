@@ -18,10 +18,16 @@ from scipy.interpolate import make_interp_spline
 from ... import registry
 from ...models.effects import Effect, EffectParameter, Target
 from ...models.effects.effect import Action, InsideSeveral, Measurements
-from ...models.effects.measurements import Active, changes_of, labels_of, measurements_of, target_of
-from ...models.effects.measurements import add_zero as with_zero
-from ...models.effects.measurements import apply_output_actions as added
-from ...models.effects.measurements import effect_actions as acting
+from ...models.effects.measurements import (
+    Active,
+    add_zero,
+    apply_output_actions,
+    changes_of,
+    effect_actions,
+    labels_of,
+    measurements_of,
+    target_of,
+)
 from ...models.effects.population import Law, OfUnits
 from ...models.effects.shapes import Shape
 from ...models.effects.unresolved import Unresolved
@@ -480,9 +486,9 @@ class OfTable:
     """The prediction that the table carries; nothing can change inside."""
 
     def __init__(self, plan: GapPlan, data: GapData) -> None:
-        actions = acting(plan.active, data.measurements, data.target)
+        actions = effect_actions(plan.active, data.measurements, data.target)
         rng = np.random.default_rng(plan.seed)
-        self._outputs = added(with_zero(data.predicted, plan.zero), actions, {}, rng)
+        self._outputs = apply_output_actions(add_zero(data.predicted, plan.zero), actions, {}, rng)
 
     def __call__(self, changes: Mapping[str, Array]) -> Mapping[str, Array]:
         return self._outputs
@@ -500,7 +506,7 @@ class _OfModel:
         self._plan, self._data, self._model = plan, data, model
         measurements, target = data.measurements, data.target
         moving = [o for o in plan.active if not acts_on_scatter(o.effect, o.values, measurements, target)]
-        self._actions = acting(moving, measurements, target)
+        self._actions = effect_actions(moving, measurements, target)
 
     def __reduce__(self) -> tuple[type[_OfModel], tuple[GapPlan, GapData, MeasurableModel]]:
         return type(self), (self._plan, self._data, self._model)
@@ -508,7 +514,7 @@ class _OfModel:
     def __call__(self, changes: Mapping[str, Array]) -> Mapping[str, Array]:
         rng = np.random.default_rng(self._plan.seed)
         whole = changes_of((*self._actions, Action(changes=changes)))
-        return added(self._at(whole, rng), self._actions, self.means, rng)
+        return apply_output_actions(self._at(whole, rng), self._actions, self.means, rng)
 
     @abstractmethod
     def _at(self, changes: Mapping[str, Array], rng: np.random.Generator) -> Mapping[str, Array]:
@@ -520,7 +526,7 @@ class OfRows(_OfModel):
 
     def _at(self, changes: Mapping[str, Array], rng: np.random.Generator) -> Mapping[str, Array]:
         outputs = self._model.predict(self._data.measurements.table, rng, changes or NO_CHANGES)
-        return with_zero(outputs, self._plan.zero)
+        return add_zero(outputs, self._plan.zero)
 
 
 class OfMeanUnit(_OfModel):

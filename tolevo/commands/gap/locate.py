@@ -14,8 +14,7 @@ from ...section import Array, Output
 from .data import GapData
 from .fit import Fit, Fitter
 from .generic import PREDICTED, Form, order_grid, order_of_units
-from .linear import basis, products
-from .linear import project_out as projected_out
+from .linear import basis, products, project_out
 from .noise import Noise
 from .records import Region, Shape
 from .scan import GenericResidual, Remaining, evidence
@@ -68,7 +67,7 @@ def along(setup: Setup, variable: str) -> Array | None:
 
 def curve_of(setup: Setup, generic: Remaining, at: int, q: Array, residual: Array) -> Array:
     """The fit of a form to a residual (N,) given a basis (N, r), in the unit of its output."""
-    coefficients = np.linalg.lstsq(projected_out(generic.white.of(at), q), residual, rcond=1e-7)[0]
+    coefficients = np.linalg.lstsq(project_out(generic.white.of(at), q), residual, rcond=1e-7)[0]
     curve = setup.generic.of(at % len(setup.forms)) @ coefficients
     zero = setup.data.outputs[int(generic.outputs[at])].name in setup.data.zeros
     return np.asarray(curve - curve.mean() if zero else curve)
@@ -189,7 +188,7 @@ def regions(setup: Setup, fitter: Fitter, generic: Remaining, fit: Fit, limit: f
     """
     located: list[Region] = []
     groups, q = generic.white, fitter.q
-    residual = projected_out(fit.residual, q)
+    residual = project_out(fit.residual, q)
     projected, product = products(groups, q, residual)
     beyond = fit.rss - fitter.space.count
     while len(located) < MAX_REGIONS:
@@ -199,12 +198,12 @@ def regions(setup: Setup, fitter: Fitter, generic: Remaining, fit: Fit, limit: f
         if level[at] <= limit:
             break
         parts = [generic.white.of(int(k)) for k in _related_forms(generic, at)]
-        taken = basis(projected_out(np.hstack(parts), q))
+        taken = basis(project_out(np.hstack(parts), q))
         explained = max(float(np.sum((taken.T @ residual) ** 2)) - taken.shape[1], float(gains[at]))
         beyond = max(beyond, explained)
         low, high = _ends(setup, fitter, generic, at, q, residual, explained)
         located.append(_region(setup, generic, at, low, high, explained / beyond, float(level[at]), limit))
-        q, residual = np.hstack([q, taken]), projected_out(residual, taken)
+        q, residual = np.hstack([q, taken]), project_out(residual, taken)
         more, product = products(groups, taken, residual)
         projected = np.vstack([projected, more])
     return tuple(located)
@@ -257,7 +256,7 @@ def _turning(
     if form.direction:
         odd = odd * np.asarray(setup.data.measurements[Role.DIRECTION], dtype=float)[:, None]
     columns[setup.data.rows_of(output)] = odd
-    remaining = projected_out(fitter.space.whiten(columns), q)
+    remaining = project_out(fitter.space.whiten(columns), q)
     size = np.einsum("ij,ij->j", remaining, remaining)
     gains = (remaining.T @ residual) ** 2 / np.maximum(size, 1e-9)
     best = int(np.argmax(gains))

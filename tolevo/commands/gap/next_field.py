@@ -16,13 +16,22 @@ from ...section import Array
 from .data import GapData
 from .fit import Fit, Fitter, Member, Space
 from .library import Candidate, Columns, Predict, predictor
-from .linear import basis
-from .linear import project_out as projected_out
-from .next_points import NO_POINT, PATH, RANGE, Axis, Table, axes_of, candidates, cycles, usual_step
-from .next_points import depends_on_path as along_path
-from .next_points import divide_into_cycles as in_cycles
-from .next_points import near_load_reversal as turning
-from .next_points import rows_in_range as inside
+from .linear import basis, project_out
+from .next_points import (
+    NO_POINT,
+    PATH,
+    RANGE,
+    Axis,
+    Table,
+    axes_of,
+    candidates,
+    cycles,
+    depends_on_path,
+    divide_into_cycles,
+    near_load_reversal,
+    rows_in_range,
+    usual_step,
+)
 from .noise import Noise
 from .plan import NextPlan
 from .setup import Setup, change_of, zeros_of
@@ -117,7 +126,7 @@ def predict_record(fitter: Fitter, fit: Fit) -> Predictions:
 
 def distance(explanation: Predictions, rival: Predictions) -> float:
     """Squared norm of the difference of two predictions outside the span of the rival's columns."""
-    return float(np.sum(projected_out(explanation.values - rival.values, basis(rival.columns)) ** 2))
+    return float(np.sum(project_out(explanation.values - rival.values, basis(rival.columns)) ** 2))
 
 
 # The discrimination of two explanations by measurements at some points and those of the record.
@@ -296,14 +305,14 @@ def _whiten_blocks(blocks: Array, rho: float) -> Array:
 
 def field_of(setup: Setup, noises: Sequence[Noise], wanted: NextPlan) -> Field:
     """The field of all candidates in the ranges. Raises InputError where the model reaches none."""
-    path, seed = along_path(setup.data), setup.plan.seed
-    count, per_candidate = in_cycles(wanted.readings) if path else (wanted.readings, 1)
+    path, seed = depends_on_path(setup.data), setup.plan.seed
+    count, per_candidate = divide_into_cycles(wanted.readings) if path else (wanted.readings, 1)
     axes = axes_of(setup.data, wanted.ranges, count * per_candidate)
     table = cycles(setup.data, axes, per_candidate, seed) if path else candidates(setup.data, axes, seed)
-    good = inside(setup.plan.model, table).reshape(-1, per_candidate).all(axis=1)
+    good = rows_in_range(setup.plan.model, table).reshape(-1, per_candidate).all(axis=1)
     if not good.any():
         raise refuse(RANGE, NO_POINT)
-    sure = good if path else good & ~turning(axes, table)
+    sure = good if path else good & ~near_load_reversal(axes, table)
     good = sure if sure.any() else good
     table = {name: values[np.repeat(good, per_candidate)] for name, values in table.items()}
     more = (PATH,) if path and PATH.name not in setup.data.measurements.table else ()
@@ -340,7 +349,7 @@ def timed(setup: Setup, axes: Sequence[Axis], table: Table) -> Table:
 def continue_record(setup: Setup, noises: Sequence[Noise], count: int) -> Ahead:
     """`count` measurements like those of the record, continued in time; of a path its beginning."""
     n, rng = len(setup.data), np.random.default_rng([setup.plan.seed, 11])
-    if along_path(setup.data) or count >= n:
+    if depends_on_path(setup.data) or count >= n:
         rows = np.resize(np.arange(n), count)
     else:
         rows = np.sort(rng.choice(n, count, replace=False))

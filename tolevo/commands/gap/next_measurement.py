@@ -15,17 +15,24 @@ from scipy.special import chndtr, ndtr
 from ...models.effects.population import Law
 from ...models.measurable import Role
 from ...section import Array
-from .ending_records import MORE_UNITS_ADVICE as MORE
-from .ending_records import UNIMITATED
+from .ending_records import MORE_UNITS_ADVICE, UNIMITATED
 from .fit import Fit, Member
-from .next_field import Ahead, Chosen, Contest, Field, Predictions, base_at, distance, field_of
-from .next_field import continue_record as like_now
-from .next_field import exchange_design as exchanged
-from .next_field import order_of_measuring as ahead
-from .next_field import place_at_rows as placed
-from .next_field import predict_record as of_record
-from .next_points import Axis
-from .next_points import add_label_columns as with_labels
+from .next_field import (
+    Ahead,
+    Chosen,
+    Contest,
+    Field,
+    Predictions,
+    base_at,
+    continue_record,
+    distance,
+    exchange_design,
+    field_of,
+    order_of_measuring,
+    place_at_rows,
+    predict_record,
+)
+from .next_points import Axis, add_label_columns
 from .noise import Noise
 from .plan import NextPlan
 from .population import BatchLikelihood, Scatter, exchanged_names
@@ -33,11 +40,20 @@ from .records import Measurement, NextMeasurement, Sensitivity, Separation
 from .result import Ending
 from .scan import scan
 from .selection import Other
-from .separations import CERTAIN, FEWEST, HOPELESS, OTHER_QUANTITIES, SUPPORT, design, most, separation
-from .separations import MIN_REACHABLE_GAIN as LITTLE
-from .separations import NO_SEPARATING_DESIGN as NONE
-from .separations import joint_discrimination as joined
-from .separations import pair_of_rival as paired
+from .separations import (
+    CERTAIN,
+    FEWEST,
+    HOPELESS,
+    MIN_REACHABLE_GAIN,
+    NO_SEPARATING_DESIGN,
+    OTHER_QUANTITIES,
+    SUPPORT,
+    design,
+    joint_discrimination,
+    most,
+    pair_of_rival,
+    separation,
+)
 from .setup import Setup
 
 # Points at which a barely present effect would be detected, and the probability of detection.
@@ -130,7 +146,7 @@ def _record(end: Ending, fit: Fit, size: Array) -> tuple[Predictions, Prediction
     """The predictions of an effect of that size, and of none, at the record; with free columns."""
     null_model = end.analysis.initial_null_model
     values = null_model.search.fitter.white(fit.members[0]) @ size
-    columns = of_record(null_model.search.fitter, null_model.null_fit).columns
+    columns = predict_record(null_model.search.fitter, null_model.null_fit).columns
     return Predictions(values, columns), Predictions(np.zeros_like(values), columns)
 
 
@@ -151,7 +167,7 @@ def sensitivity(end: Ending, sought: Sought, new: Ahead, alike: Ahead) -> Sensit
     """The detection of an effect by the planned measurements, and by as many like present ones."""
     limit = end.analysis.initial_null_model.search.thresholds.library
     levels = [distance(*sought.record)]
-    levels += [joined(*sought.record, *_at(sought, at)) for at in (new, alike)]
+    levels += [joint_discrimination(*sought.record, *_at(sought, at)) for at in (new, alike)]
     size, candidate = sought.size, sought.member.candidate
     now, then, like = (
         1.0 - float(chndtr(limit, max(len(size), 1), max(level, MIN_DISCRIMINATION))) for level in levels
@@ -219,8 +235,8 @@ def further_units(setup: Setup, noises: Sequence[Noise], wanted: NextPlan, sprea
         span = wanted.ranges.get(column.name)
         if spread and span is not None:
             columns[column.name] = np.resize(span.values or (span.low, span.high), count)
-    whole = with_labels(setup.data, columns or {"": np.zeros(count)})
-    return Ahead(setup, noises, whole, base_at(setup, placed(setup.data, whole)))
+    whole = add_label_columns(setup.data, columns or {"": np.zeros(count)})
+    return Ahead(setup, noises, whole, base_at(setup, place_at_rows(setup.data, whole)))
 
 
 def of_scatter(end: Ending, best: Scatter, rival: Scatter, count: int) -> Separation:
@@ -240,7 +256,7 @@ def of_scatter(end: Ending, best: Scatter, rival: Scatter, count: int) -> Separa
     settings = end.analysis.search.settings
     alone = _chance(moments, ahead, count, settings.set_distance)
     now, then = (2.0 * moments[0][0] * k for k in (n, n + count))
-    text = f"{MORE}: {count} further units: probability {chance:.2f} that the right one fits better; "
+    text = f"{MORE_UNITS_ADVICE}: {count} further units: probability {chance:.2f} that the right one fits better; "
     text += f"{needed} units for {CERTAIN}" if needed else f"no number reaches {CERTAIN}"
     return Separation(names, instead, now, then, chance, chance, alone, needed, text)
 
@@ -326,15 +342,15 @@ def _separations_by_points(
         return [], None, ()
     noises = end.analysis.search.fitter.space.noises
     place = field_of(end.setup, noises, wanted)
-    pairs = [paired(end, rival, place) for rival in rivals]
+    pairs = [pair_of_rival(end, rival, place) for rival in rivals]
     count = _count(place, wanted)
     gains = [most(pair, count) for pair in pairs]
     separable = [pair for pair, gain in zip(pairs, gains, strict=True) if gain > HOPELESS * count]
-    useful = [pair for pair, gain in zip(pairs, gains, strict=True) if gain > LITTLE] or separable
+    useful = [pair for pair, gain in zip(pairs, gains, strict=True) if gain > MIN_REACHABLE_GAIN] or separable
     chosen, better = design(end, place, useful or pairs[:1], count)
     pairs = [next((b for b in better if b.rival is p.rival), p) for p in pairs]
-    new = ahead(place, chosen)
-    alike = like_now(end.setup, noises, len(new))
+    new = order_of_measuring(place, chosen)
+    alike = continue_record(end.setup, noises, len(new))
     records = [separation(end, pair, new, alike) for pair in pairs]
     records = [
         record if gain > HOPELESS * count else _inseparable_record(record, pair.rival)
@@ -353,7 +369,7 @@ def _separations_by_units(
     new, alike = (further_units(end.setup, noises, wanted, spread) for spread in (True, False))
     records = []
     for rival in rivals:
-        record = separation(end, paired(end, rival), new, alike)
+        record = separation(end, pair_of_rival(end, rival), new, alike)
         gained = record.expected - record.now
         records.append(record if gained > HOPELESS * len(new) else _inseparable_record(record, rival))
     return records, new, tuple(wanted.ranges)
@@ -363,7 +379,7 @@ def _inseparable_record(record: Separation, rival: Other) -> Separation:
     """The record of a pair that no design separates, with the quantity that would."""
     names = frozenset(set(rival.names) ^ set(rival.instead_of))
     text = OTHER_QUANTITIES.get(names, "another quantity has to be measured")
-    return replace(record, needed=0, text=f"{NONE}: {text}", possible=False)
+    return replace(record, needed=0, text=f"{NO_SEPARATING_DESIGN}: {text}", possible=False)
 
 
 def _of_effects(end: Ending, wanted: NextPlan) -> Planned:
@@ -382,9 +398,9 @@ def _of_effects(end: Ending, wanted: NextPlan) -> Planned:
         place = field_of(setup, noises, wanted)
         count = _count(place, wanted)
         contests = [contest(place, effect) for effect in sought]
-        chosen = np.resize(exchanged(contests, min(count, SUPPORT)), count)
-        new, inputs = ahead(place, chosen), decisive_inputs(place, contests[0], chosen)
-        alike = like_now(setup, noises, len(new))
+        chosen = np.resize(exchange_design(contests, min(count, SUPPORT)), count)
+        new, inputs = order_of_measuring(place, chosen), decisive_inputs(place, contests[0], chosen)
+        alike = continue_record(setup, noises, len(new))
     sensitivities = tuple(sensitivity(end, effect, new, alike) for effect in sought)
     return _planned_record(end, new, inputs, effects=sensitivities, notes=tuple(notes))
 
@@ -400,7 +416,7 @@ def _planned_record(
 ) -> Planned:
     """The record with the planned points, or the reasons why there are none."""
     if new is None:
-        text = "; ".join(dict.fromkeys(pair.text for pair in pairs)) or NONE
+        text = "; ".join(dict.fromkeys(pair.text for pair in pairs)) or NO_SEPARATING_DESIGN
         return Planned(NextMeasurement(text, pairs=pairs, effects=effects, notes=notes), None, measurements)
     text = f"{len(new)} measurements at the points in {FILE}"
     if effects:

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from scipy import linalg, special
 
 from ...section import Array
-from .linear import basis, whitening
-from .linear import project_out as projected_out
+from .linear import basis, project_out, whitening
 
 GRID = np.concatenate([np.arange(0.0, 0.9, 0.05), [0.9, 0.93, 0.96, 0.98, 0.99]])
 """Autocorrelations that are tried."""
@@ -124,7 +123,7 @@ def _restricted_likelihood(residual: Array, columns: Array, noise: Noise) -> Arr
     """
     plain = replace(noise, rho=0.0)
     x = plain.whiten(columns)
-    z = np.column_stack([x, projected_out(plain.whiten(residual), basis(x))])
+    z = np.column_stack([x, project_out(plain.whiten(residual), basis(x))])
     size = np.maximum(np.linalg.norm(z, axis=0), 1e-300)
     z = z / size
     now, before = z[1:], z[:-1]

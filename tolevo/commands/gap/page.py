@@ -19,10 +19,8 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from ...page import drawing
-from ...page.document import about, bullets, document, listed, picture, section, shown, table
-from ...page.document import folded_section as folded
-from ...page.drawing import flags, new_axes, new_figure, style_axes
-from ...page.drawing import label_with_unit as with_unit
+from ...page.document import about, bullets, document, folded_section, listed, picture, section, shown, table
+from ...page.drawing import flags, label_with_unit, new_axes, new_figure, style_axes
 from ...page.page import summary_table
 from ...records import Axis
 from ...units import split_unit
@@ -175,7 +173,7 @@ def residuals_figure(result: GapResult, output: Axis) -> Figure | None:
         regions = _regions(result.where, output.name, axis.name)
         for axes, mark in zip(row, MARKS, strict=True):
             _panel(axes, frame, axis, output, mark, regions)
-        row[0].set_ylabel(with_unit("residual", output.unit))
+        row[0].set_ylabel(label_with_unit("residual", output.unit))
     limit = _limit(frame, output)
     panels[0][0].set_ylim(-limit, limit)
     _titles(panels[0], result, output)
@@ -490,7 +488,7 @@ def spectrum_figure(result: GapResult, output: Axis) -> Figure | None:
             label = "largest amplitude of noise alone"
             axes.plot(rows["order"], rows["threshold"], ":", color="black", linewidth=1.2, label=label)
         _label_peaks(axes, rows["order"].tolist(), rows[mark.word].tolist(), rows["threshold"].tolist())
-        axes.set_ylabel(with_unit(mark.word, output.unit))
+        axes.set_ylabel(label_with_unit(mark.word, output.unit))
     panels[1].set_xlabel("order [waves per turn]")
     legend(figure, panels)
     for axes in panels:
@@ -594,7 +592,7 @@ def gap_page(result: GapResult, drawn: Sequence[Drawn] | None = None) -> str:
         "Corrected configuration": f"<pre>{escape(result.corrected)}</pre>",
     }
     parts = [
-        section(title, folded("Show", body) if title in FOLDED else body)
+        section(title, folded_section("Show", body) if title in FOLDED else body)
         for title, body in sections.items()
         if body.replace(EMPTY_TABLE, "").strip()
     ]

@@ -18,8 +18,7 @@ from ...models.measurable import Column, Role, Source
 from ...section import Array
 from .data import GapData
 from .input_changes import KINDS, Change, Tables, UnitLaw
-from .library import acts_on_scatter as on_scatter
-from .library import predictor
+from .library import acts_on_scatter, predictor
 from .population import likelier
 from .records import Attribution, InputChange, Measurement, PopulationLine, Rival
 from .result import Ending
@@ -588,7 +587,7 @@ def _refusal_reason(end: Ending) -> str:
         return f"cannot tell with n = {count} which input it is due to"
     setup = end.analysis.initial_null_model.setup
     measurements, target = setup.data.measurements, setup.data.target
-    if any(on_scatter(active.effect, active.values, measurements, target) for active in setup.plan.active):
+    if any(acts_on_scatter(active.effect, active.values, measurements, target) for active in setup.plan.active):
         return "cannot tell which input it is due to: the model contains an effect on the scatter already"
     return ""
 

@@ -20,16 +20,19 @@ from ...models.effects.measurements import SESSION
 from ...models.measurable import Column, Role
 from ...section import Array, Output
 from ...units import converted
-from .data import MIN_UNITS as LEAST
-from .data import GapData, clock_faults, of_one_measurement
-from .data import assemble_data as assembled
-from .data import average_repeats as one_per_unit
-from .data import late_clock_messages as late
-from .data import number_units as numbered
-from .data import too_few_units_fault as too_few
+from .data import (
+    MIN_UNITS,
+    GapData,
+    assemble_data,
+    average_repeats,
+    clock_faults,
+    late_clock_messages,
+    number_units,
+    of_one_measurement,
+    too_few_units_fault,
+)
 from .fit import Fit
-from .next_points import NO_POINT, RANGE, axes_of, candidates
-from .next_points import rows_in_range as inside
+from .next_points import NO_POINT, RANGE, axes_of, candidates, rows_in_range
 from .plan import GapPlan, alike, column_messages, output_of
 
 # Ranges of the next measurement that do not fit the data.
@@ -53,7 +56,7 @@ def range_faults(plan: GapPlan, data: GapData, place: str) -> list[Fault]:
             faults.append(Fault(f"{RANGE}.{name}", text))
     if not faults and not data.target.population:
         points = candidates(data, axes_of(data, wanted.ranges, wanted.readings), plan.seed)
-        faults += [] if inside(plan.model, points).any() else [Fault(RANGE, NO_POINT)]
+        faults += [] if rows_in_range(plan.model, points).any() else [Fault(RANGE, NO_POINT)]
     return faults
 
 
@@ -230,7 +233,7 @@ def checked_table(
     notes: list[str] = []
     population = plan.model is not None and plan.model.population
     if population:
-        cells = numbered(cells, columns, place, notes)
+        cells = number_units(cells, columns, place, notes)
     faults += _missing_outputs(plan, cells, outputs, place)
     needed = [*(c.name for c in columns if c.needed), *predictions.values()]
     wanted = [*(c.name for c in columns), *(o.name for o in outputs), *predictions.values(), *stds.values()]
@@ -251,10 +254,10 @@ def checked_table(
     faults += new_faults + _block_faults(plan, cells, frame, place)
     if not faults and plan.model is not None:
         if population:
-            frame, new_faults = one_per_unit(frame, columns, place, notes)
+            frame, new_faults = average_repeats(frame, columns, place, notes)
             faults += new_faults
         else:
-            faults += too_few(frame, columns, place)
+            faults += too_few_units_fault(frame, columns, place)
     if len(cells):
         faults += _content_faults(plan, frame, columns, outputs, predictions, stds, place)
         faults += clock_faults(frame, columns, place)
@@ -272,8 +275,8 @@ def checked_table(
             f"every {SESSION} may have a separate level; [validation] blocks = "
             f'"{SESSION}" would hold out each {SESSION} in turn'
         )
-    notes += [*column_messages(frame, present), *late(frame, present), *_unused_note(unused)]
-    data = assembled(plan, frame, present, outputs, predictions, stds, notes)
+    notes += [*column_messages(frame, present), *late_clock_messages(frame, present), *_unused_note(unused)]
+    data = assemble_data(plan, frame, present, outputs, predictions, stds, notes)
     if faults := range_faults(plan, data, place):
         return None, faults
     understood = (*table.lines(place), *(f"{place}: {note}" for note in fitted.notes))
@@ -395,7 +398,7 @@ def _content_faults(
     """Faults of the values in the table."""
     faults = []
     count = len(plan.free) + len(outputs)
-    if len(frame) < (least := max(LEAST, 2 * (1 + count))):
+    if len(frame) < (least := max(MIN_UNITS, 2 * (1 + count))):
         text = f"has {len(frame)} rows; {count} free parameters of the model and the noise need at least {least}"
         faults.append(Fault(place, text))
     for column in columns:

@@ -12,11 +12,10 @@ from ...section import Array
 from .analysis import Analysis
 from .fit import Member, is_term
 from .generic import LEVELS
-from .linear import project_out as projected_out
+from .linear import project_out
 from .population import distance, floor, held_out_units
 from .records import Remainder, UnresolvedTerm
-from .result import Ending, rmse
-from .result import finish_analysis as ended
+from .result import Ending, finish_analysis, rmse
 from .unresolved import effect_of, table_of
 
 OF_ROWS = "RMSE on held-out rows; the floor is the noise"
@@ -59,7 +58,7 @@ def never_worse(end: Ending) -> Ending:
     sizes = gaps(end)
     if all(sizes.after[name] <= sizes.before[name] for name in sizes.before):
         return end
-    return ended(end.analysis.without_effects())
+    return finish_analysis(end.analysis.without_effects())
 
 
 def _by_output(end: Ending, raw: Array) -> dict[str, float]:
@@ -166,7 +165,7 @@ def _term_remainders(end: Ending, members: Sequence[Member]) -> Remainder:
         added = added + whole[setup.data.rows_of(at)]
         white = white + fitter.white(member) @ coefficients
     rms, unit = float(np.std(added)), setup.data.outputs[at].unit
-    white = projected_out(white, fitter.q)  # without the part that the zeros and free parameters span
+    white = project_out(white, fitter.q)  # without the part that the zeros and free parameters span
     fraction = min(1.0, float(white @ white) / _excess_over_noise(end))
     text = ", and ".join(dict.fromkeys(shape(term) for term in terms))
     return Remainder(first.output, first.variables, text, rms, unit, rms / _level(end, at), fraction)

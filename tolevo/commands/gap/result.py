@@ -10,15 +10,13 @@ import numpy as np
 from ...models.effects import EffectParameter
 from ...section import Array
 from .abstain import acts_in
-from .analysis import Analysis, predicts_as_well
-from .analysis import analysis_without_effect as without
+from .analysis import Analysis, analysis_without_effect, predicts_as_well
 from .blocks import HeldOut
 from .close import Corrected, corrected
 from .fit import Fit, Fitter, Member, is_term
-from .linear import basis
-from .linear import project_out as projected_out
+from .linear import basis, project_out
 from .setup import Setup
-from .unresolved import whole_term as whole_of
+from .unresolved import whole_term
 
 # The bias of an effect's parameter due to the form of the generic terms that are fitted with it.
 #
@@ -56,7 +54,7 @@ def misfit_of(analysis: Analysis, fit: Fit) -> dict[tuple[str, str], float]:
         others = [columns[k] for k in named if k != at]
         for k, number in enumerate(numbers):
             given_columns = [fitter.base, np.delete(columns[at], k, axis=1), *others]
-            g = projected_out(columns[at][:, k], basis(np.hstack(given_columns)))
+            g = project_out(columns[at][:, k], basis(np.hstack(given_columns)))
             size = float(g @ g)
             variance = sum(_part(analysis, fit, term, g) for term in terms) if size > 0.0 else 0.0
             if variance > 0.0:
@@ -104,7 +102,7 @@ def _part(analysis: Analysis, fit: Fit, term: int, g: Array) -> float:
     member, fitter = fit.members[term], analysis.search.fitter
     added = fitter.contribution(fit, term)
     bias = float(g @ added) ** 2 / float(g @ g)
-    q = basis(projected_out(fitter.white(whole_of(member, analysis.setup.data)), fitter.q))
+    q = basis(project_out(fitter.white(whole_term(member, analysis.setup.data)), fitter.q))
     fraction = float(np.sum((q.T @ g) ** 2)) / float(g @ g)
     if fraction < NEGLIGIBLE_FRACTION:
         return 0.0
@@ -182,7 +180,7 @@ def finish_analysis(analysis: Analysis) -> Ending:
     ending, needed = _widen_ending(analysis), set[str]()
     while ending.rows and (weak := _weakest_effect(ending, needed)) is not None:
         name, larger = weak
-        reduced = without(analysis, name, larger)
+        reduced = analysis_without_effect(analysis, name, larger)
         after = _widen_ending(reduced)
         if larger and not _predicts_as_well(after):
             needed.add(name)

@@ -10,15 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ...journal import recall_arrays as recalled
+from ...journal import recall_arrays
 from ...models.measurable import Role
 from ...section import Array
 from .fit import Fit, Fitter, Member, Space
 from .generic import Form
 from .library import Candidate, Columns, grid
-from .linear import Groups
-from .linear import join_groups as joined
-from .linear import project_out as projected_out
+from .linear import Groups, join_groups, project_out
 
 CHUNK = 250
 """Number of noise records that are simulated at once."""
@@ -51,7 +49,7 @@ def dictionary(library: Sequence[Candidate], columns: Columns, spread: float) ->
     members = tuple(Member(candidate, shape) for candidate in library for shape in grid(candidate, spread))
     parts = [columns.of(member.candidate, member.shape) for member in members]
     rows = len(columns.data) * len(columns.data.outputs)
-    return Dictionary(members, joined(parts, [member.candidate.one_sided for member in members], rows))
+    return Dictionary(members, join_groups(parts, [member.candidate.one_sided for member in members], rows))
 
 
 @dataclass(frozen=True)
@@ -75,12 +73,12 @@ def thresholds(
         tops, levels = [], []
         for start in range(0, simulations, CHUNK):
             noise = rng.standard_normal((len(q), min(CHUNK, simulations - start)))
-            scale = np.sum(projected_out(noise, q) ** 2, axis=0) / (len(q) - q.shape[1])
+            scale = np.sum(project_out(noise, q) ** 2, axis=0) / (len(q) - q.shape[1])
             tops.append(np.max(named.gains(noise) / scale, axis=0, initial=0.0))
             levels.append(strongest_evidence(forms, forms.gains(noise) / scale))
         return np.concatenate(tops), np.concatenate(levels)
 
-    tops, levels = recalled(("thresholds", q), simulated)
+    tops, levels = recall_arrays(("thresholds", q), simulated)
     library_limit = np.quantile(tops, 1.0 - rate)
     return Thresholds(float(library_limit), float(np.quantile(levels, 1.0 - 0.5 * rate)))
 

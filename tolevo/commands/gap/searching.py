@@ -15,8 +15,7 @@ from .abstain import NullModel
 from .blocks import block_labels
 from .fit import Fit, Fitter, Space
 from .library import Candidate, Columns
-from .linear import Groups, basis, products
-from .linear import project_out as projected_out
+from .linear import Groups, basis, products, project_out
 from .noise import Noise, autocorrelation, outliers, residual_scale, robust_scale, size_follows
 from .scan import Dictionary, Remaining, Thresholds, evidence, thresholds
 from .selection import Search
@@ -87,7 +86,7 @@ def _slow(n: int) -> Array:
 
 def _first_scale(remainder: Remainder, kept: Array, sigma: Array) -> float:
     q = basis(kept / sigma[:, None])
-    return max(robust_scale(projected_out(remainder.residual / sigma, q)), remainder.law, remainder.resolution, 1e-300)
+    return max(robust_scale(project_out(remainder.residual / sigma, q)), remainder.law, remainder.resolution, 1e-300)
 
 
 def _improve_noise(remainder: Remainder, kept: Array, noise: Noise) -> tuple[Noise, Array]:
@@ -148,7 +147,7 @@ def _start(remainder: Remainder, kept: Array, noise: Noise) -> Start:
     if not noise.is_plain or noise.good is not None:
         groups = groups.white(noise)
     q = basis(noise.whiten(kept))
-    residual = projected_out(noise.whiten(remainder.residual), q)
+    residual = project_out(noise.whiten(remainder.residual), q)
     return Start(kept, q, residual, groups, *products(groups, q, residual))
 
 
@@ -167,8 +166,8 @@ def _add_certain_forms(remainder: Remainder, start: Start, allowed: NDArray[np.b
             break
         allowed[best] = False
         chosen = np.column_stack([chosen, remainder.generic.of(best)])
-        new = basis(projected_out(projected_out(white.of(best), q), q))
-        residual, q = projected_out(residual, new), np.hstack([q, new])
+        new = basis(project_out(project_out(white.of(best), q), q))
+        residual, q = project_out(residual, new), np.hstack([q, new])
         more, product = products(white, new, residual)
         projected = np.vstack([projected, more])
         trend |= remainder.slow[best]
@@ -178,7 +177,7 @@ def _add_certain_forms(remainder: Remainder, start: Start, allowed: NDArray[np.b
 def _likelihood(residual: Array, chosen: Array, noise: Noise) -> float:
     """Log likelihood less half ln n per column, up to a constant."""
     q = basis(noise.whiten(chosen))
-    whitened = projected_out(noise.whiten(residual), q)
+    whitened = project_out(noise.whiten(residual), q)
     n = len(residual)
     spread = -0.5 * (n - 1) * np.log(1.0 - noise.rho**2) - float(np.sum(np.log(noise.sigma)))
     return float(spread - 0.5 * n * np.log(whitened @ whitened / n) - 0.5 * np.log(n) * q.shape[1])
@@ -193,7 +192,7 @@ def _scale_noise(remainder: Remainder, chosen: Array, noise: Noise) -> Noise:
         level = np.sqrt(np.mean(noise.sigma**2))
         return replace(noise, sigma=noise.sigma * pure / level, source="repeats")
     q = basis(noise.whiten(chosen))
-    whitened = projected_out(noise.whiten(remainder.residual), q)
+    whitened = project_out(noise.whiten(remainder.residual), q)
     scale = max(residual_scale(whitened, q.shape[1]), remainder.resolution / noise.level)
     return replace(noise, sigma=noise.sigma * scale)
 

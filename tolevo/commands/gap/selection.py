@@ -11,11 +11,9 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from .blocks import HeldOut, Improvement, Training, improvement
-from .blocks import predict_held_out as held_out
+from .blocks import HeldOut, Improvement, Training, improvement, predict_held_out
 from .fit import Fit, Fitter, Member
-from .linear import Groups
-from .linear import project_out as projected_out
+from .linear import Groups, project_out
 from .plan import GapSettings
 from .records import Step
 from .scan import Dictionary, ScanResult, Thresholds, scan
@@ -94,7 +92,7 @@ class Search:
         """Held-out residuals of a fit."""
         key = tuple(member.key for member in fit.members)
         if key not in self._tested:
-            self._tested[key] = held_out(self._training, fit.members)
+            self._tested[key] = predict_held_out(self._training, fit.members)
         return self._tested[key]
 
     @cached_property
@@ -374,7 +372,7 @@ def correlation(fitter: Fitter, fit: Fit, other: Other) -> float:
     substitutes = [k for k, name in enumerate(other.fit.names) if name in other.names]
     q = fitter.spanned(fit.without(*replaced))
     a, b = (
-        projected_out(
+        project_out(
             sum((fitter.white(source.members[k]) @ source.coefficients[k] for k in indices), np.zeros(len(fitter.y))), q
         )
         for source, indices in ((fit, replaced), (other.fit, substitutes))

@@ -20,13 +20,20 @@ from ...section import Array
 from .data import GapData
 from .fit import Fit, Member
 from .library import Columns, predictor
-from .linear import basis
-from .linear import project_out as projected_out
-from .next_field import Ahead, Chosen, Contest, Field, Predictions, distance, zero_prediction
-from .next_field import exchange_design as exchanged
-from .next_field import greedy_design as added
-from .next_field import place_at_rows as placed
-from .next_field import predict_record as of_record
+from .linear import basis, project_out
+from .next_field import (
+    Ahead,
+    Chosen,
+    Contest,
+    Field,
+    Predictions,
+    distance,
+    exchange_design,
+    greedy_design,
+    place_at_rows,
+    predict_record,
+    zero_prediction,
+)
 from .records import Measurement, Separation
 from .result import Ending
 from .selection import Other, Search
@@ -148,7 +155,7 @@ class Pair:
 def pair_of_rival(end: Ending, rival: Other, field: Field | None = None) -> Pair:
     """A pair, the rival at its fit; with a field, its contest there."""
     fitter = end.analysis.search.fitter
-    best, record = of_record(fitter, end.fit), of_record(fitter, rival.fit)
+    best, record = predict_record(fitter, end.fit), predict_record(fitter, rival.fit)
     contests = (_contest(end, field, best, record, rival.fit),) if field else ()
     return Pair(rival, best, (rival.fit,), (record,), contests)
 
@@ -160,7 +167,7 @@ def _contest(end: Ending, field: Field, best: Predictions, record: Predictions, 
 
 def most(pair: Pair, count: int) -> float:
     """The discrimination that a design for this pair alone would add."""
-    few = added(pair.contests, min(count, SUPPORT))
+    few = greedy_design(pair.contests, min(count, SUPPORT))
     return pair.least(np.resize(few, count)) - pair.least(few[:0])
 
 
@@ -179,14 +186,14 @@ def design(end: Ending, field: Field, pairs: Sequence[Pair], count: int) -> tupl
 
 
 def _exchange_pairs(pairs: Sequence[Pair], count: int) -> Chosen:
-    return exchanged([contest for pair in pairs for contest in pair.contests], min(count, SUPPORT))
+    return exchange_design([contest for pair in pairs for contest in pair.contests], min(count, SUPPORT))
 
 
 def _add_worst_rival(end: Ending, field: Field, pair: Pair, chosen: Chosen) -> Pair:
     """The pair with the rival's values that imitate best at this design, where they are new."""
     fitter, best = end.analysis.search.fitter, pair
     for fit in variants(end.analysis.search, pair.rival.fit):
-        record = of_record(fitter, fit)
+        record = predict_record(fitter, fit)
         tried = _contest(end, field, pair.best, record, fit)
         if tried.level(chosen)[0] < WORSE * best.least(chosen):
             best = pair.with_fit(fit, record, tried)
@@ -200,7 +207,7 @@ def variants(search: Search, fit: Fit) -> list[Fit]:
         return []
     at = np.array([k for k, member in enumerate(search.dictionary.members) if member.name == last.name])
     q = search.fitter.spanned(other_members)
-    gains = search.white.some(at).orthonormal(q).gains(projected_out(search.fitter.y, q))
+    gains = search.white.some(at).orthonormal(q).gains(project_out(search.fitter.y, q))
     allowed = at[gains >= gains.max() - search.settings.set_distance]
     kept = allowed[np.unique(np.linspace(0, len(allowed) - 1, VARIANTS).round().astype(int))]
     shapes = [search.dictionary.members[k].shape for k in kept]
@@ -346,7 +353,7 @@ def _apart(
 
 def _difference(setup: Setup, levels: Array, design: Design, fit: Fit, rival: Fit) -> float:
     """Rms per measurement [noise] of the prediction of `fit` that the rival cannot explain."""
-    data = placed(setup.data, design.table)
+    data = place_at_rows(setup.data, design.table)
     columns = Columns(data, predictor(setup.plan, data) if setup.plan.model else zero_prediction(data))
     level = np.repeat(levels, len(data))
     explained = sum(
@@ -356,5 +363,5 @@ def _difference(setup: Setup, levels: Array, design: Design, fit: Fit, rival: Fi
     free = [columns.of(m.candidate, m.shape) for m in rival.members]
     ones = np.kron(np.eye(len(data.outputs)), np.ones((len(data), 1)))
     q = basis(np.hstack([ones, *free]) / level[:, None])
-    residual = projected_out(np.asarray(explained) / level, q)
+    residual = project_out(np.asarray(explained) / level, q)
     return float(np.sqrt(np.mean(residual**2)))

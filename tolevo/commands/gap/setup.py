@@ -20,10 +20,8 @@ from ...section import Array, Output
 from .data import GapData
 from .fit import Fit
 from .generic import Form, generic, groups_of
-from .library import Candidate, Columns, candidates, grid, law_of, not_considered, predictor
-from .library import add_lot_offsets as with_lots
-from .linear import Groups, basis
-from .linear import project_out as projected_out
+from .library import Candidate, Columns, add_lot_offsets, candidates, grid, law_of, not_considered, predictor
+from .linear import Groups, basis, project_out
 from .plan import GapPlan
 from .read import finite_faults
 
@@ -71,9 +69,9 @@ def turned(
     for at, output in enumerate(data.outputs):
         output_rows = rows + at * len(data)
         q = basis(base[output_rows])
-        output_blocks = [(candidate, projected_out(block[output_rows], q)) for candidate, block in blocks]
-        y = projected_out(data.measured[output.name][rows], q)
-        p = projected_out(predicted[output.name][rows], q)
+        output_blocks = [(candidate, project_out(block[output_rows], q)) for candidate, block in blocks]
+        y = project_out(data.measured[output.name][rows], q)
+        p = project_out(predicted[output.name][rows], q)
         as_given = _best(y - p, output_blocks)
         reversed_output, reversed_gap = _best(-y - p, output_blocks), _best(p - y, output_blocks)
         best = min(reversed_output, reversed_gap, key=attrgetter("rss"))
@@ -233,7 +231,7 @@ def prepare_setup(plan: GapPlan, full: GapData) -> Setup:
         plan = replace(plan, model=plan.rebuild(at))  # the scatter of its units changes too
     parts = _parts(plan, data, at)
     forms, columns = generic(data, parts["predicted"])
-    library, more_notes = with_lots(candidates(plan.library, data), data, parts["residual"])
+    library, more_notes = add_lot_offsets(candidates(plan.library, data), data, parts["residual"])
     laws = {o.name: law_of(plan, o.name) for o in data.outputs} if data.target.population else {}
     if why := unidentifiable_reason(data, laws):
         plan = replace(plan, settings=replace(plan.settings, effects_at_most=0))
@@ -332,7 +330,7 @@ def recalibrate(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) ->
         scaled = (measured - _predict_moved(plan, data, parameters(x))) / scale
         if population:
             return np.append(np.sqrt(len(data)) * np.mean(scaled), x)
-        return projected_out(scaled, q)
+        return project_out(scaled, q)
 
     solution = optimize.least_squares(
         residual,

@@ -19,17 +19,13 @@ from ...algorithms.checkpoint import Checkpoint
 from ...directory import MANIFEST, Ownership
 from ...errors import Fault, RunError, raise_all, refuse
 from ...execution import Execution, Lost, executor_of
-from ...files import digest_of, loads, write_text
-from ...files import seal_record as sealed_record
-from ...files import unseal_record as unsealed_record
-from ...journal import Section
-from ...journal import recording_suspended as unrecorded
+from ...files import digest_of, loads, seal_record, unseal_record, write_text
+from ...journal import Section, recording_suspended
 from ...section import Array, differences, flat
 from .analysis import Analysis
 from .data import GapData
 from .fit import Fit, is_term
-from .plan import GapPlan, GapProgress, Report
-from .plan import ignore_progress as silent
+from .plan import GapPlan, GapProgress, Report, ignore_progress
 from .selection import Search, select
 
 # What an analysis resumes from, by its identity: the steps of its search, and the replicates of its
@@ -99,7 +95,7 @@ class Replicates:
             return
         self._retire()
         write_text(self.path.with_name(CONFIGURATION), self.identity.configuration)
-        head = json.dumps(sealed_record(asdict(self.identity)))
+        head = json.dumps(seal_record(asdict(self.identity)))
         lines = [self._line(number, replicate) for number, replicate in sorted(self.ended.items())]
         write_text(self.path, "".join([f"{head}\n", *lines]))
 
@@ -118,7 +114,7 @@ class Replicates:
         """The line of a replicate with its digest, by which it belongs to this analysis alone."""
         assert self.identity is not None
         record = {"number": number, "effects": replicate}
-        return json.dumps(sealed_record(record, of=_name(self.identity))) + "\n"
+        return json.dumps(seal_record(record, of=_name(self.identity))) + "\n"
 
 
 def open_replicates(place: Ownership, identity: Identity, resume: bool) -> Replicates:
@@ -159,11 +155,11 @@ def _read(path: Path) -> tuple[Identity, dict[int, Replicate]]:
     place = str(path)
     try:
         first, *lines = path.read_bytes().decode("utf-8").split("\n")
-        identity = Identity(**unsealed_record(loads(first)))
+        identity = Identity(**unseal_record(loads(first)))
         name, replicates = _name(identity), dict[int, Replicate]()
         for number, line in enumerate(lines[:-1], start=2):
             place = f"{path}, line {number}"
-            row = unsealed_record(loads(line), of=name)
+            row = unseal_record(loads(line), of=name)
             replicates[int(row["number"])] = row["effects"]
     except (ValueError, TypeError, KeyError, OSError) as error:
         raise refuse(place, f"cannot be read: {error}; start again with --overwrite") from None
@@ -237,7 +233,7 @@ class Chunk:
 
 
 def bootstrap(
-    analysis: Analysis, fit: Fit, replicates: Replicates, workers: Execution | int = 1, report: Report = silent
+    analysis: Analysis, fit: Fit, replicates: Replicates, workers: Execution | int = 1, report: Report = ignore_progress
 ) -> Spread:
     """The selection repeated on records with the residuals of `fit`, drawn in blocks.
 
@@ -266,7 +262,7 @@ def bootstrap(
 
 
 def _replicates(search: Search, fit: Fit, seed: int, chunk: Chunk) -> dict[int, Replicate]:
-    with unrecorded():  # which are missing differs
+    with recording_suspended():  # which are missing differs
         return {number: _replicate(search, fit, seed, number) for number in chunk.numbers}
 
 

@@ -19,8 +19,7 @@ from .data import GapData
 from .fit import Fitter, Member
 from .generic import FROM_LEAST, LEVELS, ODD, STEP, SWING, Form, knots, origin, stretches
 from .library import Candidate
-from .linear import basis
-from .linear import project_out as projected_out
+from .linear import basis, project_out
 
 WITHIN = 0.9
 """Fraction of an effect's column in the span of a form from which the form is taken without it; a
@@ -124,7 +123,7 @@ def _wave(base: Term, form: Form, data: GapData) -> Term:
 
 def member_of(term: Term, data: GapData, fitter: Fitter, named: Sequence[Member]) -> Member | None:
     """A term as a member of a fit, orthogonal to the `named` effects in its span, or None."""
-    form = projected_out(fitter.white(member_with(Unresolved(term), data)), fitter.q)
+    form = project_out(fitter.white(member_with(Unresolved(term), data)), fitter.q)
     q, r, order = linalg.qr(form, mode="economic", pivoting=True)
     rank = int(np.sum(np.abs(np.diag(r)) > 1e-5 * max(float(np.abs(r[0, 0])), 1e-300)))
     q, r, kept = q[:, :rank], r[:rank, :rank], order[:rank]
@@ -147,7 +146,7 @@ def whole_term(member: Member, data: GapData) -> Member:
 
 def _columns_in_span(q: NDArray[Any], fitter: Fitter, named: Sequence[Member]) -> list[Array]:
     """Columns of effects that lie in the span of a form with basis q (N, r)."""
-    columns = (column for member in named for column in projected_out(fitter.white(member), fitter.q).T)
+    columns = (column for member in named for column in project_out(fitter.white(member), fitter.q).T)
     return [c for c in columns if float(np.sum((q.T @ c) ** 2)) > WITHIN * float(c @ c) > 0.0]
 
 

@@ -16,7 +16,7 @@ import pandas as pd
 from pydantic import TypeAdapter
 
 from ... import page_data
-from ...directory import Ownership, owned
+from ...directory import Ownership, own_folder
 from ...errors import Fault, InputError, RunError, raise_all, refuse
 from ...execution import Executor, Lost
 from ...files import csv_text, read_record, write_bytes, write_record, write_text
@@ -234,7 +234,7 @@ def reproduce(
     kept. Raises RunError or ModelError where a claim cannot be computed, InputError where `out`
     holds something else that --resume cannot continue, or has another owner.
     """
-    with owned(out, "reproduce", resume, overwrite) as place:
+    with own_folder(out, "reproduce", resume, overwrite) as place:
         return _reproduce(plan, place, executor, progress, resume)
 
 

@@ -12,8 +12,7 @@ from typing import Any
 import pandas as pd
 
 from ... import tables
-from ...configuration.cost_files import MeasuredFile, number_in, opened_parts
-from ...configuration.cost_files import join_characteristics as together
+from ...configuration.cost_files import MeasuredFile, join_characteristics, number_in, opened_parts
 from ...configuration.parameters import BOUNDS
 from ...configuration.reader import read_table
 from ...configuration.source import Table, load
@@ -279,7 +278,7 @@ def _measured_table(owner: Owner, files: Sequence[MeasuredFile], faults: list[Fa
     if not samples:
         return None
     place = f"PARTS ({owner.name})"
-    sample: dict[str, Any] = together(samples, names, place, faults)
+    sample: dict[str, Any] = join_characteristics(samples, names, place, faults)
     if owner.chosen:
         faults.append(Fault(place, "has machines or processes to choose from: state the measurements in them"))
         return None

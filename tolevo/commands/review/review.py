@@ -16,9 +16,8 @@ from ...problems.stack import Stack
 from ...problems.stack.definition import Part
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array
-from ..run.changes import value_against_limit as against
-from ..run.promise import Least, cheapest_at, promised_limits
-from ..run.promise import cheapest_design as cheapest
+from ..run.changes import value_against_limit
+from ..run.promise import Least, cheapest_at, cheapest_design, promised_limits
 
 CHANGED = 0.01
 """Probability below which a difference of scatter or mean is not attributed to chance."""
@@ -62,7 +61,7 @@ def review(
     ]
     least = Least.none(before)
     if reset is not None:
-        least = cheapest(cheapest_at(reset, {}), _full_design(reset, design))
+        least = cheapest_design(cheapest_at(reset, {}), _full_design(reset, design))
     if reset is not None and np.isfinite(least.cost):
         # standard deviations estimated from parts cost the same in both
         lines.append(_compare_costs(reset, least, float(reset.cost_of(_full_design(reset, design)[None, :])[0])))
@@ -164,7 +163,7 @@ def _broken_limits(problem: ToleranceProblem, design: Array) -> list[str]:
         within = np.isnan(value) or bool(limit.kept(np.array([value]))[0])
         if limit.name in of_promise or within:
             continue
-        sentences.append(f"{limit.name} is {against(value, limit)}")
+        sentences.append(f"{limit.name} is {value_against_limit(value, limit)}")
     return sentences
 
 

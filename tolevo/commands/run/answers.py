@@ -22,15 +22,11 @@ from ...section import Array
 from ...units import drawing_number, plain_number
 from .changes import step_words, words
 from .decide import Decisions
-from .plan import MAX_LIMIT_DISTANCE as NEAR
-from .plan import RunPlan, shown_point
-from .prices import PERCENT
-from .prices import points_at_limit as used_up
-from .promise import cheapest_at, promised_limits
-from .promise import cheapest_design as cheapest
-from .proofs import EXACT, distance_words, exact_table, percent
+from .plan import MAX_LIMIT_DISTANCE, RunPlan, shown_point
+from .prices import PERCENT, points_at_limit
+from .promise import cheapest_at, cheapest_design, promised_limits
+from .proofs import EXACT, are_informative_bounds, distance_words, exact_table, percent
 from .proofs import ProvenFront as Exact
-from .proofs import are_informative_bounds as informative
 from .references import gain_column
 
 # The choices of a front, as parts of the result of a run.
@@ -261,7 +257,7 @@ class Sentences:
         if not limits:
             return "No limits are set in addition to the objectives."
         row = self.result.front.iloc[[self.point]]
-        held = [o for o in limits if used_up(o, row)[0]]
+        held = [o for o in limits if points_at_limit(o, row)[0]]
         if not held:
             return f"{self._here} every limit is kept with a margin{self._held_back([o.name for o in limits])}."
         saved = {limit.name: self._cost_of(limit) for limit in held}
@@ -331,7 +327,7 @@ class Sentences:
         form = closed_form(relaxed)
         if form is None or not form.exact:
             return None
-        cost = cheapest(relaxed).cost
+        cost = cheapest_design(relaxed).cost
         return cost if np.isfinite(cost) else None
 
     def _cost_of(self, limit: Limit) -> str:
@@ -401,7 +397,7 @@ class Sentences:
         if np.all(np.isnan(gap)):
             why = proven.missing or proven.statement or "there is no bound of the cost"
             return f"How far the points are from the optimum is not proven ({why})."
-        if not informative(self.problem, proven, gap):
+        if not are_informative_bounds(self.problem, proven, gap):
             return (
                 "How far the points are from the optimum is not known: the proven bound is not informative, because it "
                 f"leaves out limits that hold them back ({proven.statement})."
@@ -476,7 +472,7 @@ def _aim(point: pd.DataFrame, problem: ToleranceProblem) -> tuple[str, float] | 
     limit = problem.shown_limit()
     if limit is None or limit[0] not in point:
         return None
-    return limit if abs(float(point[limit[0]].iloc[0]) / limit[1] - 1.0) <= NEAR else None
+    return limit if abs(float(point[limit[0]].iloc[0]) / limit[1] - 1.0) <= MAX_LIMIT_DISTANCE else None
 
 
 def _held_outputs(point: pd.DataFrame, problem: ToleranceProblem, level: tuple[str, float] | None) -> dict[str, float]:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...algorithms.exact.bounds import convex_pieces, row_limits, upper_limit
-from ...algorithms.exact.bounds import restrict_form as restricted
+from ...algorithms.exact.bounds import convex_pieces, restrict_form, row_limits, upper_limit
 from ...algorithms.exact.choices import least_cost
 from ...algorithms.exact.front import tightest
 from ...errors import Fault
@@ -35,7 +34,7 @@ def contradictions(problem: ToleranceProblem, algorithm: str) -> list[Fault]:
     used, most = np.isfinite(limits), upper_limit(problem, "cost")
     if not np.any(used) or (not np.isfinite(most) and form.correlation is None):
         return faults
-    form, limits = convex_pieces(restricted(form, used)), limits[used]
+    form, limits = convex_pieces(restrict_form(form, used)), limits[used]
     bound = float(least_cost(form, loosened(limits)[None, :]).bound[0])
     if np.isinf(bound):
         return faults + _impossible(form, limits)
@@ -61,7 +60,7 @@ def _below_half(problem: ToleranceProblem) -> list[Fault]:
 
 def _too_expensive(form: Form, limits: Array, most: float, bound: float) -> list[Fault]:
     """Faults of the limit on the cost, and of the limits on requirements that it contradicts."""
-    forms = [restricted(form, np.arange(len(limits)) == at) for at in range(len(limits))]
+    forms = [restrict_form(form, np.arange(len(limits)) == at) for at in range(len(limits))]
     least_costs = [float(least_cost(alone, limits[None, at : at + 1]).bound[0]) for at, alone in enumerate(forms)]
     rows = [at for at, cost in enumerate(least_costs) if cost > most] or list(range(len(limits)))
     names = list(dict.fromkeys(form.outputs[at] for at in rows))

@@ -14,11 +14,9 @@ from ...problems.limits import limits_of
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem, designs_of
 from ...section import Array
-from .changes import advice, changes
-from .changes import round_design as rounded
-from .choice import COST, ONLY, ChoiceSettings, Points, meaning_of, sensitivity
+from .changes import advice, changes, round_design
+from .choice import COST, ONLY, ChoiceSettings, Points, choose_rows, meaning_of, sensitivity
 from .choice import RULE_KINDS as RULES
-from .choice import choose_rows as chosen
 from .prices import contributions, prices, slopes_of
 from .tolerances import allocation, rule_message, share_of, step_of, tolerances, values_of
 
@@ -48,14 +46,14 @@ def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSetti
     designs = designs_of(problem, front)
     points = points_of(problem, front, settings)
     notes: list[str] = []
-    choices = chosen(points, notes)
+    choices = choose_rows(points, notes)
     spread = sensitivity(points, problem.costs_of(designs))
     rows = list(dict.fromkeys(choices.values()))
     slopes = slopes_of(problem, designs)
     steps = {v.name: step_of(problem, v, settings) for v in problem.free}
     grades = {v.name: values_of(problem, v, step) for v in problem.free if (step := steps[v.name]) is not None}
     values = {name: np.array(sorted(orderable)) for name, orderable in grades.items()}
-    new = {at: rounded(problem, designs[at], values, _required_bounds(settings, choices, at)) for at in rows}
+    new = {at: round_design(problem, designs[at], values, _required_bounds(settings, choices, at)) for at in rows}
     rules = {v.name: rule_message(problem, v, steps[v.name]) for v in problem.free}
     by_point = {at: " ".join(n for n, choice in choices.items() if choice == at) for at in rows}
     both = {at: (designs[at], new[at]) for at in rows}

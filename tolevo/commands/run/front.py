@@ -17,10 +17,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...algorithms.archive import MIN_KEPT_DESIGNS as ROOM
-from ...algorithms.archive import lowest_ranks, nondominated
+from ...algorithms.archive import MIN_KEPT_DESIGNS, lowest_ranks, nondominated
 from ...algorithms.checkpoint import Checkpoint
-from ...algorithms.exact.bounds import restrict_form as restricted
+from ...algorithms.exact.bounds import restrict_form
 from ...algorithms.exact.choices import least_cost
 from ...algorithms.run import Values, values_of
 from ...algorithms.search import SearchResult
@@ -83,7 +82,9 @@ def _nondominated_rows(problem: ToleranceProblem, designs: Array, values: Mappin
 def _candidates(problem: ToleranceProblem, result: SearchResult) -> NDArray[np.int64]:
     """Rows of the archive that may be on the front; more than the most are thinned evenly."""
     room, most = (
-        (MAX_SAMPLED_CANDIDATES, MAX_SAMPLED_CANDIDATES) if problem.declaration.sampled else (ROOM, MAX_CANDIDATES)
+        (MAX_SAMPLED_CANDIDATES, MAX_SAMPLED_CANDIDATES)
+        if problem.declaration.sampled
+        else (MIN_KEPT_DESIGNS, MAX_CANDIDATES)
     )
     rows = lowest_ranks(result.x, result.f, room)
     if len(rows) <= most:
@@ -217,7 +218,7 @@ def _least(problem: ToleranceProblem, asked: ToleranceProblem, row: pd.Series[An
     used = np.isfinite(limits)
     if not np.any(used):
         return None
-    optimum = least_cost(restricted(form, used), limits[None, used] * (1.0 + 1e-9))
+    optimum = least_cost(restrict_form(form, used), limits[None, used] * (1.0 + 1e-9))
     return float(optimum.cost[0]) if np.isfinite(optimum.cost[0]) else None
 
 

@@ -20,7 +20,7 @@ from ...algorithms.hybrid import Hybrid
 from ...algorithms.run import Run
 from ...algorithms.search import search
 from ...algorithms.settings import Budget
-from ...models.capability import Knowledge, PartSample, cumulants_drawn, fraction_within_limits
+from ...models.capability import Knowledge, PartSample, draw_cumulants, fraction_within_limits
 from ...problems.forms import Form, spread_of
 from ...problems.limits import loosened
 from ...problems.settings import ASSURANCE, ASSURED, PROMISED, STATEMENTS, YIELD, Bound, Promise, VariableSetting
@@ -398,7 +398,7 @@ def _cumulants(stack: Stack, at: int) -> Array:
     rng = np.random.default_rng([stack.settings.seed, at])
     sample = part.sample
     scale = sample.knowledge.std / float(np.std(sample.deviations, ddof=1)) / sample.made_to
-    return cumulants_drawn(sample.deviations * scale, DRAWS, rng)
+    return draw_cumulants(sample.deviations * scale, DRAWS, rng)
 
 
 def _is_not_normal(sample: PartSample) -> bool:

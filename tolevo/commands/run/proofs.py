@@ -10,8 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...algorithms.archive import hypervolume
-from ...algorithms.exact.bounds import Proof, convex_pieces, least_bounds, proof, reason, row_limits
-from ...algorithms.exact.bounds import restrict_form as restricted
+from ...algorithms.exact.bounds import Proof, convex_pieces, least_bounds, proof, reason, restrict_form, row_limits
 from ...algorithms.exact.choices import least_cost
 from ...algorithms.exact.combination import Ascent, Combination, Optimum, within
 from ...algorithms.exact.epsilon import integer_faults, scale_of
@@ -335,7 +334,7 @@ def requirements_of(problem: ToleranceProblem, front: pd.DataFrame) -> tuple[pd.
     used = np.isfinite(limits)
     if not np.any(used):
         return None
-    form, limits = convex_pieces(restricted(form, used)), limits[used]
+    form, limits = convex_pieces(restrict_form(form, used)), limits[used]
     optimum = within(form, least_cost(form, loosened(limits)[None, :]), limits)
     if not np.isfinite(optimum.cost[0]):
         return None

@@ -22,46 +22,47 @@ from ...algorithms.archive import nondominated
 from ...algorithms.checkpoint import Checkpoint
 from ...algorithms.run import Progress
 from ...algorithms.search import SearchResult, search
-from ...directory import Ownership, owned
+from ...directory import Ownership, own_folder
 from ...errors import InputError, refuse
 from ...execution import Background, Closing, Execution, Lost, Processes, executor_of, next_of, pinned
 from ...files import csv_text, write_bytes, write_text
-from ...journal import recording_steps as recorded
+from ...journal import recording_steps
 from ...page_data import as_json, records
 from ...problems.tolerance_problem import ToleranceProblem, designs_frame
 from ...records import Axis, RunResult, mechanism_lines, model_lines
 from ...units import plain_number
 from . import references as effects
-from .answers import TABLES, answers
-from .answers import add_assumptions as with_assumptions
-from .answers import add_capability as with_capability
-from .answers import add_choices as with_choices
-from .answers import add_promise as with_promise
-from .changes import value_against_limit as against
-from .changes import words
+from .answers import TABLES, add_assumptions, add_capability, add_choices, add_promise, answers
+from .changes import value_against_limit, words
 from .decide import decide
 from .front import (
     CHECKPOINT,
     CONFIGURATION,
     Designs,
     alternatives,
+    join_references,
+    label_fronts,
     middle_point,
     nearest_miss,
     notes_of,
+    open_checkpoint,
     reported_front,
+    rows_in_range,
     seconds_before,
     sentences,
 )
-from .front import join_references as with_references
-from .front import label_fronts as labelled
-from .front import open_checkpoint as opened
-from .front import rows_in_range as inside
-from .plan import RunOutcome, RunPlan
-from .plan import add_units as with_units
+from .plan import RunOutcome, RunPlan, add_units
 from .proofs import ProvenFront as Exact
-from .proofs import add_bounds as with_bounds
-from .proofs import add_requirements as with_requirements
-from .proofs import end_notes, exact_front, measures, proof_notes, searchable, solved_front
+from .proofs import (
+    add_bounds,
+    add_requirements,
+    end_notes,
+    exact_front,
+    measures,
+    proof_notes,
+    searchable,
+    solved_front,
+)
 from .references import REDUCERS, SideSearch, compare, documents, side_searches, store_reducer_fronts, table, violated
 from .tolerances import roughness_assumptions
 
@@ -91,7 +92,7 @@ def front_of(task: SideTask, report: Callable[[Progress], None] | None = None) -
     with suppress(InputError):  # none, or damaged: computed again
         known = Checkpoint.read(task.path)
         steps = known if known.identity == task.side.key else steps
-    with recorded(steps.section("steps")):
+    with recording_steps(steps.section("steps")):
         front = task.side.front(report, steps)
     if front is None:
         steps.write()
@@ -257,7 +258,7 @@ def digest(text: str) -> str:
 def _texts(result: RunResult) -> dict[str, str]:
     """The files from which the page can be rebuilt, by name."""
     tables = {name: getattr(result, field) for field, name in TABLES.items()}
-    tables[TABLES["overlays"]] = labelled(result.overlays)
+    tables[TABLES["overlays"]] = label_fronts(result.overlays)
     texts = {n: csv_text(frame) for n, frame in tables.items() if frame is not None}
     if result.tolerances:
         texts["tolerances.json"] = as_json(list(result.tolerances))
@@ -287,14 +288,14 @@ def run(
     if not plan.problem.free:
         raise refuse("problem", "every variable is fixed: there is nothing to optimise; use `tolevo evaluate`")
     searchable(plan.problem, plan.algorithm)
-    with owned(out, "run", resume, overwrite) as place, pinned():
+    with own_folder(out, "run", resume, overwrite) as place, pinned():
         return _run(plan, place, workers, progress, resume)
 
 
 def _run(
     plan: RunPlan, place: Ownership, workers: Execution | int, progress: Callable[[Progress], None] | None, resume: bool
 ) -> RunOutcome:
-    checkpoint, out = opened(plan, place, resume), place.folder
+    checkpoint, out = open_checkpoint(plan, place, resume), place.folder
     start, resume_notes = time.monotonic() - seconds_before(checkpoint), notes_of(checkpoint, resume)
     printed = documents(plan.problem) if plan.references else pd.DataFrame()
     searches = side_searches(plan, printed) if plan.references else ()
@@ -310,7 +311,7 @@ def _run(
         if search_result.interrupted or any(side_front is None for side_front in fronts.values()):
             checkpoint.write()
             return _write_interrupted(plan, out, search_result, printed, start)
-        with recorded(checkpoint.section("result")):
+        with recording_steps(checkpoint.section("result")):
             result, lines = _conclude_run(plan, search_result, fronts, printed, resume_notes, start, progress)
     except KeyboardInterrupt:
         checkpoint.write()
@@ -341,13 +342,13 @@ def _conclude_run(
     searched = reported_front(plan.problem, search_result)
     exact = exact_front(plan.problem, solved_front(plan, search_result))
     references = table(plan, printed, fronts, exact)
-    front, dropped, joined = with_references(searched, references, plan.problem)
-    front, front_proof = with_bounds(front, plan.problem)
+    front, dropped, joined = join_references(searched, references, plan.problem)
+    front, front_proof = add_bounds(front, plan.problem)
     before = next((side_front for side, side_front in fronts.items() if side.apart), None)
     overlays = {s.label: o for s, o in fronts.items() if s.overlay and o is not None}
     relaxed = {side.label: side_front for side, side_front in fronts.items() if side.relaxed}
     if len(references):
-        references, _ = with_bounds(references, plan.problem, inside(references, plan.problem))
+        references, _ = add_bounds(references, plan.problem, rows_in_range(references, plan.problem))
         references = compare(references, searched, relaxed, plan.problem)
     status = "done" if len(front) else "no_feasible_point"
     names = list(plan.problem.objectives)
@@ -367,14 +368,14 @@ def _conclude_run(
     summary |= measures(search_result, front, front_proof, exact)
     summary |= drawn(plan.problem, front) | ({"alternatives": alternative_costs} if alternative_costs else {})
     result = _result(plan, search_result, front, references, summary, proven, exact)
-    looser = labelled(relaxed)
+    looser = label_fronts(relaxed)
     looser = None if looser is None or looser.empty else looser
-    result = replace(with_choices(result, decisions, plan, exact), overlays=overlays, relaxed=looser)
+    result = replace(add_choices(result, decisions, plan, exact), overlays=overlays, relaxed=looser)
     result = replace(result, summary={**result.summary, "answers": answers(result, plan.problem, front_proof)})
-    result = with_requirements(
-        with_units(with_capability(with_promise(result, plan.problem), plan.problem), plan.problem), plan.problem
+    result = add_requirements(
+        add_units(add_capability(add_promise(result, plan.problem), plan.problem), plan.problem), plan.problem
     )
-    result = with_assumptions(result, plan.problem, search_result.history, progress)
+    result = add_assumptions(result, plan.problem, search_result.history, progress)
     if before is not None:
         result = replace(result, before=before, moved=effects.allocation_moves(plan.problem, before, front))
     return result, proof_notes(plan.problem, front, front_proof)
@@ -408,7 +409,7 @@ def _run_searches(
             if progress is not None:
                 progress(state)
 
-        with recorded(checkpoint.section("search")):
+        with recording_steps(checkpoint.section("search")):
             search_result = search(
                 plan.problem, plan.algorithm, plan.budget, plan.seed, report, plan.engine, checkpoint, designs.values
             )
@@ -536,7 +537,7 @@ def _broken_limits(problem: ToleranceProblem, miss: pd.DataFrame) -> str:
     rows = miss.to_dict("records")
     names = {name for row in rows for name in violated(problem, row)}
     limits = [limit for limit in problem.limits if limit.name in names]
-    return "; ".join(f"{words(o.name)} {against(float(rows[0][o.name]), o)}" for o in limits)
+    return "; ".join(f"{words(o.name)} {value_against_limit(float(rows[0][o.name]), o)}" for o in limits)
 
 
 def _lines(result: RunResult, status: str, out: Path, proof_lines: Sequence[str], broken: str) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ import pandas as pd
 from ...errors import Fault
 from ...models.cost_reading import curve_table
 from ...models.costs import CostCurve, Table
-from ...models.iso286 import GRADES, LARGEST, grade_um
+from ...models.iso286 import GRADES, MAX_SIZE_MM, grade_um
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Assumption, Kind, Variable
 from ...units import converted, drawing_number, fits
@@ -48,7 +48,7 @@ def size_mm(problem: ToleranceProblem, variable: Variable) -> float | None:
         size = abs(float(converted(nominal, variable.unit, "mm")))
     except ValueError:
         return None
-    return size if 0.0 < size <= LARGEST else None
+    return size if 0.0 < size <= MAX_SIZE_MM else None
 
 
 def half_widths(variable: Variable, size: float) -> dict[str, float]:

@@ -22,12 +22,12 @@ from .statistics import (
     contrasts,
     interval_of_median,
     medians,
+    paired_test,
     pairs_needed,
     percentile_bootstrap,
     runs_of,
     tests,
 )
-from .statistics import paired_test as paired
 
 __all__ = ["analyse"]
 
@@ -174,7 +174,7 @@ def recommendation(
     if best == reference:
         text = f"use {_list_settings(settings)}: {named} is the best of {len(design)}, and nothing is to be changed"
         return Recommendation(response.name, best, settings, False, UNKNOWN, f"{response.name}: {text}.")
-    test = paired(held_out[best], held_out[reference], rng)
+    test = paired_test(held_out[best], held_out[reference], rng)
     improves = (test["effect"] > 0) == runs.larger_is_better
     shown = bool(test["p"] <= ALPHA and improves and test["least"] <= ALPHA)
     recovered = _recovered_fraction(held_out[best], held_out[reference], response.best, rng)

@@ -15,19 +15,17 @@ import pandas as pd
 import tomli_w
 
 from ...configuration.configuration import Configuration
-from ...configuration.cost_files import fill_files as with_files
+from ...configuration.cost_files import fill_files
 from ...configuration.plugins import merge, read_labels
 from ...configuration.reader import read_table
-from ...configuration.search import default_algorithm as by_default
-from ...configuration.search import evaluations, read_search, settings_of
+from ...configuration.search import default_algorithm, evaluations, read_search, settings_of
 from ...configuration.source import Source, Table, folder_of, load, override
 from ...errors import Fault, InputError, nearest, raise_all
 from ...problems.settings import Labels
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import EVALUATIONS, POSITIVE, RUNS, SETTINGS, Range, Section, flat, shown, too_many
 from .designs import DESIGNS
-from .plan import RESPONSES, Design, Factor, Hypothesis, Level, Point, StudyPlan, StudySettings
-from .plan import unsuitable_response as unsuitable
+from .plan import RESPONSES, Design, Factor, Hypothesis, Level, Point, StudyPlan, StudySettings, unsuitable_response
 
 # `[[reading]]`: an interpretation of a figure, to be tested by a study.
 
@@ -396,7 +394,7 @@ def _plan_study(
     faults = [
         Fault("response", f'"{name}" {text}')
         for name in settings.responses
-        for text in dict.fromkeys(unsuitable(name, problem) for problem in problems)
+        for text in dict.fromkeys(unsuitable_response(name, problem) for problem in problems)
         if text
     ]
     searched = {fault for problem in problems for fault in problem.search_faults()}
@@ -436,7 +434,7 @@ def _run_table(top: Section, table: Table, folder: Path, overrides: Sequence[str
     lines = [f"{key.removeprefix(f'{RUN}.')}={_toml(value)}" for key, value in dotted.items()]
     override(run, [*lines, *run_overrides], faults)
     run_faults: list[Fault] = []
-    tables: Table = with_files(run, folder, run_faults).table
+    tables: Table = fill_files(run, folder, run_faults).table
     faults += [Fault(f"{RUN}.{fault.place}", fault.message) for fault in run_faults]
     return tables
 
@@ -471,7 +469,7 @@ def _name_algorithm(run: Table, varied: Any, configuration: Configuration) -> bo
     problem = configuration.problem
     if "name" in [*stated, *varied_keys] or not varied_keys or problem is None:
         return False
-    name = by_default([*stated, *varied_keys], problem.n_obj, problem.declaration.algorithm)
+    name = default_algorithm([*stated, *varied_keys], problem.n_obj, problem.declaration.algorithm)
     run["algorithm"] = stated | {"name": name}
     return True
 

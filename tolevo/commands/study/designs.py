@@ -17,7 +17,7 @@ from scipy.stats import qmc
 from ...errors import Fault, InputError, nearest
 from ...registry import Kinds
 from ...section import SETTINGS, is_forced
-from ...tables import NO_OPTIONS, cell_faults, opened_whole, parsed
+from ...tables import NO_OPTIONS, cell_faults, open_or_raise, parse_columns
 from .plan import Design, Factor, Level
 
 __all__ = ["DESIGNS", "Factorial", "LatinHypercube", "Morris", "OneAtATime", "Sobol", "Table"]
@@ -268,11 +268,11 @@ class Table(Design):
 
     def _parsed(self, factors: tuple[Factor, ...]) -> tuple[pd.DataFrame, list[Fault]]:
         try:
-            raw = opened_whole(Path(self.file), self.file, NO_OPTIONS).cells
+            raw = open_or_raise(Path(self.file), self.file, NO_OPTIONS).cells
         except InputError as error:
             return pd.DataFrame(), list(error.faults)
         names = [factor.key for factor in factors if factor.categorical]
-        typed, faults = parsed(raw, self.file, [factor.key for factor in factors], text=names)
+        typed, faults = parse_columns(raw, self.file, [factor.key for factor in factors], text=names)
         known = [factor for factor in factors if factor.key in typed]
         for factor in known:
             faults += cell_faults(self.file, factor.key, _cell_faults(factor, typed[factor.key]))

@@ -13,8 +13,19 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ...page.document import about, bullets, chosen, data, described, document, package_scripts, picture, section, table
-from ...page.document import folded_section as folded
+from ...page.document import (
+    about,
+    bullets,
+    chosen,
+    data,
+    described,
+    document,
+    folded_section,
+    package_scripts,
+    picture,
+    section,
+    table,
+)
 from ...page.drawing import COLOURS, Named, new_axes, new_figure, style_axes
 from ...records import Response, StudyResult, Varied
 
@@ -270,9 +281,9 @@ def study_page(result: StudyResult) -> str:
         section("Responses", _pictures(drawn, "response_")),
         section("Sensitivities", _sensitivities(result, drawn)) if len(result.sensitivity) else "",
         section("Tests", _tests(result.tests)),
-        section("Medians", folded("Table", _medians(result))),
+        section("Medians", folded_section("Table", _medians(result))),
         section("Failed runs", _failed_runs(result.table)) if (result.table["status"] == "failed").any() else "",
-        section("Configuration", folded("study.toml", f"<pre>{escape(result.configuration)}</pre>")),
+        section("Configuration", folded_section("study.toml", f"<pre>{escape(result.configuration)}</pre>")),
     ]
     scripts = (package_scripts("common.js", "study.js"),) if len(result.medians) else ()
     return document(result.title, parts, scripts, _head(result))

@@ -19,16 +19,16 @@ from .statistics import (
     Contrast,
     Estimates,
     Runs,
+    complete_seeds,
+    cross_mean,
     fixed_settings,
     fraction_of,
+    mean_over_settings,
     model,
     noise_share,
     random_settings,
     variance,
 )
-from .statistics import complete_seeds as complete
-from .statistics import cross_mean as crossed
-from .statistics import mean_over_settings as over_settings
 
 
 def effect_of(values: Array, weights: Array) -> Array:
@@ -38,7 +38,7 @@ def effect_of(values: Array, weights: Array) -> Array:
 
 def key_shares(values: Array, contrast: Contrast, rng: np.random.Generator) -> Estimates:
     """One at a time: share of one key in the variance of a run over its levels, shape (1,)."""
-    levels = complete(contrast.table(values).T)
+    levels = complete_seeds(contrast.table(values).T)
 
     def statistic(rows: Array, weights: Array) -> Array:
         effect = effect_of(levels, weights)
@@ -49,7 +49,7 @@ def key_shares(values: Array, contrast: Contrast, rng: np.random.Generator) -> E
 
 def factorial_shares(values: Array, contrasts: list[Contrast], rng: np.random.Generator) -> tuple[list[str], Estimates]:
     """Shares of every key and every pair of keys, and their names."""
-    whole = complete(values)
+    whole = complete_seeds(values)
     means: dict[tuple[str, ...], Array] = {(contrast.key,): _means(whole, contrast.members) for contrast in contrasts}
     effects = dict(means)
     for a, b in combinations(contrasts, 2):
@@ -73,7 +73,7 @@ def _means(values: Array, members: tuple[np.ndarray, ...]) -> Array:
 
 
 def _squares(values: Array, weights: Array) -> Array:
-    return np.asarray(crossed(values, values, weights).mean(-1))
+    return np.asarray(cross_mean(values, values, weights).mean(-1))
 
 
 def _cells(settings: int, a: Contrast, b: Contrast) -> dict[tuple[int, int], np.ndarray]:
@@ -90,13 +90,13 @@ def surface_shares(
     values: Array, design: pd.DataFrame, factors: tuple[Factor, ...], rng: np.random.Generator
 ) -> Estimates:
     """Latin hypercube: shares of every key by a line and a curve (a list: by its levels)."""
-    whole = complete(values)
+    whole = complete_seeds(values)
     models = [model(design, tuple(other for other in factors if other is not omitted)) for omitted in (None, *factors)]
     parts = [np.linalg.qr(columns)[0] for columns in models]
 
     def statistic(rows: Array, weights: Array) -> Array:
         between = effect_of(whole, weights)
-        explained = [crossed(q.T @ whole, q.T @ whole, weights).sum(-1) for q in parts]
+        explained = [cross_mean(q.T @ whole, q.T @ whole, weights).sum(-1) for q in parts]
         gains = np.stack([explained[0] - part for part in explained[1:]], axis=-1) / len(whole)
         return fraction_of(gains, between + variance(whole, weights).mean(-1))
 
@@ -128,12 +128,12 @@ def indices(values: Array, keys: int, rng: np.random.Generator) -> Estimates:
 
     def statistic(rows: Array, runs: Array) -> Array:
         weights = runs * whole
-        squares = crossed(a, a, weights) + crossed(b, b, weights)
+        squares = cross_mean(a, a, weights) + cross_mean(b, b, weights)
         centre = _centre(a + b, rows, weights) / 2
-        total = over_settings(squares, rows) / 2 - centre**2
-        first = [over_settings(crossed(b, mix - a, weights), rows) for mix in mixed]
-        last = [over_settings(crossed(a - mix, a - mix, weights), rows) / 2 for mix in mixed]
-        rest = [over_settings(crossed(b - mix, b - mix, weights), rows) / 2 for mix in mixed]
+        total = mean_over_settings(squares, rows) / 2 - centre**2
+        first = [mean_over_settings(cross_mean(b, mix - a, weights), rows) for mix in mixed]
+        last = [mean_over_settings(cross_mean(a - mix, a - mix, weights), rows) / 2 for mix in mixed]
+        rest = [mean_over_settings(cross_mean(b - mix, b - mix, weights), rows) / 2 for mix in mixed]
         small, whole_share, others = (fraction_of(np.stack(parts, axis=-1), total) for parts in (first, last, rest))
         weight = np.clip(whole_share, 0.0, 1.0)
         large = np.where(total[:, None] > 0.0, 1.0 - others, 0.0)
@@ -153,7 +153,7 @@ def _centre(values: Array, rows: Array, weights: Array) -> Array:
     """Weighted mean of all values, shape (draws,)."""
     counts = weights.sum(-1)
     means = (weights * values).sum(-1) / np.where(counts > 0, counts, 1.0)
-    return over_settings(np.where(counts > 0, means, np.nan), rows)
+    return mean_over_settings(np.where(counts > 0, means, np.nan), rows)
 
 
 # Elementary effects of the settings, with the noise of the runs taken out.
@@ -196,12 +196,12 @@ def _key_effects(slope: Array, weights: Array, rows: Array) -> tuple[Array, Arra
     counts = total[..., 0]
     seeds = (weights > 0).sum(-1)
     size = (weights * slope * signed).sum(-1) / np.where(counts > 0, counts, 1.0)
-    star = over_settings(np.where(seeds > 1, size, np.nan), rows)
+    star = mean_over_settings(np.where(seeds > 1, size, np.nan), rows)
     mean = (weights * slope).sum(-1) / np.where(counts > 0, counts, 1.0)
     usable = seeds > 1
     mean = np.where(usable, mean, 0.0)
-    between = over_settings(crossed(slope, slope, weights), rows)
-    return star, between - crossed(mean, mean, rows * usable)
+    between = mean_over_settings(cross_mean(slope, slope, weights), rows)
+    return star, between - cross_mean(mean, mean, rows * usable)
 
 
 def _second_half_roots(values: Array, keys: int) -> Array:
@@ -235,7 +235,7 @@ def sensitivity(
         shares = design[[SHARE + key for key in keys]].to_numpy()
         names = [(key, statistic) for statistic in ("mu_star", "sigma") for key in keys]
         rows += _rows(names, effects(values, shares, rng), len(values))
-    elif complete(values).shape[1] >= 2:
+    elif complete_seeds(values).shape[1] >= 2:
         rows += _variances(values, design, settings, contrasts, rng)
     group = {"sobol": len(keys) + 2, "morris": len(keys) + 1, "latin_hypercube": 1}.get(kind, 0)
     noise = noise_share(_ends(values, group), 2, rng) if kind == "sobol" else noise_share(values, group, rng)
@@ -262,7 +262,7 @@ def _variances(
             np.concatenate([getattr(part, side) for part in parts]) for side in ("value", "low", "high")
         )
         shares = Estimates(value, low, high)
-    return _rows([(name, "anova_share") for name in names], shares, complete(values).shape[1])
+    return _rows([(name, "anova_share") for name in names], shares, complete_seeds(values).shape[1])
 
 
 def _ends(values: Array, group: int) -> Array:

@@ -27,9 +27,7 @@ import numpy as np
 from ...algorithms.archive import CURVE, Box
 from ...errors import Fault, InputError, StorageError, raise_all, refuse
 from ...execution import Closing
-from ...files import REASONS, loads
-from ...files import seal_record as sealed_record
-from ...files import unseal_record as unsealed_record
+from ...files import REASONS, loads, seal_record, unseal_record
 from ...section import differences as changes
 from ...section import flat
 from .plan import RESPONSES, StudyPlan, Yardstick
@@ -253,7 +251,7 @@ class Database(Closing):
     def keep_yardstick(self, problem: int, yardstick: Yardstick) -> None:
         """Keep the yardstick of a problem."""
         record = asdict(yardstick.box) | {"value": yardstick.value, "bound": yardstick.bound}
-        value = json.dumps(sealed_record(record, of=str(problem))).encode()
+        value = json.dumps(seal_record(record, of=str(problem))).encode()
         self._write("INSERT OR REPLACE INTO yardsticks VALUES (?, ?)", [(problem, value)])
 
 
@@ -286,7 +284,7 @@ def hindrance(error: BaseException) -> tuple[str, str] | None:
 
 def _yardstick(content: bytes | str, problem: int) -> Yardstick | None:
     try:
-        record = unsealed_record(loads(content), of=str(problem))
+        record = unseal_record(loads(content), of=str(problem))
     except (TypeError, ValueError):
         return None
     return Yardstick(Box(tuple(record["ideal"]), tuple(record["nadir"])), record["value"], record["bound"])

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm, rankdata
 
 from ... import page_data
-from ...directory import KINDS, Ownership, owned
+from ...directory import KINDS, Ownership, own_folder
 from ...errors import RunError, StorageError
 from ...execution import Executor, Lost
 from ...files import csv_text, write_bytes, write_text, write_with
@@ -39,13 +39,11 @@ from .plan import (
     StudySettings,
     Yardstick,
     needs_level,
+    reference_box,
     unknown,
 )
-from .plan import reference_box as box_alone
-from .storage import CONFIGURATION, DAMAGE, DATABASE, Database, Unopened, check_resumable, reason
-from .storage import open_study_store as opened
-from .trial import Chunk, Curves, Job, RunRecord, Surveying, done, response_of
-from .trial import record_of_end as ended
+from .storage import CONFIGURATION, DAMAGE, DATABASE, Database, Unopened, check_resumable, open_study_store, reason
+from .trial import Chunk, Curves, Job, RunRecord, Surveying, done, record_of_end, response_of
 
 # Racing: settings that are behind beyond chance get no further seeds.
 #
@@ -239,7 +237,7 @@ class Work:
             racing &= ~trailing
             reason = f"behind beyond chance after {seeds} seeds"
             stopped = [
-                ended(self._job(replicate * points + int(point)), STOPPED, reason, self._responses)
+                record_of_end(self._job(replicate * points + int(point)), STOPPED, reason, self._responses)
                 for point in np.flatnonzero(trailing)
                 for replicate in range(seeds, self.plan.settings.seeds)
             ]
@@ -296,7 +294,7 @@ class Work:
         if problem in self._measures:
             return self._measures[problem]
         if problem not in self._boxes:
-            self._boxes[problem] = box_alone(self.plan.problems[problem])
+            self._boxes[problem] = reference_box(self.plan.problems[problem])
         return self._boxes[problem]
 
     def _next(self) -> Chunk | None:
@@ -353,7 +351,7 @@ class Work:
             self._single.extend(self._chunk([number]) for number in numbers)
             return
         if isinstance(result, Lost):
-            result = tuple(ended(job, "failed", result.reason, chunk.responses) for job in chunk.jobs)
+            result = tuple(record_of_end(job, "failed", result.reason, chunk.responses) for job in chunk.jobs)
         self.database.record(result)
         self._ended += len(result)
         self._cpu_s += sum(run.cpu_s for run in result if not isnan(run.cpu_s))
@@ -395,7 +393,7 @@ def study(
     the database. Raises InputError where `out` holds another study or has another owner, RunError
     where the study cannot go on.
     """
-    with owned(out, "study", resume, overwrite, apart=STATE) as place:
+    with own_folder(out, "study", resume, overwrite, apart=STATE) as place:
         return _study(plan, place, executor, progress, resume)
 
 
@@ -408,7 +406,7 @@ def _study(
     else:
         check_resumable(place.folder)
     try:
-        database, notes = opened(plan, place.folder / DATABASE)
+        database, notes = open_study_store(plan, place.folder / DATABASE)
     except Unopened as error:
         raise place.unwritten(*error.args) from error
     with database:

@@ -26,8 +26,7 @@ from ...errors import RunError
 from ...execution import Closing, Executor, Lost, built, check_version, pinned
 from ...models.propagation import ClippedSum, Estimate, MonteCarlo, Propagated
 from ...problems.tolerance_problem import ToleranceProblem
-from .plan import FORMULAS, Ended, Yardstick, yardstick
-from .plan import response_by_reference as compared
+from .plan import FORMULAS, Ended, Yardstick, response_by_reference, yardstick
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +125,7 @@ def response_of(name: str, run: RunRecord, measure: Yardstick) -> float:
     value = run.responses[name]
     if run.status != "done" or not len(run.curve):
         return value
-    return compared(name, value, float(run.curve[-1, CURVE.index("value")]), measure)
+    return response_by_reference(name, value, float(run.curve[-1, CURVE.index("value")]), measure)
 
 
 # The curves of a study in a Parquet file, a row group for each setting: never all in memory.

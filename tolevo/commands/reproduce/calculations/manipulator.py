@@ -14,7 +14,7 @@ from ....algorithms.archive import Box, Course
 from ....algorithms.nsga2 import NSGA2
 from ....algorithms.search import watch
 from ....algorithms.settings import Budget, Crossover, Mutation
-from ....directory import not_whole
+from ....directory import incompleteness
 from ....errors import Fault, InputError, raise_all, refuse
 from ....files import read_own_csv
 from ....models.manipulator import pose as declared
@@ -30,8 +30,7 @@ from ....units import MM, MRAD
 from ...study.plan import Yardstick, yardstick
 from ..recipes import Calculation, Computed, Quantity, share_error
 from ..records import ComputedTable
-from .reducer import assumed, output, parameter, quantities
-from .reducer import make_table as tabulated
+from .reducer import assumed, make_table, output, parameter, quantities
 
 KEYS = {
     "population": "algorithm.population",
@@ -155,7 +154,7 @@ def _study_table(parameters: Mapping[str, Value]) -> pd.DataFrame:
     that is asked for.
     """
     path = Path(str(parameters["study"])) / "study.csv"
-    raise_all(not_whole(path.parent))
+    raise_all(incompleteness(path.parent))
     if not path.is_file():
         raise refuse("study", f"{path} does not exist: name the directory of a finished study")
     table = read_own_csv(path)
@@ -242,7 +241,7 @@ class ManipulatorDirections(Calculation):
         together = np.stack([np.hypot(sizes[..., a], sizes[..., b]) for a, b in pairs], axis=-1)
         largest["base_together_percent"] = float(_change(together).max())
         meaning = "Change of the effect of each error source over a full circle"
-        table = tabulated("change", meaning, {"source": NAMES, "change_percent": change})
+        table = make_table("change", meaning, {"source": NAMES, "change_percent": change})
         return Computed(quantities(largest), (table,))
 
 
@@ -369,7 +368,7 @@ def _ranking(names: list[str], effect: Array) -> dict[str, Quantity]:
 
 def _source_table(names: list[str], effect: Array) -> ComputedTable:
     meaning = "Effect of 10 um or 0.1 mrad of each orientation source, mean over the task ring"
-    return tabulated("effects", meaning, {"source": names, "squareness_mrad": effect[:, 0], "yaw_mrad": effect[:, 1]})
+    return make_table("effects", meaning, {"source": names, "squareness_mrad": effect[:, 0], "yaw_mrad": effect[:, 1]})
 
 
 # The task workspace of the manipulator: its rectangle, and whether it is reached.

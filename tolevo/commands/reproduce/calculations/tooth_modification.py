@@ -11,8 +11,16 @@ from ....errors import Fault, raise_all, refuse
 from ....models.rv_reducer import cycloid as targets
 from ....models.rv_reducer import declared
 from ....models.rv_reducer.backlash import BacklashModel
-from ....models.rv_reducer.cycloid import CLEARANCES, LINEAR_ERRORS, Fit, Target, coefficients, fit, printed_clearance
-from ....models.rv_reducer.cycloid import MAX_MODIFICATION_M as LARGEST
+from ....models.rv_reducer.cycloid import (
+    CLEARANCES,
+    LINEAR_ERRORS,
+    MAX_MODIFICATION_M,
+    Fit,
+    Target,
+    coefficients,
+    fit,
+    printed_clearance,
+)
 from ....models.rv_reducer.declared import PRINTED
 from ....models.rv_reducer.geometry import (
     RvGeometry,
@@ -21,9 +29,15 @@ from ....models.rv_reducer.geometry import (
     raw_clearance,
     zero_backlash_pair,
 )
-from ....models.rv_reducer.tighter_planet import ERRORS, Bounds, Stage, ZoneOptimum, equal_shares
-from ....models.rv_reducer.tighter_planet import least_clipped_rotation as least_clipped
-from ....models.rv_reducer.tighter_planet import least_rotation as least
+from ....models.rv_reducer.tighter_planet import (
+    ERRORS,
+    Bounds,
+    Stage,
+    ZoneOptimum,
+    equal_shares,
+    least_clipped_rotation,
+    least_rotation,
+)
 from ....problems import tooth_modification as loaded
 from ....problems.settings import Settings
 from ....problems.tooth_modification import ToothModification
@@ -31,8 +45,7 @@ from ....section import READING, Array, Parameter, Value, number
 from ....units import ARCMIN, MM, UM
 from ..recipes import Calculation, Computed
 from ..records import Chart, ComputedTable
-from .reducer import assumed, output, parameter, quantities
-from .reducer import make_table as tabulated
+from .reducer import assumed, make_table, output, parameter, quantities
 
 FILMS = ((1.0, 30.0, 45.0), (1.9, 20.0, 60.0), (3.5, 20.0, 90.0), (6.1, 0.0, 180.0))
 """Films [um] and their bands [deg] that bring the raw clearance to the printed dr_p = -0.070 mm."""
@@ -87,7 +100,9 @@ class ToothModificationTargets(Calculation):
         *loaded.PARAMETERS,
         parameter("printed_dr_rp_mm", -0.040, "printed optimum, equidistance", "document B", -1.0, 0.0),
         parameter("printed_dr_p_mm", -0.070, "printed optimum, shift", "document B", -1.0, 0.0),
-        parameter("radial_gap_mm", 0.03, "gap at tip and root, dr_rp - dr_p", "document B", 0.0, LARGEST / MM),
+        parameter(
+            "radial_gap_mm", 0.03, "gap at tip and root, dr_rp - dr_p", "document B", 0.0, MAX_MODIFICATION_M / MM
+        ),
         parameter("radial_gap", "fixed", "whether the radial gap is kept", "document B", choices=("fixed", "free")),
         assumed(
             "clearance",
@@ -275,7 +290,7 @@ def _targets(case: Case) -> ComputedTable:
         "The modification nearest to each target, with its proven bound. The printed optimum "
         "depends on a target and a band that are not printed"
     )
-    return tabulated("targets", meaning, columns)
+    return make_table("targets", meaning, columns)
 
 
 def _printed_clearances(case: Case) -> ComputedTable:
@@ -287,7 +302,7 @@ def _printed_clearances(case: Case) -> ComputedTable:
         "g5 where it is negative, and the two corrected forms"
     )
     chart = Chart("lines", "phi_deg", tuple(columns)[1:])
-    return tabulated("printed_clearance", meaning, columns, chart)
+    return make_table("printed_clearance", meaning, columns, chart)
 
 
 def _profile(case: Case, fitted: Fit) -> ComputedTable:
@@ -302,7 +317,7 @@ def _profile(case: Case, fitted: Fit) -> ComputedTable:
         "weight": target.weight,
     }
     chart = Chart("lines", "phi_deg", ("clearance_um", "target_um"))
-    return tabulated("profile", "Clearance of the optimum and its target", columns, chart)
+    return make_table("profile", "Clearance of the optimum and its target", columns, chart)
 
 
 # Optimum of the nine cycloid errors within bounds, and the document's zones for comparison.
@@ -387,7 +402,7 @@ class ToleranceZones(Calculation):
         parameters = self.completed(values)
         model = declared.backlash_model({READING: PRINTED} | parameters, None, {})
         stage, bounds = _stage(model, parameters), _bounds(parameters)
-        optimum, clipped = least(stage, bounds), least_clipped(stage, bounds)
+        optimum, clipped = least_rotation(stage, bounds), least_clipped_rotation(stage, bounds)
         numbers = _zone_optimum(stage, optimum, clipped) | _compare_printed_zones(stage, optimum)
         return Computed(quantities(numbers), (_table(stage, bounds, optimum, clipped),))
 
@@ -434,7 +449,7 @@ def _compare_printed_zones(stage: Stage, optimum: ZoneOptimum) -> dict[str, floa
     worst = {error: _adverse_end(stage, error, ends) for error, ends in printed.items()}
     spans = _shares(stage)
     return {
-        "printed_favourable_arcmin": least(stage, printed).backlash / ARCMIN,
+        "printed_favourable_arcmin": least_rotation(stage, printed).backlash / ARCMIN,
         "printed_middle_arcmin": stage.backlash(middle) / ARCMIN,
         "printed_adverse_arcmin": stage.backlash(worst) / ARCMIN,
         "printed_zones": float(len(printed)),
@@ -487,4 +502,4 @@ def _table(stage: Stage, bounds: Bounds, optimum: ZoneOptimum, clipped: ZoneOpti
         "and the printed practical zones: whether their middle lies towards the optimum, what "
         "phi_2 spans over each, and the width at which all would span alike"
     )
-    return tabulated("errors", meaning, columns)
+    return make_table("errors", meaning, columns)
