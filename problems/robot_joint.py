@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import Fault
 from ..models.costs import CostCurve
-from ..models.manipulator import pose as declared
+from ..models.manipulator import pose
 from ..models.manipulator.geometry import posture
 from ..models.manipulator.maps import NAMES, SCALES, SOURCES
 from ..models.manipulator.pose import faults
@@ -22,7 +22,7 @@ from ..section import Array, Parameter, Section, Value, Variable, completed, num
 from .declaration import ConfiguredProblem, Declaration
 from .nested_reducers import Nested, documents_reducer
 from .pose_accuracy.outputs import Grouping, costs_of, read_grouping, standard_deviation
-from .robot import problem as definition
+from .robot import problem
 from .robot.machine import Machine, Places
 from .robot.problem import PARAMETERS as OF_ROBOTS
 from .robot.problem import Drive, RobotProblem, declaration_of, millimetres, share_name, sketch_part
@@ -104,7 +104,7 @@ _MACHINE = {
     },
 }
 PARAMETERS: tuple[Parameter, ...] = (
-    *(replace(p, **_MACHINE.get(p.name, {})) for p in declared.PARAMETERS),  # type: ignore[arg-type]
+    *(replace(p, **_MACHINE.get(p.name, {})) for p in pose.PARAMETERS),  # type: ignore[arg-type]
     *OF_ROBOTS,
 )
 
@@ -113,7 +113,7 @@ PARAMETERS: tuple[Parameter, ...] = (
 
 
 @dataclass(frozen=True)
-class Definition(definition.Definition):
+class Definition(problem.Definition):
     """Grouping of the links' errors, the reducers of drives 1 and 2, and how they enter."""
 
     grouping: Grouping
@@ -170,11 +170,11 @@ class RingMachine(Machine):
     @cached_property
     def places(self) -> Places:
         index = str(self.parameters["index"])
-        ring = declared.task_ring(self.parameters)
+        ring = pose.task_ring(self.parameters)
         return self._at(*quadrature(ring, index, ORDER))  # type: ignore[arg-type]
 
     def drawn(self, rng: np.random.Generator) -> Places:
-        ring = declared.task_ring(self.parameters)
+        ring = pose.task_ring(self.parameters)
         low, high = (ring.r[0], ring.z[0]), (ring.r[1], ring.z[1])
         r, z = sobol_poses(low, high, rng).T
         if self.parameters["index"] == "rms_volume":
@@ -184,7 +184,7 @@ class RingMachine(Machine):
 
     def _at(self, r: Array, z: Array, weight: Array) -> Places:
         """The machine at poses r, z (n,) [m]."""
-        manipulator = declared.manipulator(self.parameters)
+        manipulator = pose.manipulator(self.parameters)
         drives_at = drives(manipulator, r, z, weight)
         torque = gravity_torque(drives_at, number(self.parameters["payload_kg"]))[:, :JOINTS]
         maps = links(manipulator, r, z, str(self.parameters["calibrated"]))
@@ -253,14 +253,14 @@ class RobotJoint(RobotProblem):
 
     def machine_of(self) -> Any:
         """The nominal manipulator."""
-        return declared.manipulator(self.settings.parameters)
+        return pose.manipulator(self.settings.parameters)
 
     def misplacements(self) -> list[Fault]:
-        return faults(self.machine_of(), declared.task_ring(self.settings.parameters))
+        return faults(self.machine_of(), pose.task_ring(self.settings.parameters))
 
     def sketch(self) -> dict[str, Any]:
         """The chains in the middle of the ring, at azimuth 0; drive 3 has no reducer."""
-        machine, ring = self.machine_of(), declared.task_ring(self.settings.parameters)
+        machine, ring = self.machine_of(), pose.task_ring(self.settings.parameters)
         r, z = (np.asarray(0.5 * (ends[0] + ends[1])) for ends in (ring.r, ring.z))
         now = posture(machine, r, z)
         parts: list[dict[str, Any]] = []

@@ -10,8 +10,7 @@ import numpy as np
 
 from ..errors import Fault, InputError
 from ..models.costs import CostCurve
-from ..models.rv_reducer import declared as reducer
-from ..models.rv_reducer import geometry as modification
+from ..models.rv_reducer import declared, geometry
 from ..models.rv_reducer.contact import declared as contact
 from ..models.rv_reducer.contact.contact import LoadedContact, backlash, loading
 from ..models.rv_reducer.contact.geometry import ContactGeometry, PartErrors
@@ -31,7 +30,7 @@ __all__ = ["ToothModification"]
 _SIZES = ("pin_circle_radius_mm", "pin_radius_mm", "eccentricity_mm", "cycloid_teeth", "pins", "reduction_ratio")
 _LOADED = ("normal_stiffness_N_per_mm", "series_stiffness_Nm_per_arcmin", "discs")
 PARAMETERS: tuple[Parameter, ...] = (
-    *(parameter for parameter in reducer.PARAMETERS if parameter.name in _SIZES),
+    *(parameter for parameter in declared.PARAMETERS if parameter.name in _SIZES),
     *(parameter for parameter in contact.PARAMETERS if parameter.name in _LOADED),
     Parameter(
         "torque_Nm",
@@ -195,12 +194,12 @@ class ToothModification(ToleranceProblem):
     def profile(self, designs: Array) -> dict[str, Array]:
         """First-order outputs of the profile, shape (n,), of full designs."""
         pair = (self.column(designs, "dr_rp_mm") * MM, self.column(designs, "dr_p_mm") * MM)
-        play = modification.modification_backlash(self.geometry, *pair)
+        play = geometry.modification_backlash(self.geometry, *pair)
         return {
             "modification_backlash_arcmin": play / ARCMIN,
             "radial_gap_mm": (pair[0] - pair[1]) / MM,
-            "clearance_min_mm": modification.least_raw_clearance(self.geometry, *pair) / MM,
-            "conjugate_clearance_min_mm": modification.least_clearance(self.geometry, *pair) / MM,
+            "clearance_min_mm": geometry.least_raw_clearance(self.geometry, *pair) / MM,
+            "conjugate_clearance_min_mm": geometry.least_clearance(self.geometry, *pair) / MM,
         }
 
     # ---------------------------------------------------------------- what is known
@@ -208,7 +207,7 @@ class ToothModification(ToleranceProblem):
     def references(self) -> dict[str, Array]:
         """Document B's optimum, and the pair of the same gap without backlash."""
         gap = PRINTED["dr_rp_mm"] - PRINTED["dr_p_mm"]
-        pair = modification.zero_backlash_pair(self.geometry, gap * MM)
+        pair = geometry.zero_backlash_pair(self.geometry, gap * MM)
         printed = np.array([PRINTED[name] for name in self.names])
         return {"document B": printed, "zero backlash, same radial gap": np.array(pair) / MM}
 
@@ -238,7 +237,7 @@ class ToothModification(ToleranceProblem):
         ends = np.array([super(ToothModification, self).interval(name) for name in self.names])
         largest = -ends[1, 0]
         gaps = [gap] if gap > 0.0 else [0.0, largest * (1.0 - self.geometry.flank)]
-        pairs = [modification.zero_backlash_pair(self.geometry, least_gap * MM) for least_gap in gaps]
+        pairs = [geometry.zero_backlash_pair(self.geometry, least_gap * MM) for least_gap in gaps]
         tight = np.array(pairs) / MM
         rows = np.vstack([tight, [[0.0, -least_gap] for least_gap in gaps]])
         return np.asarray(np.clip(rows, ends[:, 0], ends[:, 1]))

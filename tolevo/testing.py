@@ -23,8 +23,7 @@ from .algorithms.checkpoint import Checkpoint
 from .algorithms.run import Progress
 from .algorithms.search import search
 from .algorithms.settings import AlgorithmSettings, Budget
-from .commands.run.choice import COST, ChoiceRule, Points
-from .commands.run.choice import RULE_KINDS as RULES
+from .commands.run.choice import COST, RULE_KINDS, ChoiceRule, Points
 from .commands.study.designs import DESIGNS
 from .commands.study.plan import Design, Factor, Level
 from .configuration.search import settings_of
@@ -613,7 +612,7 @@ class RuleContract:
     rule_type: ClassVar[type[ChoiceRule]]
 
     def test_is_registered_and_says_what_it_chooses(self) -> None:
-        assert RULES[RULES.name_of(self.rule_type)] is self.rule_type
+        assert RULE_KINDS[RULE_KINDS.name_of(self.rule_type)] is self.rule_type
         assert self.rule_type.meaning.strip()
 
     def test_chooses_a_row_of_the_front_or_none(self) -> None:

@@ -15,8 +15,7 @@ from ...units import ARCMIN, ARCSEC, MM, UM
 from ..gear import RV_40E, Gear
 from ..inputs import Distribution
 from ..measurable import NO_CHANGES, Column, MeasurableModel, Outside, Role
-from . import declared
-from . import lost_motion as loaded_unit
+from . import declared, lost_motion
 from .contact.contact import warn_of_overload
 from .declared import Rows, outside
 from .dynamics import (
@@ -113,7 +112,7 @@ class RvTransmission(MeasurableModel):
         Column("direction", "", "sense of turning, 1 or -1; omitted: 1", False, role=Role.DIRECTION),
     )
     outputs = (Output("te_arcsec", "arcsec", "transmission error, signed"),)
-    parameters = (*loaded_unit.PARAMETERS, *OF_TRANSMISSION)
+    parameters = (*lost_motion.PARAMETERS, *OF_TRANSMISSION)
     free: ClassVar[Mapping[str, float]] = {}
     changeable = CHANGEABLE
     gear = RV_40E
@@ -127,15 +126,15 @@ class RvTransmission(MeasurableModel):
     ) -> None:
         values = {parameter.name: parameter.default for parameter in OF_TRANSMISSION} | dict(parameters or {})
         p = {parameter.name: number(values[parameter.name]) for parameter in OF_TRANSMISSION if not parameter.choices}
-        self.unit = loaded_unit.unit_under_load(values)
-        self.gear = loaded_unit.gear_of(values)
+        self.unit = lost_motion.unit_under_load(values)
+        self.gear = lost_motion.gear_of(values)
         train = Train(
             p["input_inertia_kgm2"],
             p["load_inertia_kgm2"],
             p["damping_ratio"],
             self.unit.contact.geometry.nominal.reduction_ratio,
         )
-        raise_all([*loaded_unit.faults(values), *train.faults("parameters")])
+        raise_all([*lost_motion.faults(values), *train.faults("parameters")])
         self.removed = values["wind_up"] == "removed"
         self.eccentricity = p["output_eccentricity_arcsec"] * ARCSEC
         self.largest_at = np.radians(p["output_eccentricity_phase_deg"])
@@ -156,7 +155,7 @@ class RvTransmission(MeasurableModel):
 
     @classmethod
     def gear_of(cls, parameters: Mapping[str, Any]) -> Gear | None:
-        return loaded_unit.gear_of(parameters)
+        return lost_motion.gear_of(parameters)
 
     def outside(self, table: Mapping[str, NDArray[Any]]) -> Outside:
         return outside(table, self.momentary)
@@ -207,7 +206,7 @@ class RvTransmission(MeasurableModel):
         )
 
 
-def _excitation(p: Mapping[str, float], unit: loaded_unit.LoadedUnit) -> dict[float, complex]:
+def _excitation(p: Mapping[str, float], unit: lost_motion.LoadedUnit) -> dict[float, complex]:
     """Displacements [rad] of the input, reflected, by order of the output (housing fixed).
 
     The sun against the carrier turns i - 1 times per output turn, the input shaft i times. A runout

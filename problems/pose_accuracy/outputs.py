@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from ...errors import nearest
 from ...models.costs import CostCurve, Reciprocal
-from ...models.manipulator import pose as declared
+from ...models.manipulator import pose
 from ...models.manipulator.effects import KINDS
 from ...models.manipulator.maps import orientation_combinations
 from ...section import Kind, Output, Parameter, Section, Variable
@@ -117,7 +117,7 @@ BOUNDS = tuple(
     )
     for name in LIMITED
 )
-PARAMETERS = (*declared.PARAMETERS, OTHER, POSE, *BOUNDS)
+PARAMETERS = (*pose.PARAMETERS, OTHER, POSE, *BOUNDS)
 
 EXPLAINED = {
     output.name: f"{name}_{UNITS[name]}"

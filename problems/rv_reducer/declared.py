@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...errors import Fault
-from ...models.rv_reducer import declared as document
+from ...models.rv_reducer import declared
 from ...models.rv_reducer.contact import declared as contact
 from ...models.rv_reducer.contact.contact import interference, shape_faults
 from ...models.rv_reducer.contact.geometry import ContactGeometry
@@ -136,10 +136,10 @@ CONTACT: tuple[Parameter, ...] = (
     _count("elastic_units", 256, "units whose contact is solved under load", 16, 65_536, UNITS),
 )
 
-_DOCUMENT = {p.name: p for p in document.PARAMETERS}
+_DOCUMENT = {p.name: p for p in declared.PARAMETERS}
 PARAMETERS: tuple[Parameter, ...] = (
     *(_DOCUMENT[name] for name in _SHARED if name in _DOCUMENT),
-    *(p for p in document.PARAMETERS if p.name.endswith("_mid_um")),
+    *(p for p in declared.PARAMETERS if p.name.endswith("_mid_um")),
     *(p for p in contact.PARAMETERS if p.name in _CONTACT),
     *CONTACT,
 )
@@ -164,7 +164,7 @@ def _disc_variable(name: str, unit: str, low: float, high: float, meaning: str) 
 
 
 VARIABLES: tuple[Variable, ...] = (
-    *(replace(v, high=0.4) if v.name == "stagger_arcmin" else v for v in document.VARIABLES),
+    *(replace(v, high=0.4) if v.name == "stagger_arcmin" else v for v in declared.VARIABLES),
     _disc_variable("circle_offset_um", "um", 0.5, 10.0, "offset of the pin circle from the axis of the carrier"),
     _disc_variable("bore_um", "um", 0.5, 10.0, "position of the crank bores in a disc, either direction"),
     _disc_variable("crank_phase_mrad", "mrad", 0.3, 10.0, "phase of each journal of a crankshaft"),

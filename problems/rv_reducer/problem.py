@@ -24,7 +24,7 @@ from ..rv_backlash.problem import DEFAULT_COSTS
 from ..rv_backlash.shift import TERMS
 from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import Variant
-from . import declared as geometry
+from . import declared
 from .counterparts import changes_of, outputs_without_rule, sentence
 from .declared import (
     DEFAULT_LIMITS,
@@ -459,7 +459,7 @@ class RvReducer(PromisingUnits, Machined):
     def faults(self) -> list[Fault]:
         ends = {name: super(RvReducer, self).interval(name) for name in ("dr_rp_mm", "dr_p_mm")}
         return [
-            *geometry.faults(self.model.geometry, self.given, ends),
+            *declared.faults(self.model.geometry, self.given, ends),
             *unpriced_error_faults({variable.name for variable in self.free}, self.settings.costs),
             *(size_faults(self.count, MAX_CACHED_EVALUATIONS) or super().faults()),
         ]
@@ -470,7 +470,7 @@ class RvReducer(PromisingUnits, Machined):
     def warnings(self) -> tuple[str, ...]:
         given = self.settings
         gap = given.limits.get("radial_gap_mm", Bound())
-        odd = geometry.warnings(self.model.geometry, given.parameters, gap)
+        odd = declared.warnings(self.model.geometry, given.parameters, gap)
         return (*default_values_sentence(self.given, given.parameters), *odd)
 
     # ---------------------------------------------------------------- what a reader is shown

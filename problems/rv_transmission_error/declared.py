@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from math import pi
 from typing import Any
 
-from ...models.assembly import model as assembly
+from ...models.assembly import model
 from ...models.assembly.assemble import Departures
 from ...models.assembly.transmission import ECCENTRICS, AngleMapping, Transmission
 from ...models.costs import CostCurve, Reciprocal
@@ -74,8 +74,8 @@ def _assumed_parameter(name: str, default: float, meaning: str, high: float) -> 
 
 _OURS = "assumed: the document does not print how angles act on the mesh"
 PARAMETERS: tuple[Parameter, ...] = (
-    *assembly.PARAMETERS,
-    assembly.PART_STD,
+    *model.PARAMETERS,
+    model.PART_STD,
     Parameter(
         "eccentrics",
         ECCENTRICS[0],

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from ...errors import Fault, InputError
-from ...models.assembly import model as assembly
+from ...models.assembly import model
 from ...models.assembly.assemble import Departures, normals, quantile_over, radius_quantile, response, sample_quantile
 from ...models.assembly.process import Process, gains, space_process, terminal_weight
 from ...models.assembly.transmission import Influence, Transmission, Turned, influence
@@ -251,7 +251,7 @@ class RvTransmissionError(ToleranceProblem):
     @cached_property
     def process(self) -> Process:
         """The assembly process in space. Raises InputError."""
-        return assembly.process_of(self.settings.parameters, space_process)
+        return model.process_of(self.settings.parameters, space_process)
 
     @cached_property
     def influence(self) -> Influence:
@@ -310,7 +310,7 @@ class RvTransmissionError(ToleranceProblem):
             self.process,
             self._gains(self.column(designs, declared.PRECISION)),
             str(given["insertion"]),
-            assembly.estimator_of(self.process, given, prior),
+            model.estimator_of(self.process, given, prior),
             departures_with(declared.departures(given), self.settings.effects),
         )
         parts = designs[:, : declared.SIZE] * MRAD * self._deviations
@@ -427,7 +427,7 @@ class RvTransmissionError(ToleranceProblem):
     def faults(self) -> list[Fault]:
         process_faults: list[Fault] = []
         try:
-            assembly.process_of(self.settings.parameters, space_process)
+            model.process_of(self.settings.parameters, space_process)
         except InputError as error:
             process_faults += error.faults
         for name, law in self._laws.items():

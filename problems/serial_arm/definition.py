@@ -12,14 +12,14 @@ import numpy as np
 
 from ...models.cost_reading import curve_table, read_curve
 from ...models.costs import CostCurve, Reciprocal
-from ...models.serial_arm import arm as declared
+from ...models.serial_arm import arm
 from ...models.serial_arm.arm import DEG, ERRORS, nominal, read_chain
 from ...models.serial_arm.kinematics import KINDS, Cell
 from ...section import POSITIVE, Array, Kind, Parameter, Range, Section, Value, Variable, completed, number
 from ...units import MM
 from ..nested_reducers import Nested, documents_reducer
 from ..pose_accuracy.outputs import RANGE
-from ..robot import problem as definition
+from ..robot import problem
 from ..robot.problem import FLANKS, Drive
 from ..robot.problem import PARAMETERS as OF_ROBOTS
 
@@ -41,7 +41,7 @@ class LinkError:
     @classmethod
     def usual(cls, kind: str) -> LinkError:
         """The default range and cost of an error of a `kind`."""
-        reference = REFERENCE[declared.ERRORS[kind][0]]
+        reference = REFERENCE[arm.ERRORS[kind][0]]
         low, high = (factor * reference for factor in RANGE)
         return cls(low, high, reference, Reciprocal(0.0, reference))
 
@@ -79,12 +79,12 @@ class Joint:
     def links(self) -> Mapping[str, LinkError]:
         """Its errors by kind: all five but those that are None."""
         given = dict(self.errors)
-        every = {kind: given.get(kind, LinkError.usual(kind)) for kind in declared.ERRORS}
+        every = {kind: given.get(kind, LinkError.usual(kind)) for kind in arm.ERRORS}
         return {kind: error for kind, error in every.items() if error is not None}
 
 
 @dataclass(frozen=True)
-class Definition(definition.Definition):
+class Definition(problem.Definition):
     """An arm: `table` holds the parameters of its chain as the model declares them."""
 
     table: Mapping[str, Value]
@@ -108,17 +108,13 @@ class Definition(definition.Definition):
     def errors(self) -> Mapping[str, LinkError]:
         """The errors of all joints by variable, joint after joint."""
         return {
-            declared.error(kind, at): error
-            for at, joint in enumerate(self.joints, 1)
-            for kind, error in joint.links.items()
+            arm.error(kind, at): error for at, joint in enumerate(self.joints, 1) for kind, error in joint.links.items()
         }
 
     @property
     def link_variables(self) -> tuple[Variable, ...]:
         kinds = {
-            declared.error(kind, at): (at, *row)
-            for at in range(1, len(self.joints) + 1)
-            for kind, row in declared.ERRORS.items()
+            arm.error(kind, at): (at, *row) for at in range(1, len(self.joints) + 1) for kind, row in arm.ERRORS.items()
         }
         return tuple(
             Variable(
@@ -145,7 +141,7 @@ class Definition(definition.Definition):
     def parameters(self) -> tuple[Parameter, ...]:
         """Those of the chain, the table as their defaults, and those of every machine."""
         count = len(self.joints)
-        chain_parameters = [p for p in declared.PARAMETERS if declared.joint_of(p.name) <= count]
+        chain_parameters = [p for p in arm.PARAMETERS if arm.joint_of(p.name) <= count]
         table = {**completed(chain_parameters, {}), **self.table, "joints": count}
         chain = [replace(p, default=table[p.name], source="") for p in chain_parameters]
         chain = [replace(p, low=count, high=count) if p.name == "joints" else p for p in chain]
@@ -391,7 +387,7 @@ def _triple(section: Section, key: str, unit: float) -> tuple[float, float, floa
 def definition_tables(definition: Definition, parameters: Mapping[str, Value]) -> dict[str, Any]:
     """`[[joint]]`, `[base]`, `[tool]`, `[cell]`, and the other parameters."""
     rows = [_joint_table(parameters, at, joint) for at, joint in enumerate(definition.joints, 1)]
-    frames = {stem: _frame(stem, axes, parameters) for stem, axes in (("base", declared.BASE), ("tool", declared.TOOL))}
+    frames = {stem: _frame(stem, axes, parameters) for stem, axes in (("base", arm.BASE), ("tool", arm.TOOL))}
     remaining = {
         name: value for name, value in parameters.items() if not name.startswith("nominal_") and name != "joints"
     }
@@ -400,13 +396,13 @@ def definition_tables(definition: Definition, parameters: Mapping[str, Value]) -
 
 def _joint_table(parameters: Mapping[str, Value], at: int, joint: Joint) -> dict[str, Any]:
     table: dict[str, Any] = {
-        f"{column}_{unit}": parameters[declared.nominal(column, at)] for column, (unit, _) in declared.TABLE.items()
+        f"{column}_{unit}": parameters[arm.nominal(column, at)] for column, (unit, _) in arm.TABLE.items()
     }
     if joint.mass is not None:
         table |= {"mass_kg": joint.mass, "centre_of_mass_mm": _scale_for_table(joint.centre, MM)}
-    table["range_deg"] = _scale_for_table((joint.low, joint.high), declared.DEG)
+    table["range_deg"] = _scale_for_table((joint.low, joint.high), arm.DEG)
     table["reducer"] = "none" if joint.gearing is None else _gearing_table(joint.gearing)
-    return table | {f"{kind}_{declared.ERRORS[kind][0]}": _error_table(error) for kind, error in joint.errors}
+    return table | {f"{kind}_{arm.ERRORS[kind][0]}": _error_table(error) for kind, error in joint.errors}
 
 
 def _gearing_table(gearing: Gearing) -> dict[str, Any]:
@@ -439,10 +435,10 @@ def _frame(stem: str, axes: tuple[str, ...], parameters: Mapping[str, Value]) ->
 def _cell_table(cell: Cell) -> dict[str, Any]:
     table: dict[str, Any] = {
         "at": "tool" if cell.of_tool else "flange",
-        "turn_deg": _scale_for_table(cell.turn, declared.DEG),
+        "turn_deg": _scale_for_table(cell.turn, arm.DEG),
     }
     if cell.near:
-        table["near_deg"] = _scale_for_table(cell.near, declared.DEG)
+        table["near_deg"] = _scale_for_table(cell.near, arm.DEG)
     if not cell.listed:
         return table | {
             "centre_mm": _scale_for_table(cell.centre, MM),
@@ -456,8 +452,8 @@ def _cell_table(cell: Cell) -> dict[str, Any]:
 
 def _pose_row(row: tuple[float, ...], in_joints: bool) -> list[float]:
     if in_joints:
-        return _scale_for_table(row, declared.DEG)
-    return [*_scale_for_table(row[:3], MM), *_scale_for_table(row[3:], declared.DEG)]
+        return _scale_for_table(row, arm.DEG)
+    return [*_scale_for_table(row[:3], MM), *_scale_for_table(row[3:], arm.DEG)]
 
 
 def _scale_for_table(values: tuple[float, ...], unit: float) -> list[float]:

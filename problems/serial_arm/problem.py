@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import Fault
 from ...models.robot import POSE_COORDINATES, Drives
-from ...models.serial_arm import arm as declared
+from ...models.serial_arm import arm
 from ...models.serial_arm.kinematics import (
     Chain,
     Frames,
@@ -30,7 +30,7 @@ from ..robot.problem import RobotProblem, declaration_of, millimetres, share_nam
 from ..settings import Settings
 from .definition import Definition, definition_tables, read_definition, shipped_arm
 
-SCALES = np.array([MRAD if unit == "mrad" else UM for unit, _, _ in declared.ERRORS.values()])
+SCALES = np.array([MRAD if unit == "mrad" else UM for unit, _, _ in arm.ERRORS.values()])
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,7 @@ class ArmMachine(Machine):
 
     @property
     def columns(self) -> list[list[int]]:
-        every = [
-            declared.error(kind, at) for at in range(1, len(self.definition.joints) + 1) for kind in declared.ERRORS
-        ]
+        every = [arm.error(kind, at) for at in range(1, len(self.definition.joints) + 1) for kind in arm.ERRORS]
         return [[every.index(name)] for name in self.definition.links]
 
     @property
@@ -66,7 +64,7 @@ class ArmMachine(Machine):
     @cached_property
     def chain(self) -> Chain:
         """The nominal chain, with the results of a recalibration."""
-        return declared.chain_of(self.parameters)
+        return arm.chain_of(self.parameters)
 
     @cached_property
     def reached(self) -> Reached:

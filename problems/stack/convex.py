@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...models import machine_offers as offers
+from ...models import machine_offers
 from ...models.capability import PartSample
 from ...models.costs import Reciprocal
 from ...models.machines import GoodPartsBySpread, convex_cost
@@ -343,6 +343,6 @@ def samples_of(parts: Sequence[Part]) -> tuple[tuple[str, str, PartSample], ...]
         samples += [] if part.sample is None else [(part.name, part.unit, part.sample)]
         samples += [
             (f"{part.name}, machine {machine}", part.unit, sample)
-            for machine, sample in offers.samples_of(part.machines)
+            for machine, sample in machine_offers.samples_of(part.machines)
         ]
     return tuple(samples)

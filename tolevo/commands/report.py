@@ -33,7 +33,7 @@ from ..units import split_unit
 from .comparison import compare_runs
 from .comparison_page import comparison_figure, comparison_page
 from .gap.records import GapResult
-from .gap.uncertainty import FILE as REPLICATES
+from .gap.uncertainty import FILE
 from .reproduce.records import ClaimsResult
 from .run.answers import FORMAT, TABLES
 from .run.front import CHECKPOINT
@@ -132,7 +132,7 @@ def _replicates(folder: Path) -> dict[str, pd.DataFrame]:
     values: dict[tuple[str, str], list[float]] = {}
     named: dict[str, int] = {}
     ended = 0
-    path = folder / REPLICATES
+    path = folder / FILE
     for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else ():
         try:
             effects = json.loads(line)["effects"]

@@ -1,7 +1,7 @@
 """Pages, figures and tables of results; nothing is computed here."""
 
-from . import drawing as plotting
+from . import drawing
 from .figures import front_figure
 from .page import page
 
-__all__ = ["front_figure", "page", "plotting"]
+__all__ = ["drawing", "front_figure", "page"]

@@ -25,8 +25,7 @@ from .decide import Decisions
 from .plan import MAX_LIMIT_DISTANCE, RunPlan, shown_point
 from .prices import PERCENT, points_at_limit
 from .promise import cheapest_at, cheapest_design, promised_limits
-from .proofs import EXACT, are_informative_bounds, distance_words, exact_table, percent
-from .proofs import ProvenFront as Exact
+from .proofs import EXACT, ProvenFront, are_informative_bounds, distance_words, exact_table, percent
 from .references import gain_column
 
 # The choices of a front, as parts of the result of a run.
@@ -61,7 +60,7 @@ FORMAT = 1
 """Version of the files of a run: `summary.json` names it; a reader refuses what is newer."""
 
 
-def add_choices(result: RunResult, decisions: Decisions, plan: RunPlan, exact: Exact | None) -> RunResult:
+def add_choices(result: RunResult, decisions: Decisions, plan: RunPlan, exact: ProvenFront | None) -> RunResult:
     """The result with its choices, and with all that the page needs in the summary."""
     summary = dict(result.summary) | {
         "choices": _summarise_choices(decisions.choices, plan.problem),

@@ -15,8 +15,7 @@ from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem, designs_of
 from ...section import Array
 from .changes import advice, changes, round_design
-from .choice import COST, ONLY, ChoiceSettings, Points, choose_rows, meaning_of, sensitivity
-from .choice import RULE_KINDS as RULES
+from .choice import COST, ONLY, RULE_KINDS, ChoiceSettings, Points, choose_rows, meaning_of, sensitivity
 from .prices import contributions, prices, slopes_of
 from .tolerances import allocation, rule_message, share_of, step_of, tolerances, values_of
 
@@ -80,7 +79,7 @@ def _required_bounds(settings: ChoiceSettings, choices: Mapping[str, int], at: i
     """The bounds that the rules that choose a row require of it, and of the rounded point too."""
     bounds: dict[str, Bound] = {}
     for name, choice in choices.items():
-        bounds |= RULES[name]().limits(settings) if choice == at and name != ONLY else {}
+        bounds |= RULE_KINDS[name]().limits(settings) if choice == at and name != ONLY else {}
     return bounds
 
 

@@ -24,8 +24,7 @@ from ...models.capability import Knowledge, PartSample, draw_cumulants, fraction
 from ...problems.forms import Form, spread_of
 from ...problems.limits import loosened
 from ...problems.settings import ASSURANCE, ASSURED, PROMISED, STATEMENTS, YIELD, Bound, Promise, VariableSetting
-from ...problems.stack import Stack
-from ...problems.stack import promises as of_stacks
+from ...problems.stack import Stack, promises
 from ...problems.tolerance_problem import ToleranceProblem, designs_of
 from ...section import Array, Kind
 from .prices import prices, slopes_of
@@ -36,7 +35,7 @@ from .prices import prices, slopes_of
 def with_statement(problem: ToleranceProblem, statement: str) -> ToleranceProblem:
     """The problem with the same promise in the sense of another statement."""
     if isinstance(problem, Stack):
-        return of_stacks.with_statement(problem, statement)
+        return promises.with_statement(problem, statement)
     promise = problem.given.promise
     assert promise is not None
     return type(problem)(replace(problem.given, promise=replace(promise, statement=statement)))
@@ -45,7 +44,7 @@ def with_statement(problem: ToleranceProblem, statement: str) -> ToleranceProble
 def cheapest_at(problem: ToleranceProblem, levels: Mapping[str, float]) -> ToleranceProblem:
     """Least cost alone, with upper limits on outputs in addition to the limits of the problem."""
     if isinstance(problem, Stack):
-        return of_stacks.least_cost_at_limits(problem, levels)
+        return promises.least_cost_at_limits(problem, levels)
     limits = dict(problem.given.limits)
     for name, high in levels.items():
         limits[name] = replace(limits.get(name, Bound()), high=high)
@@ -66,7 +65,7 @@ def known_of(problem: ToleranceProblem) -> dict[str, Knowledge]:
 def with_knowledge(problem: ToleranceProblem, known: Mapping[str, Knowledge]) -> ToleranceProblem:
     """The problem with other knowledge of the processes of some measured parts or variables."""
     if isinstance(problem, Stack):
-        return of_stacks.with_knowledge(problem, known)
+        return promises.with_knowledge(problem, known)
     kinds = {v.name: v.kind for v in problem.variables}
     settings = {
         name: _variable(problem.given.variables[name], kinds[name], knowledge) for name, knowledge in known.items()

@@ -23,8 +23,7 @@ from ...problems.tolerance_problem import ToleranceProblem, designs_of
 from ...section import Array
 from .front import EXACT, reported_front
 from .plan import RunPlan
-from .proofs import ProvenFront as ExactFront
-from .proofs import distance_words, exact_front
+from .proofs import ProvenFront, distance_words, exact_front
 
 DISTANCE = "distance_to_front"
 """Column: from a reference to the nearest front point, in sides of the box of the hypervolume."""
@@ -132,7 +131,7 @@ def relaxed_bounds(problem: ToleranceProblem, row: Mapping[Hashable, object]) ->
     return bounds
 
 
-def exact_optimum(problem: ToleranceProblem, exact: ExactFront | None) -> pd.DataFrame:
+def exact_optimum(problem: ToleranceProblem, exact: ProvenFront | None) -> pd.DataFrame:
     """The proven least cost within the limits (one row with `label`), none where nothing proves it.
 
     For a problem with more objectives it is that of the documents' single-objective allocation.
@@ -150,7 +149,7 @@ def exact_optimum(problem: ToleranceProblem, exact: ExactFront | None) -> pd.Dat
 
 
 def table(
-    plan: RunPlan, printed: pd.DataFrame, fronts: Mapping[SideSearch, pd.DataFrame | None], exact: ExactFront | None
+    plan: RunPlan, printed: pd.DataFrame, fronts: Mapping[SideSearch, pd.DataFrame | None], exact: ProvenFront | None
 ) -> pd.DataFrame:
     """All references, one row each, before comparison with the front; `exact` is its exact one."""
     optimum = exact_optimum(plan.problem, exact) if plan.references else pd.DataFrame()

@@ -52,8 +52,8 @@ from .front import (
     sentences,
 )
 from .plan import RunOutcome, RunPlan, add_units
-from .proofs import ProvenFront as Exact
 from .proofs import (
+    ProvenFront,
     add_bounds,
     add_requirements,
     end_notes,
@@ -468,7 +468,7 @@ def _result(
     references: pd.DataFrame,
     summary: dict[str, object],
     notes: tuple[str, ...],
-    exact: Exact | None,
+    exact: ProvenFront | None,
 ) -> RunResult:
     columns = ["generation", "evaluations", "seconds", "hypervolume", "feasible_fraction"]
     convergence = pd.DataFrame([asdict(p) for p in search_result.history], columns=columns)

@@ -17,7 +17,7 @@ from ....algorithms.settings import Budget, Crossover, Mutation
 from ....directory import incompleteness
 from ....errors import Fault, InputError, raise_all, refuse
 from ....files import read_own_csv
-from ....models.manipulator import pose as declared
+from ....models.manipulator import pose
 from ....models.manipulator.geometry import reach
 from ....models.manipulator.maps import NAMES, Maps, first_order, matrix, orientation_combinations, position_sources
 from ....models.manipulator.ring import INDICES, grid, sensitivity
@@ -218,7 +218,7 @@ class ManipulatorDirections(Calculation):
     about = "How much the effect of an error source changes with the direction of the manipulator."
     reference = "document M, sensitivity analysis"
     sampled = False
-    parameters = declared.PARAMETERS
+    parameters = pose.PARAMETERS
     outputs = (
         *(output(f"{group}_percent", f"sources fixed to the {group}, one by one") for group in GROUPS),
         output("all_percent", "all sources, one by one"),
@@ -227,8 +227,8 @@ class ManipulatorDirections(Calculation):
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
         parameters = self.completed(values)
-        r, z = grid(declared.task_ring(parameters), POSES)
-        machine = declared.manipulator(parameters)
+        r, z = grid(pose.task_ring(parameters), POSES)
+        machine = pose.manipulator(parameters)
         around = 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
         sizes = np.stack([_sizes(first_order(machine, r, z, phi)) for phi in around])
         change = _change(sizes).max(axis=0)  # of every source, at its worst pose and output
@@ -280,7 +280,7 @@ class ManipulatorSources(Calculation):
     about = "Number, rank and weight of the error sources of the manipulator."
     reference = "document M, error separation and sensitivity analysis"
     sampled = False
-    parameters = declared.PARAMETERS
+    parameters = pose.PARAMETERS
     outputs = (
         Output("orientation_sources", "1", "sources that the orientation equations hold"),
         Output("orientation_acting", "1", "those of them that turn the platform"),
@@ -305,7 +305,7 @@ class ManipulatorSources(Calculation):
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
         parameters = self.completed(values)
-        machine, ring = declared.manipulator(parameters), declared.task_ring(parameters)
+        machine, ring = pose.manipulator(parameters), pose.task_ring(parameters)
         turning = orientation_combinations()
         names = list(turning)
         maps = first_order(machine, *grid(ring, SOURCE_POSES))
@@ -381,7 +381,7 @@ class TaskRingFigures(Calculation):
     about = "Rectangle of the task ring in the meridian plane, and the share that is reached."
     reference = "document M, sensitivity analysis, figure 4"
     sampled = False
-    parameters = declared.PARAMETERS
+    parameters = pose.PARAMETERS
     outputs = (
         output("inner_radius_mm", "distance of the rectangle from the axis"),
         output("length_mm", "its length along the radius"),
@@ -391,7 +391,7 @@ class TaskRingFigures(Calculation):
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
         parameters = self.completed(values)
-        machine, ring = declared.manipulator(parameters), declared.task_ring(parameters)
+        machine, ring = pose.manipulator(parameters), pose.task_ring(parameters)
         inside = np.all(np.abs(reach(machine, *grid(ring))) <= 1.0, axis=-1)
         numbers = {
             "inner_radius_mm": ring.r[0] / MM,

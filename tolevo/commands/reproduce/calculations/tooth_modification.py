@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....errors import Fault, raise_all, refuse
-from ....models.rv_reducer import cycloid as targets
-from ....models.rv_reducer import declared
+from ....models.rv_reducer import cycloid, declared
 from ....models.rv_reducer.backlash import BacklashModel
 from ....models.rv_reducer.cycloid import (
     CLEARANCES,
@@ -38,7 +37,7 @@ from ....models.rv_reducer.tighter_planet import (
     least_clipped_rotation,
     least_rotation,
 )
-from ....problems import tooth_modification as loaded
+from ....problems import tooth_modification
 from ....problems.settings import Settings
 from ....problems.tooth_modification import ToothModification
 from ....section import READING, Array, Parameter, Value, number
@@ -97,7 +96,7 @@ class ToothModificationTargets(Calculation):
     sampled = False
     outputs = OUTPUTS
     parameters = (
-        *loaded.PARAMETERS,
+        *tooth_modification.PARAMETERS,
         parameter("printed_dr_rp_mm", -0.040, "printed optimum, equidistance", "document B", -1.0, 0.0),
         parameter("printed_dr_p_mm", -0.070, "printed optimum, shift", "document B", -1.0, 0.0),
         parameter(
@@ -149,7 +148,7 @@ class Case:
     @property
     def phi(self) -> Array:
         """Profile angles [rad]."""
-        return targets.angles(int(number(self.values["intervals"])))
+        return cycloid.angles(int(number(self.values["intervals"])))
 
     @property
     def gap(self) -> float | None:
@@ -177,14 +176,14 @@ class Case:
     def target(self, kind: str) -> Target:
         """One of `TARGETS` by the parameters."""
         if kind == "film":
-            return targets.film(self.phi, self.number("film_um") * UM, self.band("band_deg"))
+            return cycloid.film(self.phi, self.number("film_um") * UM, self.band("band_deg"))
         if kind == "near_conjugate":
             turn, gap = self.number("rotation_arcmin") * ARCMIN, self.number("radial_gap_mm") * MM
             working = self.band("working_deg")
-            return targets.near_conjugate(self.geometry, self.phi, turn, gap, working)
+            return cycloid.near_conjugate(self.geometry, self.phi, turn, gap, working)
         wanted = self.values["table_um"]
         values = np.array(wanted if isinstance(wanted, tuple) else [], dtype=float) * UM
-        return targets.table(self.phi, np.radians(TABLE_STEP_DEG * np.arange(len(values))), values)
+        return cycloid.table(self.phi, np.radians(TABLE_STEP_DEG * np.arange(len(values))), values)
 
     def outputs(self, pairs: Array) -> dict[str, Array]:
         """Outputs of the loaded contact of pairs (n, 2) [m]."""
@@ -193,7 +192,7 @@ class Case:
 
 def _case(parameters: Mapping[str, Value]) -> Case:
     """Raises InputError where the geometry is undercut."""
-    names = {parameter.name for parameter in loaded.PARAMETERS}
+    names = {parameter.name for parameter in tooth_modification.PARAMETERS}
     geometry = {name: value for name, value in parameters.items() if name in names}
     problem = ToothModification(Settings(parameters=geometry))
     raise_all(problem.faults())
@@ -255,8 +254,8 @@ def _curves(case: Case) -> dict[str, Array]:
 def _cases(case: Case) -> Iterator[tuple[str, Target]]:
     for film, low, high in FILMS:
         band = float(np.radians(low)), float(np.radians(high))
-        yield f"film {film:g} um over {low:g} .. {high:g} deg", targets.film(case.phi, film * UM, band)
-    yield "no clearance anywhere", targets.film(case.phi, 0.0, (0.0, np.pi))
+        yield f"film {film:g} um over {low:g} .. {high:g} deg", cycloid.film(case.phi, film * UM, band)
+    yield "no clearance anywhere", cycloid.film(case.phi, 0.0, (0.0, np.pi))
     yield "near_conjugate", case.target("near_conjugate")
     yield "table", case.target("table")
     yield "as asked", case.target(str(case.values["target"]))
