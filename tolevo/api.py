@@ -148,7 +148,7 @@ def opened(source: Frame, options: tables.ReadOptions) -> tuple[tables.Table | N
     if isinstance(source, pd.DataFrame):
         return *tables.table_of(source, "frame"), "frame"
     path = Path(source)
-    return *tables.opened(path, path.name, options), path.name
+    return *tables.open_table(path, path.name, options), path.name
 
 
 def readable(source: Frame, options: tables.ReadOptions) -> tuple[tables.Table, str]:

@@ -61,7 +61,7 @@ def test_every_ragged_row_is_named(tmp_path: Path) -> None:
 
 def test_every_fault_of_content_at_once(tmp_path: Path) -> None:
     frame = tables.read_table(csv(tmp_path, "aa,bb,ccx,u\nx,1,1,k\n,nan,1,\n1_0,inf,1,k\n")).cells
-    _, faults = tables.parsed(frame, "d.csv", ["aa", "bb", "cc", "u"], text=["u"])
+    _, faults = tables.parse_columns(frame, "d.csv", ["aa", "bb", "cc", "u"], text=["u"])
     assert list(map(str, faults)) == [
         "d.csv: column cc is missing",
         "d.csv: column ccx is not known (did you mean `cc`?); remove it",
@@ -76,7 +76,7 @@ def test_every_fault_of_content_at_once(tmp_path: Path) -> None:
 
 def test_many_bad_cells_are_counted(tmp_path: Path) -> None:
     frame = tables.read_table(csv(tmp_path, "a\n" + "x\n" * 250)).cells
-    _, faults = tables.parsed(frame, "d.csv", ["a"])
+    _, faults = tables.parse_columns(frame, "d.csv", ["a"])
     assert len(faults) == tables.SHOWN + 1
     assert str(faults[-1]) == "d.csv: column a: 150 more bad cells"
 
@@ -85,7 +85,7 @@ def test_many_bad_cells_are_counted(tmp_path: Path) -> None:
 def test_what_is_written_is_read_to_the_last_bit(tmp_path: Path, name: str) -> None:
     frame = pd.DataFrame({"a": np.random.default_rng(0).random(50), "n": np.arange(50)})
     tables.write(frame, tmp_path / name)
-    again, faults = tables.parsed(tables.read_table(tmp_path / name).cells, name, ["a"], ["n"])
+    again, faults = tables.parse_columns(tables.read_table(tmp_path / name).cells, name, ["a"], ["n"])
     assert not faults
     np.testing.assert_array_equal(again.to_numpy(), frame.to_numpy(dtype=float))
     assert [path.name for path in tmp_path.iterdir()] == [name]

@@ -45,7 +45,7 @@ def designs_in(
     problem: ToleranceProblem,
     table: tables.Table,
     place: str,
-    understood: tables.Tell = tables.silent,
+    understood: tables.Tell = tables.discard_lines,
     searched: bool = False,
 ) -> Array:
     """Full designs (n, all variables) in a table that faults call `place`.
@@ -60,9 +60,9 @@ def designs_in(
     needed = [name for name in names if name not in problem.fixed]
     labelled = [variable.name for variable in problem.variables if variable.labels]
     known = {variable.name: variable.unit for variable in problem.variables}
-    fitted = tables.fitted(table, place, known, problem.settings.columns)
-    cells, unused = tables.without_unused(fitted.cells, names)
-    frame, faults = tables.parsed(cells, place, needed, names, labelled)
+    fitted = tables.fit_columns(table, place, known, problem.settings.columns)
+    cells, unused = tables.drop_unused(fitted.cells, names)
+    frame, faults = tables.parse_columns(cells, place, needed, names, labelled)
     faults += fitted.faults
     for variable in problem.variables:
         if variable.name in frame:

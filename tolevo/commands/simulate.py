@@ -77,8 +77,8 @@ def inputs_in(
     table_read: tables.Table,
     place: str,
     uses: Mapping[str, tables.ColumnUse] | None = None,
-    understood: tables.Tell = tables.silent,
-    notes: tables.Tell = tables.silent,
+    understood: tables.Tell = tables.discard_lines,
+    notes: tables.Tell = tables.discard_lines,
 ) -> pd.DataFrame:
     """The inputs in a table, which faults call `place`; measured outputs in it are left out.
 
@@ -87,7 +87,7 @@ def inputs_in(
     columns that were left out. Raises InputError with every fault.
     """
     model = simulation.model
-    fitted = tables.fitted(table_read, place, units_of(model), uses)
+    fitted = tables.fit_columns(table_read, place, units_of(model), uses)
     frame, faults, unused = typed_inputs(model, fitted.cells, place)
     raise_all([*faults, *fitted.faults])
     understood([*table_read.lines(place), *fitted.notes, *unused])
@@ -140,8 +140,8 @@ def typed_inputs(
     ignored = model.ignored if isinstance(model, MeasuredTable) else ()
     known = [*(c.name for c in model.columns), *ALWAYS_ALLOWED, *(f"{name}_std" for name in outputs)]
     cells = raw_cells.drop(columns=[*outputs, *ignored], errors="ignore")
-    cells, unused = tables.without_unused(cells, known)
-    frame, faults = tables.parsed(
+    cells, unused = tables.drop_unused(cells, known)
+    frame, faults = tables.parse_columns(
         cells,
         place,
         needed=[c.name for c in model.columns if c.needed],
@@ -169,8 +169,8 @@ def streamed(
     simulation: Simulation,
     path: Path,
     uses: Mapping[str, tables.ColumnUse] | None = None,
-    understood: tables.Tell = tables.silent,
-    notes: tables.Tell = tables.silent,
+    understood: tables.Tell = tables.discard_lines,
+    notes: tables.Tell = tables.discard_lines,
 ) -> ParquetRows | None:
     """The rows of a long Parquet file, or of a directory of such files; None for other tables.
 

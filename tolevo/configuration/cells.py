@@ -43,7 +43,7 @@ def fill_poses(top: Section, problem_class: ProblemClass | None, folder: Path) -
 
 def _read(path: Path, name: str) -> tuple[str, list[list[float]]]:
     """`poses` or `joints_deg`, and the rows. Raises InputError."""
-    fit = tables.fitted(tables.opened_whole(path, name, tables.NO_OPTIONS), name, PLACE | TURN | JOINTS)
+    fit = tables.fit_columns(tables.open_or_raise(path, name, tables.NO_OPTIONS), name, PLACE | TURN | JOINTS)
     raise_all(list(fit.faults))
     cells = fit.cells
     joints = [joint for joint in JOINTS if joint in cells]

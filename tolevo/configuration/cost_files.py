@@ -64,7 +64,7 @@ def read_prices(
         faults.append(Fault(place, f"must be the name of a file, got {name}"))
         return None
     try:
-        cost_table = tables.opened_whole(folder / name, name, options)
+        cost_table = tables.open_or_raise(folder / name, name, options)
     except InputError as error:
         faults += [Fault(place, f"{fault.place} {fault.message}".strip()) for fault in error.faults]
         return None
@@ -525,7 +525,7 @@ def opened_parts(path: Path, options: tables.ReadOptions) -> MeasuredFile:
     """A file of measured parts. Raises InputError where it is not there, or cannot be read."""
     if path.suffix.lower() in SUFFIXES:
         return _open_aqdef(path, options)
-    table = tables.opened_whole(path, path.name, options)
+    table = tables.open_or_raise(path, path.name, options)
     names = {name: name for name in table.columns.names}
     names |= {table.headers.get(name, name): name for name in table.columns.names}
     labels = table.columns.names

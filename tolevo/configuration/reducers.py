@@ -152,7 +152,7 @@ def _reducer_by_file(section: Section, key: str, path: Path, source: str) -> Nes
         section.fault(key, f"{source} does not exist")
         return None
     try:
-        frame = tables.opened_whole(path, source, tables.NO_OPTIONS).frame
+        frame = tables.open_or_raise(path, source, tables.NO_OPTIONS).frame
         rms, cost = (frame[name].to_numpy(dtype=float).tolist() for name in POINTS)
     except (InputError, KeyError, ValueError) as error:
         section.fault(key, f"{source} must have numbers in the columns rms_arcmin and cost: {error}")

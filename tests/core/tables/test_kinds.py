@@ -73,7 +73,7 @@ def table(folder: Path, text: str) -> tables.Table:
 
 def test_a_column_is_known_by_name_and_unit(tmp_path: Path) -> None:
     found = table(tmp_path, "Torque [N mm];x\n100000;0,5\n-200000;0,6\n")
-    fitted = tables.fitted(found, "t.csv", {"torque_Nm": "N m"})
+    fitted = tables.fit_columns(found, "t.csv", {"torque_Nm": "N m"})
     assert fitted.cells["torque_Nm"].tolist() == [100.0, -200.0]
     assert fitted.notes == ('"Torque [N mm]" is read as torque_Nm',)
 
@@ -81,7 +81,7 @@ def test_a_column_is_known_by_name_and_unit(tmp_path: Path) -> None:
 def test_mapped_columns_are_converted_and_turned(tmp_path: Path) -> None:
     found = table(tmp_path, "间隙 [arcsec];x\n24,6;0,5\n30;n.i.O.\n")
     uses = {"间隙": ColumnUse("backlash_arcmin", sense=-1), "x": ColumnUse("t_mm", "um")}
-    fitted = tables.fitted(found, "t.csv", {"backlash_arcmin": "arcmin", "t_mm": "mm"}, uses)
+    fitted = tables.fit_columns(found, "t.csv", {"backlash_arcmin": "arcmin", "t_mm": "mm"}, uses)
     assert fitted.cells["backlash_arcmin"].tolist() == pytest.approx([-0.41, -0.5], rel=1e-12)
     assert fitted.cells["t_mm"].tolist() == [pytest.approx(0.0005), "n.i.O."]
     assert not fitted.faults
@@ -98,19 +98,19 @@ def test_mapped_columns_are_converted_and_turned(tmp_path: Path) -> None:
 )
 def test_faults_of_mapped_columns(tmp_path: Path, uses: dict[str, ColumnUse], said: str) -> None:
     found = table(tmp_path, "Spiel [arcmin];x\n0,5;0,6\n")
-    fitted = tables.fitted(found, "t.csv", {"b_arcmin": "arcmin", "t_mm": "mm"}, uses)
+    fitted = tables.fit_columns(found, "t.csv", {"b_arcmin": "arcmin", "t_mm": "mm"}, uses)
     assert said in "\n".join(map(str, fitted.faults))
 
 
 def test_a_name_and_a_unit_that_contradict(tmp_path: Path) -> None:
     found = table(tmp_path, "te_arcsec [deg];x\n0,5;0,6\n")
-    fitted = tables.fitted(found, "t.csv", {"te_arcsec": "arcsec"})
+    fitted = tables.fit_columns(found, "t.csv", {"te_arcsec": "arcsec"})
     assert 'is stated in "deg", but te_arcsec is in "arcsec"' in str(fitted.faults[0])
 
 
 def test_what_nothing_needs_is_a_note_but_a_slip_is_none(tmp_path: Path) -> None:
     found = table(tmp_path, "Seriennr.;temperatur_C;x\n4711;20,5;1,5\n")
-    kept, notes = tables.without_unused(found.cells, ["x", "temperature_C"])
+    kept, notes = tables.drop_unused(found.cells, ["x", "temperature_C"])
     assert list(kept) == ["temperatur_C", "x"]
     assert notes == ["not used: Seriennr."]
 

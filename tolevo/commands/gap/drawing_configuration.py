@@ -76,7 +76,7 @@ def _allocation(path: Path, name: str, point: Any, variables: Mapping[str, Varia
         if run is None:
             raise refuse("", f"{name} is not the directory of a run; name {FORMS}")
         path = home / (FRONT if isinstance(point, int) else ALLOCATION)
-    frame = tables.opened_whole(path, path.name, tables.NO_OPTIONS).cells
+    frame = tables.open_or_raise(path, path.name, tables.NO_OPTIONS).cells
     if set(CHOICE) <= set(frame):
         values, origin = _values_of_choice(frame, path.name, point)
     else:

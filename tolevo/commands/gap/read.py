@@ -218,7 +218,7 @@ def checked(
     plan: GapPlan | None, path: Path, options: tables.ReadOptions = tables.AS_DETECTED
 ) -> tuple[GapData | None, list[Fault]]:
     """The data in `path`, or every fault in them; without a plan only faults of the form."""
-    return checked_table(plan, *tables.opened(path, path.name, options), path.name, path)
+    return checked_table(plan, *tables.open_table(path, path.name, options), path.name, path)
 
 
 def checked_table(
@@ -227,7 +227,7 @@ def checked_table(
     """`checked` for a table that has been opened, from a file or not, with faults of its form."""
     if plan is None or table is None:
         return None, faults
-    fitted = tables.fitted(table, place, _units(plan), plan.uses)
+    fitted = tables.fit_columns(table, place, _units(plan), plan.uses)
     cells, faults = fitted.cells, [*faults, *fitted.faults]
     columns, outputs, predictions, stds = _layout(plan, cells)
     notes: list[str] = []
@@ -243,7 +243,7 @@ def checked_table(
     # a column of the role "ignore" may still be the validation column
     ignored = [n for n, c in plan.columns.items() if c.role == "ignore" and n in cells and n != plan.blocks]
     unused = _unused(plan, cells, ignored, [*needed, *wanted, *labels])
-    frame, new_faults = tables.parsed(
+    frame, new_faults = tables.parse_columns(
         cells.drop(columns=[*ignored, *unused]),
         place,
         needed=needed,
