@@ -237,8 +237,13 @@ def _shipped() -> list[Path]:
 def in_the_code() -> dict[str, str]:
     """Every key that production code asks a section for by its name, with one place of it."""
     found: dict[str, str] = {}
-    for room in ("tolevo", "models", "problems"):
-        for file in sorted((ROOT / room).rglob("*.py")):
+    for files in (
+        "tolevo/configuration/*.py",
+        "tolevo/commands/*/*configuration.py",
+        "models/**/*.py",
+        "problems/**/*.py",
+    ):
+        for file in sorted(ROOT.glob(files)):
             for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
                 if key := _asked(node):
                     found.setdefault(key, f"{file.relative_to(ROOT)}:{getattr(node, 'lineno', 0)}")

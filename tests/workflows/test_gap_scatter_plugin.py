@@ -23,7 +23,7 @@ TAIL = 0.35
 HEAD = """
 from tolevo.models.effects import Effect
 from tolevo.models.effects.effect import Action, quantity
-from tolevo.models.effects.population.units import OfUnits
+from tolevo.models.effects.population import OfUnits
 
 def stretched(drawn, mean, tail):
     return mean + (drawn - mean) * (1.0 + tail * ((drawn - mean) / 0.3) ** 2)

@@ -89,14 +89,14 @@ pathlib.Path.unlink = counted(pathlib.Path.unlink)
 TOGETHER = """
 import pathlib, time
 from tolevo.directory import ownership
-taken = ownership._taken
+taken = ownership._take_folder
 def together(*arguments):
     pathlib.Path({own!r}).touch()
     until = time.monotonic() + 60.0
     while not pathlib.Path({other!r}).exists() and time.monotonic() < until:
         time.sleep(0.001)
     return taken(*arguments)
-ownership._taken = together
+ownership._take_folder = together
 """
 """Begun only when the other one is about to take the directory as well."""
 
