@@ -145,7 +145,8 @@ class Expression(ABC):
 
     def nodes(self) -> Iterator[Expression]:
         """Every node, each after those below it."""
-        waiting, order = [self], list[Expression]()
+        waiting: list[Expression] = [self]
+        order: list[Expression] = []
         while waiting:
             order.append(node := waiting.pop())
             waiting += node.parts

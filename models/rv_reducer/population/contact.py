@@ -116,7 +116,7 @@ def _real_parts(value: Array | Complex) -> tuple[Array, ...]:
     return (whole.real, whole.imag) if np.iscomplexobj(value) else (whole.real,)
 
 
-def _single_precision(value: Array) -> Single:
+def _single_precision(value: Array | Single) -> Single:
     return np.ascontiguousarray(value, dtype=np.float32)
 
 
