@@ -16,7 +16,7 @@ from .archive import SavedState, State, lowest_ranks_in_order
 if TYPE_CHECKING:
     from ..problems.tolerance_problem import ToleranceProblem
 
-__all__ = ["ENGINES", "ArrayEngine", "GDE3Engine", "NSGA2Engine", "Space"]
+__all__ = ["ArrayEngine", "GDE3Engine", "NSGA2Engine", "Space"]
 
 # Survival on whole arrays: feasible before infeasible points, then by rank, then by crowding.
 
@@ -442,7 +442,3 @@ class NSGA2Engine(ArrayEngine):
 
     def _select(self, x: Array, f: Array, v: Array) -> Integers:
         return self._keep_best(slice(None), x, f, v)
-
-
-ENGINES = ("gde3", "nsga2")
-"""Names of the registered algorithms that have an array engine."""

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from .engine import ArrayEngine, Space
     from .run import Run
 
+ENGINES = ("gde3", "nsga2")
+"""Names of the registered algorithms that have an array engine."""
+
 
 @dataclass(frozen=True, slots=True)
 class Budget:

@@ -14,7 +14,7 @@ from ...models.cost_reading import Joint
 from ...models.roots import bracketed_roots
 from ...problems.forms import Feature, Form, Spread, Way, spread_of
 from ...section import Array, Flags, Integers
-from .local import ascend
+from .slsqp import ascend
 
 # Multipliers that make the requirements separable, and with them a lower bound of the cost.
 #

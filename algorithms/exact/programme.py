@@ -17,7 +17,7 @@ import numpy as np
 from ...journal import recall_arrays
 from ...section import Array, Flags
 from .combination import ROUNDING, Combination, Solved, move_point_within_limits
-from .local import ascend, slsqp
+from .slsqp import ascend, slsqp
 
 GAP, GAP_QUANTILE = 1e-10, 1e-8
 """Relative gap from which on the multipliers are improved; that of quantiles, which take longer."""

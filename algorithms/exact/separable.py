@@ -25,7 +25,7 @@ from ...models.costs import Reciprocal
 from ...problems.forms import Form
 from ...section import Array, Flags
 from .combination import ROUNDING, Combination, Optimum, pure_root_rows
-from .local import ascend
+from .slsqp import ascend
 
 STEPS = 60
 LIMIT_TOLERANCE = 1e-13

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import partial
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -12,7 +12,6 @@ from ...problems.forms import Form
 from ...problems.limits import LIMIT_ROUNDING, loosened
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import POINTS, Array, Flags
-from ..run import Run
 from ..settings import Budget, Solver
 from .bounds import LIMIT_WIDENING, convex_pieces, reason, restrict_form, row_limits, upper_limit
 from .choices import (
@@ -26,10 +25,10 @@ from .choices import (
     tightest_ways,
 )
 from .combination import Optimum, within
-from .corrected import corrected_vectors, is_corrected
-from .epsilon import epsilon_front, scale_of
 from .front import COARSE, front, tightest
-from .local import Branch
+
+if TYPE_CHECKING:
+    from ..run import Run
 
 ROOMIER = 0.5
 """Widening of a limit where ways are searched, in units of the room within which it counts as kept."""
@@ -56,6 +55,9 @@ class Exact(Solver):
     points: int = field(default=POINTS_BY_DEFAULT, metadata={"low": 2, "need": POINTS})
 
     def solve(self, run: Run) -> None:
+        from .corrected import corrected_vectors, is_corrected
+        from .epsilon import epsilon_front  # with the solvers, which reading a configuration does not need
+
         form = closed_form(run.problem)
         if form is None and run.problem.objectives == ("cost",):
             x = _cheapest_point_choice(run.problem)
@@ -158,6 +160,10 @@ def _improve_by_full_model(run: Run, form: Form, x: Array) -> Array:
     Limits of a form that are moved by what it understates end near the optimum, at a place that
     depends on the way there. `x` is kept where nothing that keeps the limits is cheaper.
     """
+    from ..run import Run
+    from .epsilon import scale_of
+    from .local import Branch
+
     problem = run.problem
     if (
         form.exact

@@ -20,7 +20,6 @@ from scipy.stats import ks_2samp, mannwhitneyu
 from tolevo import registry
 from tolevo.algorithms.archive import hypervolume, ranks
 from tolevo.algorithms.engine import (
-    ENGINES,
     GDE3Engine,
     NSGA2Engine,
     Space,
@@ -33,6 +32,7 @@ from tolevo.algorithms.engine import (
     tournament,
 )
 from tolevo.algorithms.engine_of_pymoo import ArrayGDE3, ArrayNSGA2
+from tolevo.algorithms.settings import ENGINES
 
 Array = NDArray[np.float64]
 FACTORS = np.linspace(0.5, 2.0, 9)

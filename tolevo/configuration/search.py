@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, fields, is_dataclass, replace
 from math import inf
-from typing import Any, get_type_hints
+from typing import TYPE_CHECKING, Any, get_type_hints
 
 from .. import registry
-from ..algorithms.engine import ENGINES
-from ..algorithms.settings import CROSSOVERS, MUTATIONS, REFUSED, AlgorithmSettings, Budget
+from ..algorithms.settings import CROSSOVERS, ENGINES, MUTATIONS, REFUSED, AlgorithmSettings, Budget
 from ..arguments import choice_faults
 from ..errors import Fault
-from ..execution import Execution, unreachable
 from ..section import BLOCK_ROWS, EVALUATIONS, GENERATIONS, PLAIN, POINTS, POSITIVE, Range, Section, too_many
 from .plugins import load_named
 from .source import EXECUTION, Source, parsed_tables
+
+if TYPE_CHECKING:
+    from ..execution import Execution
 
 MAX_DEFAULT_OBJECTIVES = 2
 """Objectives up to which a problem's own algorithm is the default."""
@@ -175,6 +176,8 @@ def read_execution(source: Source, overrides: Sequence[str], options: Execution)
     Returns every fault, including those of a Dask scheduler that does not answer. A configuration
     that cannot be read at all is reported by its own reader.
     """
+    from ..execution import unreachable
+
     faults: list[Fault] = []
     tables = parsed_tables(source, overrides)
     section = Section(tables, "", faults).section(EXECUTION)

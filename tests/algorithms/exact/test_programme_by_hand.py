@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from tolevo.algorithms.exact.combination import Combination
-from tolevo.algorithms.exact.local import LocalOptimum
 from tolevo.algorithms.exact.programme import Programme
+from tolevo.algorithms.exact.slsqp import LocalOptimum
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.forms import Feature, Form, Way
 
