@@ -31,7 +31,7 @@ def one_process() -> Iterator[None]:
 def unrendered() -> Iterator[None]:
     """Figures are made, and written as blanks: to render them takes most of a short run or study.
 
-    For tests of what is computed, kept and resumed; those of tests/reports render every figure.
+    For tests of what is computed, kept and resumed; those of tests/page render every figure.
     """
     from tests.blanks import blanks
 

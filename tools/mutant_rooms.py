@@ -71,12 +71,12 @@ ROOMS: Mapping[str, Room] = {
     ),
     "study statistics": Room(
         tuple(f"tolevo/commands/study/{name}.py" for name in ("statistics", "sensitivity", "analysis")),
-        tuple(f"tests/workflows/study/test_{name}.py" for name in (
+        tuple(f"tests/commands/study/test_{name}.py" for name in (
             "analysis", "comparisons", "sensitivity", "statistics_by_hand")),
     ),
     "gap selection": Room(
         ("tolevo/commands/gap/selection.py", "tolevo/commands/gap/analysis.py", "tolevo/commands/gap/scan.py"),
-        tuple(f"tests/workflows/test_gap_{name}.py" for name in (
+        tuple(f"tests/commands/test_gap_{name}.py" for name in (
             "statistics", "settled", "terms", "noise", "bounds", "arts", "counterparts",
             "selection_by_hand", "settling_by_hand")),
     ),

@@ -1,6 +1,6 @@
 """The tests in environments with the lowest and the newest versions that pyproject.toml allows.
 
-`make test-versions [PYTHONS="3.11 3.13"] [TESTS="tests/models tests/core"]`: for every Python from
+`make test-versions [PYTHONS="3.11 3.13"] [TESTS="tests/models tests/tolevo"]`: for every Python from
 3.11 to 3.13 that is installed (missing ones are named), each in an environment of its own in
 `.venv-versions/`, without slow tests. A version that has no wheel for a Python is no version
 for it. A table says what passed; status 1 where one fails.

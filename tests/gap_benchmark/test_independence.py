@@ -11,7 +11,7 @@ import pytest
 
 pytestmark = pytest.mark.source_tree
 ROOT = Path(__file__).resolve().parents[2]
-ROOMS = ("tolevo", "core", "models", "problems", "algorithms", "workflows", "reports", "configs")
+ROOMS = ("tolevo", "models", "problems", "algorithms", "configs")
 BLOCKED = f"""
 import sys
 

@@ -1,6 +1,6 @@
 """Pages look as they did when somebody looked at them: small stored pictures, compared blurred.
 
-After a change of design: `TOLEVO_PICTURES=write python -m pytest tests/reports/test_pictures.py`,
+After a change of design: `TOLEVO_PICTURES=write python -m pytest tests/page/test_pictures.py`,
 look at every picture in `tests/data/pictures`, and commit those that are right.
 """
 
