@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.workflows.gap_toy import PENALTY, N, directions, member, squares_left, toy
+from tests.commands.gap_toy import PENALTY, N, directions, member, squares_left, toy
 from tolevo.commands.gap import selection
 from tolevo.commands.gap.blocks import Improvement
 from tolevo.commands.gap.linear import join_groups

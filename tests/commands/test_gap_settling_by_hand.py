@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.workflows.gap_toy import PENALTY, N, directions, member, of_names, readings, settling, squares_left
+from tests.commands.gap_toy import PENALTY, N, directions, member, of_names, readings, settling, squares_left
 from tolevo.commands.gap.analysis import TERMS
 from tolevo.commands.gap.data import GapData
 from tolevo.commands.gap.fit import Fit, Member, is_term

@@ -14,9 +14,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.reports.test_claims_page import result as claims
-from tests.reports.test_gap_page import result as gap
-from tests.reports.test_study_page import result as study
+from tests.page.test_claims_page import result as claims
+from tests.page.test_gap_page import result as gap
+from tests.page.test_study_page import result as study
 from tolevo.commands.comparison_page import comparison_page
 from tolevo.commands.gap.page import gap_page
 from tolevo.commands.reproduce.page import claims_page

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from tests.blanks import blanks
-from tests.reports.html import parsed
+from tests.page.html import parsed
 from tolevo.commands.gap.page import figures, gap_page
 from tolevo.commands.gap.records import (
     FoundEffect,

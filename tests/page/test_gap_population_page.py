@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from tests.reports.html import parsed
-from tests.reports.test_gap_page import result as of_page
+from tests.page.html import parsed
+from tests.page.test_gap_page import result as of_page
 from tolevo.commands.gap.page import attribution_table, gap_page, population_table
 from tolevo.commands.gap.records import Attribution, GapResult, InputChange, PopulationLine
 from tolevo.page_data import dump_result, load_result

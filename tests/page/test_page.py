@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.reports.html import parsed
+from tests.page.html import parsed
 from tolevo.page import page
 from tolevo.page.document import shown, table
 from tolevo.page.explorer import thin_points

@@ -17,7 +17,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image, ImageFilter
 
-from tests.reports.test_browser import claims, gap, pages, problem, real, study
+from tests.page.test_browser import claims, gap, pages, problem, real, study
 from tolevo.page import page
 from tolevo.page.sheet import drawing_page
 

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from tests.reports.html import parsed
+from tests.page.html import parsed
 from tolevo.commands.study.page import figures, study_page
 from tolevo.page.drawing import as_png, as_svg
 from tolevo.page_data import dump_result, load_result
