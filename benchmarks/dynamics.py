@@ -1,7 +1,7 @@
 # ruff: noqa: E402 - the number of threads is fixed before numpy is imported
 """Steady states of torsional vibration against `solve_ivp`: `python benchmarks/dynamics.py`.
 
-One unit with part errors, its tabulate_mesh mesh, on one thread. scipy integrates the same table, read
+One unit with part errors, its tabulated mesh, on one thread. scipy integrates the same table, read
 between the output angles by cubic interpolation, from rest at the quasi-static twist through the
 transient and one output turn; its method and tolerance are the fastest of those tried whose TE
 amplitude is as near to a tight integration as that of the steady state (0.5 % at most).

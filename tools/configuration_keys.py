@@ -1,6 +1,6 @@
 """Every key of a configuration, as the code that reads configurations asks for it.
 
-The shipped_claims configurations and the samples of `tools/sample_configurations.py` are read while each
+The shipped configurations and the samples of `tools/sample_configurations.py` are read while each
 question of the reader is recorded: its key, its table, its type, its unit, its range. A key that is
 in the code and was never asked for is found by a test (tests/test_configuration_reference.py).
 """

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 MADE_TO = {"pin_circle_radius_um": 8.0, "pin_radius_um": 4.0, "pitch_um": 10.0,
            "eccentricity_um": 5.0}  # fmt: skip
 POSITIONS, GRADE = 7, 4.0
-"""Positions of a turn, and the grade of the involute stage, that of the cheapest_design units."""
+"""Positions of a turn, and the grade of the involute stage, that of the cheapest units."""
 BUILT = 65_536
 """Units that are built by the true processes: their yield is known to 0.02 %."""
 SHARE = 99.73

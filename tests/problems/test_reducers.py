@@ -1,4 +1,4 @@
-"""The front of a nested reducer: the closed form of E b^2, its least_cost_allocations costs and their bounds."""
+"""The front of a nested reducer: the closed form of E b^2, its least costs and their bounds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Steps of a repeated computation are recall_arrays, as long as their inputs are the same."""
+"""Steps of a repeated computation are recalled, as long as their inputs are the same."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ def test_a_front_that_bends_the_other_way_has_no_bend() -> None:
 
 
 def test_topsis_of_the_fighter_aircraft() -> None:
-    """Hwang & Yoon (1981), chapter III: closeness 0.643, 0.268, 0.613, 0.312; A1 is choose_rows."""
+    """Hwang & Yoon (1981), chapter III: closeness 0.643, 0.268, 0.613, 0.312; A1 is chosen."""
     rated = np.array([
         [2.0, 1500, 20000, 5.5, 5, 9],
         [2.5, 2700, 18000, 6.5, 3, 5],

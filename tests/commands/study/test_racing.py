@@ -156,7 +156,7 @@ def test_a_real_study_is_raced_the_same_wherever_it_runs(plan: StudyPlan, tmp_pa
     made = (table["status"] != "stopped").sum()
     assert made < 0.85 * plan.total
     reasons = table.loc[table["status"] == "stopped", "reason"].unique()
-    assert all(one.startswith("settings_behind_leader beyond chance after") for one in reasons)
+    assert all(one.startswith("behind beyond chance after") for one in reasons)
     with pytest.raises(RunError, match="--resume"):
         study(plan, tmp_path / "b", Late(after=3))
     again = Late()
@@ -179,7 +179,7 @@ def test_without_racing_references_come_late_as_well(tmp_path: Path) -> None:
 
 
 def test_leaders_are_the_design_of_a_finer_study(tmp_path: Path) -> None:
-    """Multi-fidelity: all settings by a short study, those not settings_behind_leader again by a longer one."""
+    """Multi-fidelity: all settings by a short study, those not behind again by a longer one."""
     (tmp_path / "run.toml").write_text(RUN, encoding="utf-8")
     (tmp_path / "study.toml").write_text(STUDY.replace("seeds = 12", "seeds = 6"), encoding="utf-8")
     study(read_study(tmp_path / "study.toml"), tmp_path / "coarse", InProcess())
