@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
@@ -61,8 +62,8 @@ print("numba" in sys.modules)
 
 
 def test_what_computes_no_rotation_and_no_unit_by_contact_imports_no_compiler() -> None:
-    configs = Path(__file__).parents[2] / "configs"
-    names = [str(configs / f"{name}.toml") for name in ("tooth_modification", "rv_transmission_error")]
+    configs = files("tolevo.configs")
+    names = [str(configs.joinpath(f"{name}.toml")) for name in ("tooth_modification", "rv_transmission_error")]
     done = subprocess.run([sys.executable, "-c", CHECK, *names], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
 
