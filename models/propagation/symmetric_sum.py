@@ -160,7 +160,7 @@ def _products_before_and_after(factors: Array) -> tuple[Array, Array]:
 
 def alike(s: Array, period: Array) -> bool:
     """Whether sums (n, m) have so few different scales that a common period saves work."""
-    if period.max() > 1.25 * period.min():
+    if not len(s) or period.max() > 1.25 * period.min():
         return False
     distinct = len(s[0]) + np.count_nonzero(np.diff(np.sort(s, axis=0), axis=0))
     return bool(MIN_COLUMNS_PER_SCALE * distinct <= s.size)

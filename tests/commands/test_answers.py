@@ -82,6 +82,12 @@ def test_a_least_cost_lies_above_or_below_a_published_one() -> None:
     two: Any = SimpleNamespace(names=["cost", "backlash_arcmin"])
     told = Sentences._gains(two, {"cost_saving_percent": 12.0}, "")
     assert told == "there is an allocation that costs 12 % less at equal backlash"
+    told = Sentences._gains(two, {"cost_saving_percent": -3.0, "backlash_arcmin_gain_percent": 5.0}, "")
+    assert told == "there is a backlash that is 5 % less at the same cost; the least cost that was found is 3 % more " \
+        "at equal backlash"  # fmt: skip
+    without: Any = SimpleNamespace(names=["backlash_arcmin", "peak_mesh_force_N"])
+    told = Sentences._gains(without, {"backlash_arcmin_gain_percent": -387.0}, "")
+    assert told == "the least backlash that was found is 387 % more at equal peak mesh force"
 
 
 CASES = Path(__file__).parents[1] / "cases"

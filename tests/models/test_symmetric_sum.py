@@ -133,3 +133,11 @@ def test_sums_with_scales_in_common_are_as_accurate_as_alone() -> None:
     assert_allclose(found, alone, atol=1e-13)
     # the slope of a probability at its 99 % quantile is above 0.01 here
     assert_allclose(total.values(s, 0.99), total.quantile(s, 0.99).value, rtol=1e-11)
+
+
+def test_no_sums_have_no_values() -> None:
+    """What a problem asks of no designs, to learn which outputs have derivatives, is empty."""
+    total, none = SymmetricSum([EvenPlateau(), EvenPlateau(), EvenNormal(1.0 / 3.0)]), np.empty((0, 3))
+    probability, error = total.within(none, np.empty(0), np.empty(0))
+    assert probability.shape == error.shape == (0,)
+    assert total.values(none, 0.99).shape == (0,)

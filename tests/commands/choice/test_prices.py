@@ -94,6 +94,31 @@ def test_the_price_of_a_yield_by_optima_at_limits_beside(tmp_path: Path) -> None
     assert found["price"] == pytest.approx((high.cost - low.cost) / 0.01, rel=1e-3)
 
 
+def test_a_point_that_is_no_optimum_does_not_say_which_limits_cost_nothing(tmp_path: Path) -> None:
+    """At the least cost both limits bind: the tight one, and 0.15 mm on the first two of three parts."""
+    rows = "".join(
+        f'[[requirement]]\nname = "{name}"\nunit = "mm"\nmethod = "worst_case"\nformula = "{formula}"\n'
+        for name, formula in (("whole", "p0 + p1 + p2"), ("pair", "p0 + p1"))
+    )
+    parts = "".join(
+        PART.replace("sensitivity = {2}\n", "").format(at, 10.0, 1.0, b) for at, b in enumerate((0.1, 0.2, 0.05))
+    )
+    limits = "[objectives]\nminimise = ['cost']\n[limits]\nwhole.variation = 0.2\npair.variation = 0.15\n"
+    (tmp_path / "two.toml").write_text('problem = "stack"\n' + limits + rows + parts, encoding="utf-8")
+    problem = read(tmp_path / "two.toml").problem
+    optimum = cheapest_design(problem).design
+    for moved, gap, known in (
+        ([0.0, 0.0, 0.0], 0.0, "whole pair"),
+        ([0.0, -0.002, 0.002], 1.0, "whole"),  # the pair has room, and the conditions hold to some percent
+        ([-0.04, 0.0, 0.04], 1.0, ""),
+    ):
+        design = (optimum + moved)[None]
+        front = problem.frame(design).assign(gap_percent=gap)
+        found = prices(problem, front, slopes_of(problem, design)).set_index("output")["price"]
+        assert " ".join(name.split(".")[0] for name, price in found.items() if price > 0.0) == known
+        assert found[[f"{name}.variation" for name in {"whole", "pair"} - set(known.split())]].isna().all()
+
+
 def test_no_price_where_every_tolerance_is_at_its_bound(tmp_path: Path) -> None:
     problem = stack(tmp_path, 3)
     designs = np.full((1, 3), 0.5)

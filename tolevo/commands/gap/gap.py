@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from math import isfinite
@@ -373,8 +374,15 @@ def ending(
     Raises InputError where the data are outside of the model's range.
     """
     report(GapProgress("columns of the library"))
-    setup, replicates = prepare_setup(plan, data), replicates or Replicates()
-    replicates.begin()
+    replicates = replicates or Replicates()
+
+    @contextmanager
+    def begun() -> Iterator[None]:
+        replicates.begin()
+        with recording_steps(replicates.section("setup")):
+            yield
+
+    setup = prepare_setup(plan, data, begun)
     report(GapProgress("search"))
     with recording_steps(replicates.section("search")):
         return fit_all_rows(never_worse(finish_analysis(analysed(setup))), data)

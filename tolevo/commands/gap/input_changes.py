@@ -18,6 +18,7 @@ from scipy import fft
 from scipy.interpolate import CubicSpline
 from scipy.special import chdtri
 
+from ...journal import Arrays, recall_arrays
 from ...models.effects.population import Law
 from ...models.measurable import Source, Sources
 from ...models.propagation import Term
@@ -127,9 +128,13 @@ class UnitLaw:
 
     def _built_anew(self, source: Source, factors: Array, widened: Callable[[Source, float], Term]) -> Array:
         """The same where the inputs of the clipped part do not simply add."""
-        sums = [self._sum((widened(source, float(factor)),)) for factor in factors]
-        transform = np.concatenate([transform for transform, _ in sums])
-        return self._log(transform, np.concatenate([start for _, start in sums]), *self._free)
+
+        def computed() -> Arrays:
+            sums = [self._sum((widened(source, float(factor)),)) for factor in factors]
+            transform = np.concatenate([transform for transform, _ in sums])
+            return (self._log(transform, np.concatenate([start for _, start in sums]), *self._free),)
+
+        return recall_arrays(("widened", source.name, factors), computed)[0]
 
     def blurred(self, noise: Array) -> Array:
         """Log density (m, k) of units measured with a normal error of standard deviation `noise`."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from ... import registry
+from ...journal import recall_columns
 from ...models.effects import Effect, EffectParameter, Target
 from ...models.effects.effect import Action, InsideSeveral, Measurements
 from ...models.effects.measurements import (
@@ -512,9 +513,12 @@ class _OfModel:
         return type(self), (self._plan, self._data, self._model)
 
     def __call__(self, changes: Mapping[str, Array]) -> Mapping[str, Array]:
-        rng = np.random.default_rng(self._plan.seed)
-        whole = changes_of((*self._actions, Action(changes=changes)))
-        return apply_output_actions(self._at(whole, rng), self._actions, self.means, rng)
+        def computed() -> dict[str, Array]:
+            rng = np.random.default_rng(self._plan.seed)
+            whole = changes_of((*self._actions, Action(changes=changes)))
+            return dict(apply_output_actions(self._at(whole, rng), self._actions, self.means, rng))
+
+        return recall_columns(("prediction", *changes, *changes.values()), computed)
 
     @abstractmethod
     def _at(self, changes: Mapping[str, Array], rng: np.random.Generator) -> Mapping[str, Array]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
@@ -221,11 +222,21 @@ class Setup:
         return np.array(offsets, dtype=float)
 
 
-def prepare_setup(plan: GapPlan, full: GapData) -> Setup:
-    """The setup of the rows that are used. Raises InputError where the model has no prediction."""
+def prepare_setup(
+    plan: GapPlan, full: GapData, accepted: Callable[[], AbstractContextManager[None]] = nullcontext
+) -> Setup:
+    """The setup of the rows that are used, made within `accepted` once the model has predicted them.
+
+    Raises InputError where it has no prediction.
+    """
     data, notes = thin_data(plan, full)
     predicted = predictor(plan, data)({})
     raise_all(finite_faults({o.name: predicted[o.name] for o in data.outputs}, data.rows))
+    with accepted():
+        return _setup_of(plan, data, predicted, notes)
+
+
+def _setup_of(plan: GapPlan, data: GapData, predicted: Mapping[str, Array], notes: tuple[str, ...]) -> Setup:
     at = recalibrate(plan, data, predicted)
     if data.target.population and at and plan.rebuild is not None:
         plan = replace(plan, model=plan.rebuild(at))  # the scatter of its units changes too

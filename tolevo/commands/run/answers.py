@@ -122,8 +122,6 @@ def _none_if_empty(frame: pd.DataFrame) -> pd.DataFrame | None:
 
 
 COST = "cost"
-ROUGH = 30.0
-"""Residual of the conditions of an optimum [percent] beyond which they give no price in a sentence."""
 COST_TOLERANCE = 1e-9
 """Relative difference below which two values count as equal."""
 TENTH = 0.1
@@ -185,7 +183,7 @@ class Sentences:
         conditions = f", with {', '.join(limits)}" if limits else ", without limits"
         tolerances = sum(v.tolerance for v in self.problem.free)
         others = len(self.problem.free) - tolerances
-        more = f" and {others} other variables" if others else ""
+        more = f" and {others} other variable{'s' if others > 1 else ''}" if others else ""
         return f"{goal}{conditions}; {tolerances} tolerances searched{more}."
 
     def limit(self, limit: Limit) -> str:
@@ -237,19 +235,22 @@ class Sentences:
         return next(limit for limit in self.problem.limits if limit.name == name)
 
     def _gains(self, row: dict[str, Any], prefix: str) -> str:
-        parts = []
+        better, worse = [], []
         for name in self.names:
             value = float(row.get(prefix + gain_column(name), np.nan))
-            if np.isfinite(value):
-                side = "less" if value >= 0.0 else "more"
-                if self.names == [COST]:
-                    side = "lower" if value >= 0.0 else "higher"
-                    return f"the least cost that was found is {distance_words(abs(value))} {side}"
-                others = " and ".join(words(n) for n in self.names if n != COST)
-                at = f"equal {others}" if name == COST else "the same cost"
+            if not np.isfinite(value):
+                continue
+            amount = distance_words(abs(value))
+            if self.names == [COST]:
+                return f"the least cost that was found is {amount} {'lower' if value >= 0.0 else 'higher'}"
+            others = join_with_and([words(n) for n in self.names if n != name])
+            at = "the same cost" if others == COST else f"equal {others}"
+            if value >= 0.0:
                 subject = "an allocation that costs" if name == COST else f"a {words(name)} that is"
-                parts.append(f"{subject} {distance_words(abs(value))} {side} at {at}")
-        return "there is " + ", or ".join(parts) if parts else ""
+                better.append(f"{subject} {amount} less at {at}")
+            else:
+                worse.append(f"the least {words(name)} that was found is {amount} more at {at}")
+        return "; ".join([*(["there is " + ", or ".join(better)] if better else []), *worse])
 
     def of_limits(self) -> str:
         limits = [o for o in self.problem.limits if o.count and o.name != COST]
@@ -344,8 +345,7 @@ class Sentences:
             return f"{binds}: {change} would save {saved} (solved again)."
         priced = self._price(limit.name)
         if priced is not None:
-            price, proven = priced
-            how = "by the multiplier of the proven optimum" if proven else "estimated by the conditions of an optimum"
+            price, how = priced
             small = _step(limit, lower, RELAXATION_FRACTION)
             change = f"{'lowering' if lower else 'raising'} it by {drawing_number(small)}{unit}"
             if price * small <= max(self._cost - self.floor, 0.0):
@@ -355,7 +355,8 @@ class Sentences:
     def _above(self, limit: Limit) -> float:
         return limit.high - float(self.result.front.iloc[self.point][limit.name])
 
-    def _price(self, name: str) -> tuple[float, bool] | None:
+    def _price(self, name: str) -> tuple[float, str] | None:
+        """The price of a limit at the nearest point that has one, and how it is known."""
         prices = self.result.prices
         if prices is None:
             return None
@@ -363,8 +364,11 @@ class Sentences:
         if of_limit.empty:
             return None
         row = of_limit.iloc[int((of_limit["point"] - self.point).abs().to_numpy().argmin())]
-        rough = row["source"] == "estimate" and not row["spread_percent"] <= ROUGH
-        return None if rough or not row["price"] > 0.0 else (float(row["price"]), row["source"] == "multiplier")
+        if not row["price"] > 0.0:
+            return None
+        proven = row["source"] == "multiplier"
+        estimated = f"estimated by the conditions of an optimum, met to within {percent(row['spread_percent'])}"
+        return float(row["price"]), "by the multiplier of the proven optimum" if proven else estimated
 
     def _relaxed(self, name: str) -> str:
         """What a front with a looser limit saves at the other objectives of the point."""
@@ -381,12 +385,11 @@ class Sentences:
                 good &= front[n].to_numpy(dtype=float) <= float(row[n]) + COST_TOLERANCE * abs(float(row[n]))
             if np.any(good):
                 saved = float(row[COST]) - float(front.loc[good, COST].min())
-                text = self.limit(self._limit(name))
-                saved_percent = 100.0 * saved / float(row[COST])
                 loose = self.value(name, float(reference[name][label]))
                 return (
-                    f"The limit of {text} costs {saved:.3g} ({saved_percent:.3g} %) here against "
-                    f"one as loose as that of {label} ({loose})."
+                    f"{self._here} the limit of {self.limit(self._limit(name))} binds: with one as loose as that of "
+                    f"{label} ({loose}) an allocation was found that costs {self.money(saved)} "
+                    f"({percent(100.0 * saved / float(row[COST]))}) less."
                 )
         return ""
 

@@ -141,6 +141,8 @@ PROVEN = 0.01
 """Gap [percent] up to which a point counts as optimal, so that multipliers hold there."""
 FITS = 1.0
 """Residual of the conditions [percent] up to which they hold there."""
+ROUGH = 30.0
+"""The same beyond which they give no price."""
 EDGE = 1e-6
 """Fraction of its range by which a tolerance is inside of its bounds."""
 BINDING = 1e-3
@@ -163,9 +165,10 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
 
     At the least cost -dC/dt_j = sum_i price_i s_i dy_i/dt_j for every tolerance inside of its
     bounds (Karush, Kuhn and Tucker), s_i -1 at a lower limit and else 1; the prices, none below 0,
-    fit that best, each tolerance weighted by its width. Limits that a point does not use up have
-    the price 0; where no tolerance changes a requirement, as a yield of 100 %, its price is not
-    known. Columns: `point`, `output`, `unit`, `tighter` (`less` of the output, or `more` of one with
+    fit that best, each tolerance weighted by its width. Limits that an optimum does not use up have
+    the price 0; at a point that is none (not proven, and a residual above `FITS`) it is not known, nor is
+    any price where the residual is above `ROUGH`, or where no tolerance changes a requirement, as a
+    yield of 100 %. Columns: `point`, `output`, `unit`, `tighter` (`less` of the output, or `more` of one with
     a lower limit), `price` (cost per unit of the output), `source`: `multiplier` where the point is
     proven optimal (gap at most `PROVEN` %) and the conditions hold, `front` where it is the slope of
     the front of two objectives, else `estimate`, with `spread_percent`, the residual of the
@@ -177,7 +180,9 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
     binding, sides, sizes = _limits_at(problem, front.iloc[rows], names)
     fitted, residual = _fit_prices(problem, slopes, binding, sides, sizes)
     units = {output.name: output.unit for output in problem.outputs}
-    sure = _is_proven(front)[rows] & (residual <= FITS)
+    proven, fits = _is_proven(front)[rows], residual <= FITS
+    sure, rough = proven & fits, binding & (residual > ROUGH)[:, None]
+    fitted[~binding & ~(proven | fits)[:, None]] = np.nan
     sources = np.where(sure, "multiplier", "estimate").astype(object)
     frames = []
     for at, name in enumerate(names):
@@ -186,6 +191,7 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
         if slope is not None:
             known = np.isfinite(slope[rows]) & (source == "estimate")
             price, source = np.where(known, slope[rows], price), np.where(known, "front", source)
+        price = np.where(rough[:, at], np.nan, price)
         columns = {"point": rows, "output": name, "unit": units.get(name, "")}
         columns |= {"tighter": np.where(sides[:, at] < 0.0, "more", "less"), "price": price, "source": source}
         frames.append(pd.DataFrame(columns | {"spread_percent": residual}))

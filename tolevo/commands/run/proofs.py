@@ -322,12 +322,15 @@ def add_requirements(result: RunResult, problem: ToleranceProblem) -> RunResult:
 def requirements_of(problem: ToleranceProblem, front: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame] | None:
     """What each requirement costs at the knee of a front, or at its one point.
 
-    None where a problem has one requirement, or no convex form. The multiplier is that of the least
-    cost at the values of the point; the saving is proven to lie between that of an allocation that
-    is known and that of the bound at the relaxed limit.
+    None where a problem has one requirement, or no convex form with all of its limits: those that it
+    leaves out take savings away. The multiplier is that of the least cost at the values of the point;
+    the saving is proven to lie between that of an allocation that is known and that of the bound at
+    the relaxed limit.
     """
     form = problem.form()
     if front.empty or form is None or len(set(form.outputs)) < 2 or reason(problem, form):
+        return None
+    if {limit.name for limit in problem.limits if limit.count} - {"cost", *form.outputs}:
         return None
     at = int(np.argmax(front["knee"].to_numpy(dtype=bool) if "knee" in front else np.zeros(len(front), bool)))
     limits = _limits(problem, form, front.iloc[at])

@@ -4,7 +4,7 @@
 const SOURCES = {
   multiplier: ["proven", "by the multiplier of the proven optimum"],
   front: ["front", "by the slope of the front around this point"],
-  estimate: ["estimate", "by the conditions of an optimum, which this point meets only roughly"],
+  estimate: ["estimate", "by the conditions of an optimum"],
 };
 
 const ROUGH = 30; // percent: the residual of the conditions of an optimum beyond which no price is stated
@@ -35,15 +35,16 @@ function distance(found, at) {
 
 // "What does one arc minute cost here": a sentence for each requirement that has a price.
 function slopes(found, needs) {
-  const known = (need) => need.price && (need.source !== "estimate" || need.spread <= ROUGH);
+  const known = (need) => need.price && (need.source === "multiplier" || !(need.spread > ROUGH));
   return needs.filter(known).map((need) => {
     const more = need.tighter === "more";
     const room = more && (need.unit === "percent" || need.unit === "%") ? 100 - need.value : need.value;
-    const part = room ? 10 ** Math.floor(Math.log10(Math.abs(room))) / 10 : 0.1;
+    const part = room ? 10 ** Math.floor(Math.log10(Math.abs(room))) / 100 : 0.01; // a price holds for small changes
     const how = SOURCES[need.source] || ["", ""];
+    const met = need.source !== "multiplier" && need.spread ? `, conditions of an optimum met to within ${number(need.spread, 2)} %` : "";
     const rate = need.unit ? `${number(Math.abs(need.price), 3)} per ${need.unit}; ` : "";
     return `${withUnit(number(part), need.unit)} ${need.tighter} ${need.label} costs about ${withUnit(number(Math.abs(need.price) * part, 3), found.unit)} here `
-      + `(${rate}${how[1]}).`;
+      + `(${rate}${how[1]}${met}).`;
   });
 }
 
