@@ -38,6 +38,8 @@ FEW, CORRECTED = 40, 200
 """Points of a front that is corrected by the full model, by default and at most."""
 CORRECTIONS, FURTHER = 6, 1.0 + 1e-3
 """Times a limit is moved by what a form understates, and how much further than that."""
+HALVINGS = 12
+"""Times a move of what stands for an output is halved."""
 BACK = np.array([0.0, 1e-9, 1e-7, 1e-5, 1e-3, 1e-2])
 """Fractions of the way back to a design that keeps the limits, where SLSQP ends just beyond them."""
 EARLY = 0.9
@@ -204,6 +206,11 @@ def _tightest_corner_design(problem: ToleranceProblem, form: Form, upper: Array)
     x = _cheapest_at_limit(problem, form, upper)
     if len(x) and np.all(_check_by_full_model(problem, form, x, upper)[0]):
         return x
+    return _tightest_design(problem, form)
+
+
+def _tightest_design(problem: ToleranceProblem, form: Form) -> Array:
+    """The search vector (one) of the tightest tolerances."""
     ways = tightest_ways(form)
     low = np.array([feature.ways[way].low for feature, way in zip(form.features, ways, strict=True)])
     return search_vector(problem, form, ways, low)
@@ -220,13 +227,44 @@ def _cheapest_design(problem: ToleranceProblem, form: Form, upper: Array) -> Arr
         x = cheapest_choice(problem, form, upper, float(proven))
         if x is not None:
             return x
-    limit, x = upper, np.empty((0, problem.n_var))
+    limit, looser, x = upper, upper, np.empty((0, problem.n_var))
     for _ in range(CORRECTIONS):
         x = _cheapest_at_limit(problem, form, limit)
+        if not len(x):  # moved too far
+            limit = np.where(looser > limit, 0.5 * (limit + looser), limit)
+            continue
         kept, excess = _check_by_full_model(problem, form, x, upper)
         if (form.exact and kept.all()) or not np.any(excess > 0.0):
+            return _loosest_kept(problem, form, upper, (limit, looser), x) if form.stands else x
+        looser, limit = limit, limit - excess[0] * FURTHER
+    return _tightest_design(problem, form) if form.stands else x
+
+
+def _loosest_kept(problem: ToleranceProblem, form: Form, upper: Array, limits: tuple[Array, Array], x: Array) -> Array:
+    """The search vector (one) at the loosest limits (r,) of the form at which it keeps those of the problem.
+
+    At the first of the `limits` it is `x`; at the second it breaks them, where these differ. An output is not in
+    proportion to what stands for it, so that limits move on while they are kept, and then are halved.
+    """
+    (limit, looser), standing = limits, np.isin(form.outputs, list(form.stands))
+    for _ in range(CORRECTIONS if np.array_equal(limit, looser) else 0):
+        designs = problem.complete(x)
+        values = problem.form_values(form, designs, problem.outputs_of(designs, errors=False))[0]
+        looser = limit + np.where(standing & np.isfinite(limit), FURTHER * np.maximum(upper - values, 0.0), 0.0)
+        tried = _cheapest_at_limit(problem, form, looser)
+        if not _check_by_full_model(problem, form, tried, upper)[0].all():
+            break
+        gained = problem.cost_of(problem.complete(x))[0] - problem.cost_of(problem.complete(tried))[0]
+        limit, x = looser, tried
+        if gained <= LIMIT_ROUNDING * abs(gained):
             return x
-        limit = limit - excess[0] * FURTHER
+    for _ in range(HALVINGS if np.any(looser > limit) else 0):
+        middle = np.where(looser > limit, 0.5 * (limit + looser), limit)
+        tried = _cheapest_at_limit(problem, form, middle)
+        if len(tried) and _check_by_full_model(problem, form, tried, upper)[0].all():
+            limit, x = middle, tried
+        else:
+            looser = middle
     return x
 
 

@@ -255,7 +255,7 @@ def columns_of(problem: RvBacklash, shift: Shift, s: Array) -> dict[str, Array]:
     low, high = shift.plays
     play = np.clip(s + shift.gain * shift.stagger[0], low, high)
     stagger = np.clip((play - s) / shift.gain, *shift.stagger)
-    pairs = np.array([_modification_with_most_room(problem, float(design_play)) for design_play in play])
+    pairs = np.array([_modification_with_most_room(problem, float(design_play)) for design_play in play]).reshape(-1, 2)
     return {"dr_rp_mm": pairs[:, 0], "dr_p_mm": pairs[:, 1], "stagger_arcmin": stagger}
 
 

@@ -45,6 +45,19 @@ def test_front_with_bounds(folder: Path) -> None:
     np.testing.assert_allclose(front[shares].sum(axis=1), 100.0)
 
 
+@pytest.mark.parametrize("at", [1, 2])
+def test_least_cost_at_the_accuracy_of_a_point_of_the_front(folder: Path, at: int) -> None:
+    """Accuracy is not in proportion to the rms error that is solved for: as cheap as the point of the front."""
+    point = pd.read_csv(folder / "run" / "front.csv").iloc[at]
+    more = ('objectives.minimise=["cost"]', f"limits.pose_accuracy_mm={float(point['pose_accuracy_mm'])!r}")
+    told = tolevo("run", CONFIG, "--out", folder / f"least{at}", *FEW, *(w for key in more for w in ("--set", key)))
+    (least,) = pd.read_csv(folder / f"least{at}" / "front.csv").to_dict("records")
+    assert least["pose_accuracy_mm"] <= point["pose_accuracy_mm"] * (1.0 + 1e-9)
+    assert least["cost"] <= point["cost"] * (1.0 + 1e-3)
+    assert "Proven: this is the least cost within the limits at equal pose rms (" in told
+    assert not (folder / f"least{at}" / "requirements.csv").exists()  # its form leaves the accuracy out
+
+
 def test_summary_names_what_is_assumed(folder: Path) -> None:
     summary = json.loads((folder / "run" / "summary.json").read_text())
     named = {one["name"] for one in summary["assumptions"]}

@@ -405,19 +405,27 @@ class Sentences:
                 f"leaves out limits that hold them back ({proven.statement})."
             )
         middle, most = float(np.nanmedian(gap)), float(np.nanmax(gap))
+        at = self._at_equal_requirements()
         if len(gap) == 1 and most < EXACT:
-            return f"Proven: this is the least cost within the limits ({proven.statement})."
+            return f"Proven: this is the least cost within the limits{at} ({proven.statement})."
         if len(gap) == 1:
             return (
-                f"Proven: no allocation within the limits costs less than {percent(most)} "
+                f"Proven: no allocation within the limits{at} costs less than {percent(most)} "
                 f"below this one ({proven.statement})."
             )
         if most < EXACT:
-            return f"Proven: every point of the front is optimal ({proven.statement})."
+            return f"Proven: every point of the front is optimal{at} ({proven.statement})."
         return (
-            f"Proven: no allocation of equal other objectives costs less than {percent(middle)} below a point of the "
-            f"front in the median, {percent(most)} at most ({proven.statement})."
+            f"Proven: no allocation of equal other objectives{at} costs less than {percent(middle)} below a point of "
+            f"the front in the median, {percent(most)} at most ({proven.statement})."
         )
+
+    def _at_equal_requirements(self) -> str:
+        """What a bound holds at, beside the limits: the requirements that stand for an output of the run."""
+        form = self.problem.form()
+        asked = {*self.names, *(limit.name for limit in self.problem.limits if limit.count)}
+        standing = [words(row) for row, name in form.stands.items() if name in asked] if form is not None else []
+        return f" at equal {join_with_and(standing)}" if standing else ""
 
 
 def join_with_and(texts: list[str]) -> str:
