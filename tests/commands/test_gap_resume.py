@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -17,7 +18,9 @@ from tolevo.commands.gap.uncertainty import FILE, STEPS
 from tolevo.directory import KINDS, MANIFEST, UNFINISHED
 from tolevo.directory.standing import present_files
 from tolevo.errors import InputError
+from tolevo.models.rv_reducer import batch
 
+GEARBOX = Path(__file__).resolve().parents[2] / "docs" / "gearbox"
 pytestmark = pytest.mark.usefixtures("unrendered")
 
 TEXT = """model = "table"
@@ -106,6 +109,30 @@ def test_the_search_is_recalled(folder: Path, monkeypatch: pytest.MonkeyPatch) -
     assert analysed(folder, "cut", "settings.bootstrap=9").status == "done"
     with pytest.raises(AssertionError):
         analysed(folder, "anew")
+
+
+def test_units_of_a_model_are_not_computed_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Interrupted where only the files are missing: units with a wider zone, most of the work, are known."""
+    made, touch = [], batch.touch
+    plan = read_gap(GEARBOX / "gap.toml")
+    data = read_data(plan, GEARBOX / "units.csv")
+
+    def counted(*arguments: Any) -> Any:
+        made.append(arguments)
+        return touch(*arguments)
+
+    def interrupt(*arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(batch, "touch", counted)
+    with monkeypatch.context() as patch:
+        patch.setattr("tolevo.commands.gap.gap.write", interrupt)
+        assert gap(plan, data, tmp_path / "out").status == "interrupted"
+    first = len(made)
+    made.clear()
+    plan = read_gap(GEARBOX / "gap.toml")
+    assert gap(plan, data, tmp_path / "out", resume=True).status == "done"
+    assert 0 < len(made) < first / 3, (first, len(made))
 
 
 def test_a_line_that_was_cut_is_made_again(folder: Path) -> None:

@@ -170,9 +170,9 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
     any price where the residual is above `ROUGH`, or where no tolerance changes a requirement, as a
     yield of 100 %. Columns: `point`, `output`, `unit`, `tighter` (`less` of the output, or `more` of one with
     a lower limit), `price` (cost per unit of the output), `source`: `multiplier` where the point is
-    proven optimal (gap at most `PROVEN` %) and the conditions hold, `front` where it is the slope of
-    the front of two objectives, else `estimate`, with `spread_percent`, the residual of the
-    conditions.
+    proven optimal (gap at most `PROVEN` %) and the conditions hold, `front` where there are none
+    and it is the slope of the front of two objectives, else `estimate`, with `spread_percent`, the
+    residual of the conditions.
     """
     names, rows = list(slopes.along), slopes.rows
     if front.empty or not names or not slopes.saved.size or COST not in front:
@@ -189,7 +189,7 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
         price, source = fitted[:, at], sources.copy()
         slope = front_slopes(front, name) if name in problem.objectives else None
         if slope is not None:
-            known = np.isfinite(slope[rows]) & (source == "estimate")
+            known = np.isfinite(slope[rows]) & (source == "estimate") & np.isnan(residual)
             price, source = np.where(known, slope[rows], price), np.where(known, "front", source)
         price = np.where(rough[:, at], np.nan, price)
         columns = {"point": rows, "output": name, "unit": units.get(name, "")}
