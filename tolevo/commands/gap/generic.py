@@ -16,10 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 from scipy.interpolate import BSpline
-from sklearn.linear_model import RidgeCV
-from sklearn.model_selection import LeaveOneGroupOut
-from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import SplineTransformer
 
 from ...models.effects.measurements import SESSION, labels_of, unit_numbers
 from ...models.effects.unresolved import wave
@@ -380,6 +376,8 @@ class Formula:
 
 def empirical(curve: Curve, name: str) -> str:
     """The formula in `name`, empty where no formula beats the spline on held-out rows."""
+    from sklearn.model_selection import LeaveOneGroupOut  # takes long to import
+
     formulas = list(_formulas(curve))
     formula_error, spline_error = 0.0, 0.0
     for training, held_out in LeaveOneGroupOut().split(curve.x, groups=curve.labels):
@@ -395,8 +393,12 @@ def empirical(curve: Curve, name: str) -> str:
     return ("{a} + " + best.text).format(**numbers, x=name)
 
 
-def _spline(curve: Curve, rows: NDArray[np.int64]) -> RidgeCV:
+def _spline(curve: Curve, rows: NDArray[np.int64]) -> Any:
     """A smoothing spline through some rows."""
+    from sklearn.linear_model import RidgeCV  # takes long to import
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import SplineTransformer
+
     splines = SplineTransformer(KNOTS, knots="quantile", extrapolation="linear")
     if curve.period:
         knots = np.linspace(0.0, curve.period, KNOTS)[:, None]

@@ -22,7 +22,7 @@ from ...section import Array
 from ...units import drawing_number, plain_number
 from .changes import step_words, words
 from .decide import Decisions
-from .plan import MAX_LIMIT_DISTANCE, RunPlan, shown_point
+from .plan import MAX_LIMIT_DISTANCE, RunPlan, chosen_point, shown_point
 from .prices import PERCENT, points_at_limit
 from .promise import cheapest_at, cheapest_design, promised_limits
 from .proofs import EXACT, ProvenFront, are_informative_bounds, distance_words, exact_table, percent
@@ -83,12 +83,6 @@ def add_choices(result: RunResult, decisions: Decisions, plan: RunPlan, exact: P
         tolerances=decisions.tolerances,
         exact_front=exact_table(plan.problem, exact),
     )
-
-
-def chosen_point(result: RunResult) -> int:
-    """Row of the knee of a front, or of its only point."""
-    choices = result.choices
-    return 0 if choices is None or choices.empty else int(choices["point"].iloc[0])
 
 
 def _mechanism(problem: ToleranceProblem) -> dict[str, object]:

@@ -44,6 +44,12 @@ class RunOutcome:
     result: RunResult
 
 
+def chosen_point(result: RunResult) -> int:
+    """Row of the knee of a front, or of its only point."""
+    choices = result.choices
+    return 0 if choices is None or choices.empty else int(choices["point"].iloc[0])
+
+
 # What backlash means in a run, shown on the units of one of its points.
 
 

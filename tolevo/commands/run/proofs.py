@@ -26,7 +26,7 @@ from ...problems.limits import Limit, loosened
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult
 from ...section import Array
-from .plan import RunPlan
+from .plan import RunPlan, chosen_point
 
 POINTS = 4000
 """Points of the exact front that a hypervolume is measured by."""
@@ -315,12 +315,14 @@ DRIVEN = 3
 
 def add_requirements(result: RunResult, problem: ToleranceProblem) -> RunResult:
     """The result with its tables of requirements, where the problem has several."""
-    tables = requirements_of(problem, result.front)
+    tables = requirements_of(problem, result.front, chosen_point(result))
     return result if tables is None else replace(result, requirements=tables[0], drivers=tables[1])
 
 
-def requirements_of(problem: ToleranceProblem, front: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame] | None:
-    """What each requirement costs at the knee of a front, or at its one point.
+def requirements_of(
+    problem: ToleranceProblem, front: pd.DataFrame, at: int
+) -> tuple[pd.DataFrame, pd.DataFrame] | None:
+    """What each requirement costs at a point of a front.
 
     None where a problem has one requirement, or no convex form with all of its limits: those that it
     leaves out take savings away. The multiplier is that of the least cost at the values of the point;
@@ -332,7 +334,6 @@ def requirements_of(problem: ToleranceProblem, front: pd.DataFrame) -> tuple[pd.
         return None
     if {limit.name for limit in problem.limits if limit.count} - {"cost", *form.outputs}:
         return None
-    at = int(np.argmax(front["knee"].to_numpy(dtype=bool) if "knee" in front else np.zeros(len(front), bool)))
     limits = _limits(problem, form, front.iloc[at])
     used = np.isfinite(limits)
     if not np.any(used):
