@@ -143,3 +143,17 @@ def test_a_yield_below_one_half_is_not_to_be_proven(folder: Path, tmp_path: Path
     assert result.exit_code == 2
     assert "limits.gap.yield_percent: asks for 40 % of the units" in result.stderr
     assert not (tmp_path / "o").exists()
+
+
+def test_requirements_of_three_objectives_are_those_of_the_first_choice(folder: Path, tmp_path: Path) -> None:
+    """A front of three objectives has no knee of two: the table is not that of its cheapest point."""
+    text = CONFIGURATION.replace('["cost"]', '["cost", "gap.variation", "tilt.variation"]')
+    text = text.replace('name = "exact"', 'name = "nsga3"\npopulation = 40\ngenerations = 12')
+    (tmp_path / "c.toml").write_text(text, encoding="utf-8")
+    result = tolevo("run", tmp_path / "c.toml", "--out", tmp_path / "o", "--quiet")
+    assert result.exit_code == 0, result.stderr
+    choice = pd.read_csv(tmp_path / "o" / "choices.csv").iloc[0]
+    assert choice["point"] > 0
+    table = pd.read_csv(tmp_path / "o" / "requirements.csv").set_index("requirement")
+    for name in ("gap.variation", "tilt.variation"):
+        assert table["limit"][name] == pytest.approx(choice[name], rel=1e-9)
