@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...algorithms.archive import hypervolume
 from ...algorithms.exact.bounds import Proof, convex_pieces, least_bounds, proof, reason, restrict_form, row_limits
-from ...algorithms.exact.choices import least_cost
+from ...algorithms.exact.choices import least_cost, search_vector
 from ...algorithms.exact.combination import Ascent, Combination, Optimum, within
 from ...algorithms.exact.epsilon import integer_faults, scale_of
 from ...algorithms.exact.local import Branch
@@ -27,6 +27,7 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult
 from ...section import Array
 from .plan import RunPlan, chosen_point
+from .prices import points_at_limit
 
 POINTS = 4000
 """Points of the exact front that a hypervolume is measured by."""
@@ -324,15 +325,17 @@ def requirements_of(
 ) -> tuple[pd.DataFrame, pd.DataFrame] | None:
     """What each requirement costs at a point of a front.
 
-    None where a problem has one requirement, or no convex form with all of its limits: those that it
-    leaves out take savings away. The multiplier is that of the least cost at the values of the point;
-    the saving is proven to lie between that of an allocation that is known and that of the bound at
-    the relaxed limit.
+    None where a problem has one requirement, no convex form, or a limit that its form leaves out and the
+    point uses up: that takes savings away. The multiplier is that of the least cost at the values of the
+    point; the saving is proven to lie between that of an allocation that is known to keep every limit and
+    that of the bound at the relaxed limit.
     """
     form = problem.form()
     if front.empty or form is None or len(set(form.outputs)) < 2 or reason(problem, form):
         return None
-    if {limit.name for limit in problem.limits if limit.count} - {"cost", *form.outputs}:
+    names = {*form.relaxed, *form.stands.values()}
+    omitted = [limit for limit in problem.limits if limit.count and limit.name in names]
+    if any(points_at_limit(limit, front.iloc[[at]])[0] for limit in omitted):
         return None
     limits = _limits(problem, form, front.iloc[at])
     used = np.isfinite(limits)
@@ -344,7 +347,7 @@ def requirements_of(
         return None
     combination = Combination(form, tuple(optimum.chosen[0].tolist()))
     optimum = replace(optimum, cost=combination.cost(optimum.t))
-    return _table(problem, limits, optimum, combination), _drivers(form, optimum, combination)
+    return _table(problem, limits, optimum, combination, omitted), _drivers(form, optimum, combination)
 
 
 def _limits(problem: ToleranceProblem, form: Form, point: pd.Series) -> Array:
@@ -353,12 +356,14 @@ def _limits(problem: ToleranceProblem, form: Form, point: pd.Series) -> Array:
     return np.asarray(np.minimum(values, row_limits(problem, form)))
 
 
-def _table(problem: ToleranceProblem, limits: Array, optimum: Optimum, combination: Combination) -> pd.DataFrame:
+def _table(
+    problem: ToleranceProblem, limits: Array, optimum: Optimum, combination: Combination, omitted: list[Limit]
+) -> pd.DataFrame:
     """A row for each requirement: its limit, value, multiplier, and the saving at 10 % more."""
     form = combination.form
     values, multiplier = combination.values(optimum.t)[0], optimum.multiplier[0]
     units = {o.name: o.unit for o in problem.outputs}
-    least, most = _savings(form, limits, optimum, combination)
+    least, most = _savings(problem, limits, optimum, combination, omitted)
     fractions = _fractions(optimum, combination)
     rows = []
     for at, name in enumerate(form.outputs):
@@ -383,12 +388,16 @@ def _table(problem: ToleranceProblem, limits: Array, optimum: Optimum, combinati
     return pd.DataFrame(rows)
 
 
-def _savings(form: Form, limits: Array, optimum: Optimum, combination: Combination) -> tuple[Array, Array]:
+def _savings(
+    problem: ToleranceProblem, limits: Array, optimum: Optimum, combination: Combination, omitted: list[Limit]
+) -> tuple[Array, Array]:
     """What relaxing each limit alone saves at least and at most (r,): 0 where it does not bind.
 
-    At least the saving with the same processes, solved again; at most that of the bound by the best
+    At least the saving with the same processes, solved again, and nothing where that breaks a limit that the form
+    leaves out; at most that of the bound by the best
     multipliers, which holds for any choice of processes (`Ascent`).
     """
+    form = combination.form
     most_parts = largest_parts(form) if form.quantiles else None
     least, most = np.zeros(len(limits)), np.zeros(len(limits))
     for at in np.flatnonzero(optimum.multiplier[0] > 0.0):
@@ -397,9 +406,17 @@ def _savings(form: Form, limits: Array, optimum: Optimum, combination: Combinati
         same = Programme(combination).least_cost(relaxed[None, :])
         dual = Ascent(form, relaxed, spread_of(form, combination.parts(same.t), most_parts))
         bound = dual.value(dual.multipliers(same.multiplier[0]))[0]
-        least[at] = max(float(optimum.bound[0] - same.cost[0]), 0.0)
+        design = problem.complete(search_vector(problem, form, combination.chosen, same.t[0])) if omitted else None
+        if design is None or _keeps(problem, design, omitted):
+            least[at] = max(float(optimum.bound[0] - same.cost[0]), 0.0)
         most[at] = max(float(optimum.cost[0]) - bound, least[at])
     return least, most
+
+
+def _keeps(problem: ToleranceProblem, design: Array, limits: list[Limit]) -> bool:
+    """Whether a full design (1, all variables) keeps some limits."""
+    outputs = problem.reported().needed_outputs(design)
+    return all(limit.kept(problem.values(design, outputs, limit.name))[0] for limit in limits)
 
 
 def _fractions(optimum: Optimum, combination: Combination) -> Array:
