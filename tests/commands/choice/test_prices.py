@@ -106,7 +106,7 @@ def test_a_point_that_is_no_optimum_does_not_say_which_limits_cost_nothing(tmp_p
     )
     limits = "[objectives]\nminimise = ['cost']\n[limits]\nwhole.variation = 0.2\npair.variation = 0.15\n"
     (tmp_path / "two.toml").write_text('problem = "stack"\n' + limits + rows + parts, encoding="utf-8")
-    problem = read(tmp_path / "two.toml").problem
+    problem: Any = read(tmp_path / "two.toml").problem
     optimum = cheapest_design(problem).design
     for moved, gap, known in (
         ([0.0, 0.0, 0.0], 0.0, "whole pair"),
@@ -116,7 +116,7 @@ def test_a_point_that_is_no_optimum_does_not_say_which_limits_cost_nothing(tmp_p
         design = (optimum + moved)[None]
         front = problem.frame(design).assign(gap_percent=gap)
         found = prices(problem, front, slopes_of(problem, design)).set_index("output")["price"]
-        assert " ".join(name.split(".")[0] for name, price in found.items() if price > 0.0) == known
+        assert " ".join(str(name).split(".")[0] for name, price in found.items() if price > 0.0) == known
         assert found[[f"{name}.variation" for name in {"whole", "pair"} - set(known.split())]].isna().all()
 
 
