@@ -19,6 +19,7 @@ from tolevo.directory import KINDS, MANIFEST, UNFINISHED
 from tolevo.directory.standing import present_files
 from tolevo.errors import InputError
 from tolevo.models.rv_reducer import batch
+from tolevo.models.rv_reducer.population.contact import touch
 
 GEARBOX = Path(__file__).resolve().parents[2] / "docs" / "gearbox"
 pytestmark = pytest.mark.usefixtures("unrendered")
@@ -113,7 +114,7 @@ def test_the_search_is_recalled(folder: Path, monkeypatch: pytest.MonkeyPatch) -
 
 def test_units_of_a_model_are_not_computed_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Interrupted where only the files are missing: units with a wider zone, most of the work, are known."""
-    made, touch = [], batch.touch
+    made: list[object] = []
     plan = read_gap(GEARBOX / "gap.toml")
     data = read_data(plan, GEARBOX / "units.csv")
 
