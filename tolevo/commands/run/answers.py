@@ -1,4 +1,4 @@
-"""The question, results and proof of a run, in sentences with numbers and conditions."""
+"""What a run says: its choices, its answers in sentences, what assumptions cost, its promise."""
 
 from __future__ import annotations
 

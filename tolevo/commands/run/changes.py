@@ -1,4 +1,4 @@
-"""What changing one tolerance alone does to a chosen allocation: tried by the full model."""
+"""Designs of values that can be ordered: single steps tried by the full model, and rounding."""
 
 from __future__ import annotations
 
@@ -149,6 +149,9 @@ class Ranking:
 def best(keys: Array) -> NDArray[np.int64]:
     """Rows from the best to the worst."""
     return np.lexsort(keys.T[::-1])
+
+
+# What changing one tolerance alone does to a chosen allocation: tried by the full model.
 
 
 VALUE_TOLERANCE = 1e-9

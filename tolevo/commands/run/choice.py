@@ -1,4 +1,4 @@
-"""Which point of a front to build: named rules, how sure they are, and what can be ordered."""
+"""Which point of a front to build: its settings, the named rules, and how sure their choice is."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From the archive of a search to the reported front."""
+"""The front of a run: reported from its archive, its alternatives, workers, and resumed state."""
 
 from __future__ import annotations
 

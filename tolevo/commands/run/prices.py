@@ -1,4 +1,4 @@
-"""Derivatives of outputs by tolerances, from the model or by differences."""
+"""What tolerances do to requirements at points of a front: derivatives, contributions and prices."""
 
 from __future__ import annotations
 
@@ -14,6 +14,9 @@ from ...problems.limits import Limit
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Kind, Variable
 from .choice import COST
+
+# Derivatives of outputs by tolerances, from the model or by differences.
+
 
 STEP = 1e-3
 """Relative step of a tolerance where an output has no derivative."""

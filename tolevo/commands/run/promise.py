@@ -1,4 +1,4 @@
-"""Promises of a run on the parts that were measured: what holds, and which parts to measure next."""
+"""Promises of a run on measured parts: their least cost, whether they hold, what to measure next."""
 
 from __future__ import annotations
 

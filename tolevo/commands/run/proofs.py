@@ -1,4 +1,4 @@
-"""What is proven about a front: the bounds of its points, and the exact front."""
+"""What is proven about a front: bounds, the exact front, limits out of reach, prices of requirements."""
 
 from __future__ import annotations
 

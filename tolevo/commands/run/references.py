@@ -1,4 +1,4 @@
-"""The documents' allocations and the single-objective optimum, compared with the front."""
+"""What a front is compared with: documents, single optima, other algorithms, a model without effects."""
 
 from __future__ import annotations
 

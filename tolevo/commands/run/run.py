@@ -1,4 +1,4 @@
-"""`tolevo run`: search, references, comparison, files."""
+"""`tolevo run`: the list of its steps, its side searches, and its files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Designs of experiments, one kind per file; `[design] kind` names one of `DESIGNS`."""
+"""Designs of experiments, of which `[design] kind` names one of `DESIGNS`."""
 
 from __future__ import annotations
 

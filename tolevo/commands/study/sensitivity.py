@@ -1,8 +1,4 @@
-"""Shares of the variance of one run, noise included: the fraction that each key explains.
-
-They are estimated over pairs of different seeds, so that noise adds nothing to the share of a key.
-The settings are those of the design; the intervals are over seeds.
-"""
+"""Sensitivity of a response of a study: shares of variance, Sobol indices and elementary effects."""
 
 from __future__ import annotations
 
@@ -29,6 +25,11 @@ from .statistics import (
     random_settings,
     variance,
 )
+
+# Shares of the variance of one run, noise included: the fraction that each key explains.
+#
+# They are estimated over pairs of different seeds, so that noise adds nothing to the share of a key.
+# The settings are those of the design; the intervals are over seeds.
 
 
 def effect_of(values: Array, weights: Array) -> Array:

@@ -1,4 +1,4 @@
-"""The values of one response as an array of settings by replicates."""
+"""Statistics of one response of a study: intervals, noise, analysis of variance, and tests on seeds."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ from statsmodels.stats.multitest import multipletests
 
 from ...section import Array
 from .plan import LARGER_IS_BETTER, Factor, Level, StudySettings
+
+# The values of one response as an array of settings by replicates.
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""`tolevo study`: many runs, their table, and its statistics."""
+"""`tolevo study`: racing, the runs as tasks, their statistics, and its files."""
 
 from __future__ import annotations
 

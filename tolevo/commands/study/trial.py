@@ -1,4 +1,4 @@
-"""Whole runs as tasks: pure functions of their arguments, which any process can compute."""
+"""The work of a study in other processes: whole runs as tasks, their curves, and large Monte Carlos."""
 
 from __future__ import annotations
 
