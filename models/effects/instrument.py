@@ -15,8 +15,6 @@ from .effect import Action, Effect, EffectParameter, Measurements, Target, Value
 from .measurements import usual_step
 from .shapes import POSITIONS, OneColumn, Orders, Weight, speed_unit
 
-# A clock that drifts.
-
 
 class ClockDrift(OneColumn):
     """A clock that drifts."""
@@ -35,9 +33,6 @@ class ClockDrift(OneColumn):
 
     def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         return np.asarray(measurements[Role.TIME] * measurements[Role.SPEED] * measurements[Role.DIRECTION])
-
-
-# A recorded channel that is delayed.
 
 
 MAX_DELAY_STEPS = 20.0
@@ -168,9 +163,6 @@ def _correlation(values: Array, by: int) -> float:
     return float(y[by:] @ y[:-by]) / float(y @ y)
 
 
-# Waves of the encoder.
-
-
 class EncoderHarmonics(Orders):
     """Orders 1, 2 and 4: errors of the encoder or resolver."""
 
@@ -182,9 +174,6 @@ class EncoderHarmonics(Orders):
     mistaken_for = ("output_eccentricity",)
     reference = "Sanchez-Brea and Morlanes, Meas. Sci. Technol. 19, 2008"
     orders = (1, 2, 4)
-
-
-# An instrument that measures too much or too little.
 
 
 class GaugeBias(OneColumn):
@@ -200,9 +189,6 @@ class GaugeBias(OneColumn):
 
     def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         return np.ones(len(measurements))
-
-
-# The step of measurements that are whole multiples of it.
 
 
 FINEST = 1e-6
@@ -230,9 +216,6 @@ def step_of(values: Array) -> float | None:
     step = float(levels @ counts) / max(float(counts @ counts), 1.0)
     off = levels / step - np.round(levels / step)
     return step if float(np.sqrt(np.mean(off**2))) < OFF else None
-
-
-# Measurements in steps.
 
 
 class Quantisation(Effect):
@@ -267,9 +250,6 @@ class Quantisation(Effect):
 def round_to_step(values: Array, step: float) -> Array:
     """Values (n,) in whole steps."""
     return np.asarray(step * np.round(values / step))
-
-
-# The output is recorded late.
 
 
 class ReadOutLag(OneColumn):

@@ -11,8 +11,6 @@ from .effect import EffectParameter, Measurements, Target, Values, kind_of, quan
 from .measurements import play_along_path
 from .shapes import POSITIONS, Columns, Load, LoadShape, Orders, Shape, Weight
 
-# A dead band that is crossed over a small load.
-
 
 class BearingClearance(LoadShape):
     """Dead band: the clearance is taken up over a small torque."""
@@ -34,9 +32,6 @@ class BearingClearance(LoadShape):
     def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         up = values[self.shape_parameters(target)[0].name]
         return np.clip(Load.of(measurements) / max(up, np.finfo(float).tiny), -1.0, 1.0)
-
-
-# Friction that differs by direction.
 
 
 class DirectionalOffset(Shape):
@@ -69,9 +64,6 @@ class DirectionalOffset(Shape):
     def columns(self, measurements: Measurements, values: Values, target: Target) -> Columns:
         direction = np.asarray(measurements[Role.DIRECTION], dtype=float)
         return {"forward": lambda: np.maximum(direction, 0.0), "backward": lambda: np.minimum(direction, 0.0)}
-
-
-# A hysteresis loop between the two directions of motion or loading.
 
 
 LOCKED = "rv_lost_motion"
@@ -143,9 +135,6 @@ def _belongs_to_loop(parameter: EffectParameter) -> bool:
     return not parameter.stem.endswith(MOVING.stem)
 
 
-# Twist of contacts that stiffen as they flatten.
-
-
 class HertzStiffening(LoadShape):
     """Hertzian twist, with the torque to the power 2/3."""
 
@@ -163,9 +152,6 @@ class HertzStiffening(LoadShape):
     def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         load = Load.of(measurements)
         return np.asarray(np.sign(load) * np.cbrt(load) ** 2)
-
-
-# Friction in proportion to the load.
 
 
 class LoadFriction(LoadShape):
@@ -191,9 +177,6 @@ class LoadFriction(LoadShape):
         return np.asarray(np.abs(Load.of(measurements)) * measurements[Role.DIRECTION])
 
 
-# Waves of the disc's teeth that grow with the load.
-
-
 class LoadSharing(Orders):
     """Twice the order of the pins (78), in proportion to the signed torque."""
 
@@ -213,9 +196,6 @@ class LoadSharing(Orders):
         return Load.of(measurements)
 
 
-# A gap that is crossed with the sign of the load.
-
-
 class LostMotion(LoadShape):
     """Offset with the sign of the torque."""
 
@@ -230,9 +210,6 @@ class LostMotion(LoadShape):
 
     def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         return np.sign(Load.of(measurements))
-
-
-# Twist in proportion to the load.
 
 
 class TorsionalCompliance(LoadShape):

@@ -12,8 +12,6 @@ from ..measurable import Role
 from .effect import EffectParameter, Measurements, Target, Values, quantity
 from .shapes import Columns, Load, OneColumn, Shape, Weight, no_waves, speed_unit
 
-# Viscous friction that grows with the load.
-
 
 class LoadViscous(Shape):
     """Products of load and speed, with the sign of the load and against the motion.
@@ -48,9 +46,6 @@ class LoadViscous(Shape):
             "signed": lambda: np.asarray(load * speed),
             "drag": lambda: np.asarray(np.abs(load) * speed * measurements[Role.DIRECTION]),
         }
-
-
-# Friction that falls from its breakaway to its level in motion.
 
 
 SLOWEST, FASTEST = 0.01, 0.7
@@ -98,9 +93,6 @@ class Stribeck(Shape):
             return np.asarray(direction * np.where(left < GONE, 0.0, left))
 
         return {"excess": excess, "level": lambda: direction}
-
-
-# A wave that a natural frequency magnifies.
 
 
 Waves = NDArray[np.complex128]
@@ -159,9 +151,6 @@ def response(measurements: Measurements, order: float, frequency: float, damping
     return np.asarray(answer * np.exp(1j * order * measurements[Role.ANGLE]))
 
 
-# Friction in proportion to the speed.
-
-
 class ViscousFriction(OneColumn):
     """Friction in proportion to the speed."""
 
@@ -178,9 +167,6 @@ class ViscousFriction(OneColumn):
 
     def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         return np.asarray(measurements[Role.SPEED] * measurements[Role.DIRECTION])
-
-
-# Drag with the square of the speed.
 
 
 class Windage(OneColumn):

@@ -11,8 +11,6 @@ from ..measurable import Role
 from .effect import Action, EffectParameter, Measurements, Target, Values, quantity, value_or_zero
 from .shapes import POSITIONS, OneColumn, Weight, warming
 
-# A measurement that settles logarithmically.
-
 
 class Creep(OneColumn):
     """A measurement that settles logarithmically."""
@@ -34,9 +32,6 @@ class Creep(OneColumn):
     def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         since = np.maximum(measurements[Role.TIME], 0.0)  # before its beginning nothing creeps
         return np.asarray(np.log1p(since / max(values["begin_s"], np.finfo(float).tiny)))
-
-
-# Disc and housing grow differently.
 
 
 DISC = "disc_temperature_K"
@@ -83,9 +78,6 @@ class DifferentialThermalExpansion(OneColumn):
         return np.asarray(warming(measurements) * measurements[Role.DIRECTION])
 
 
-# A measurement that changes with time.
-
-
 class Drift(OneColumn):
     """A measurement that changes with time."""
 
@@ -101,9 +93,6 @@ class Drift(OneColumn):
 
     def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         return np.asarray(measurements[Role.TIME], dtype=float)
-
-
-# Friction that falls as the grease warms.
 
 
 class ThermalFriction(OneColumn):
@@ -125,9 +114,6 @@ class ThermalFriction(OneColumn):
     def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         fallen = np.expm1(-values["decay_per_K"] * warming(measurements))
         return np.asarray(measurements[Role.DIRECTION] * fallen)
-
-
-# A zero that moves with the temperature.
 
 
 class ThermalZero(OneColumn):
@@ -155,9 +141,6 @@ class ThermalZero(OneColumn):
 
     def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         return warming(measurements)
-
-
-# Backlash that grows with time.
 
 
 class Wear(OneColumn):

@@ -60,9 +60,6 @@ class NullModel:
         return replace(self, setup=setup, search=search)
 
 
-# Whether a selected effect has the right form, or only a form of its kind.
-
-
 PRICE = {1: 5.0, 2: -6.0}
 """By how much a generic form must fit better than so many selected effects to displace them: a
 single cause is likelier than two."""

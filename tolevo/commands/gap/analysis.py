@@ -55,9 +55,6 @@ from .selection import (
 from .setup import Setup, move_setup
 from .unresolved import label, member_of, member_with, term_of, whole_term
 
-# The contribution of an effect as a generic curve: the part of a larger effect without formula.
-
-
 KNOTS = 60
 """Knots of a curve, at most."""
 EXACT = 1e-3
@@ -116,9 +113,6 @@ def _broken_line(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ..
 #
 # After each removal, exchange or addition everything is fitted and tested again. A form that lowers
 # the held-out error and fits no effect stays as a generic term, so that its omission does not bias
-# the parameters of the effects.
-
-
 TERMS = 8
 """Largest number of generic terms."""
 TRIED = 4

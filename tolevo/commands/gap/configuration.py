@@ -32,8 +32,6 @@ from .drawing_configuration import Run, apply_drawing
 from .next_points import rows_in_range
 from .plan import GapPlan, GapSettings, NextPlan, Span
 
-# `[free]` of a gap analysis: what may be recalibrated, and by how much.
-
 
 def read_free(top: Section, configuration: Configuration | None) -> dict[str, float]:
     """Tolerance by parameter; without the table the model's own list of free parameters."""
@@ -64,9 +62,6 @@ def _numeric_parameters(kind: ModelClass) -> dict[str, str]:
         elif isinstance(parameter.default, float):
             units[parameter.name] = parameter.unit
     return units
-
-
-# `[next_measurement]` of a gap analysis: how many measurements, and where they may be taken.
 
 
 KEY = "next_measurement"
@@ -214,9 +209,6 @@ def _range_faults(section: Section, model: MeasurableModel, spans: dict[str, Spa
     table = {name: axis.ravel() for name, axis in zip(spans, mesh, strict=True)}
     if not rows_in_range(model, table).any():
         section.fault("", f"holds no point that the model reaches: widen {' or '.join(spans)}")
-
-
-# The run that a gap analysis repeats with the corrected model.
 
 
 RUN_KEYS = ("problem", "model", "seed", "parameters", "variables", *LABELS, *PROBLEM_ONLY)

@@ -18,9 +18,6 @@ from ...section import Array, Output
 from ...units import converted, dimension
 from .plan import GapPlan
 
-# The clock of a table, or of each of its sessions: rows in the order of measuring.
-
-
 LATE = 0.05
 """Fraction of its span by which the start of a clock may differ from 0."""
 MAX_BACKSTEP_FRACTION = 0.02
@@ -251,9 +248,6 @@ def _zeros(target: Target) -> tuple[str, ...]:
     """The outputs whose zero is always free: angles, twists, transmission errors."""
     angles = tuple(o.name for o in target.outputs if dimension(o.unit) == dimension("rad"))
     return () if target.population else angles
-
-
-# Batches as units: repeated measurements of a unit are merged, and units are counted.
 
 
 SEVERAL = 3

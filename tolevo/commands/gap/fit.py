@@ -18,8 +18,6 @@ from .library import Candidate, Columns
 from .linear import ConditionalGroups, Groups, basis, project_out, unit
 from .noise import Noise
 
-# Whitened space: the outputs one below the other, each divided by its own noise.
-
 
 @dataclass(frozen=True)
 class Space:

@@ -44,9 +44,6 @@ from .scan import generic_residual
 from .setup import prepare_setup, residual_of
 from .uncertainty import Replicates, Spread, bootstrap, identity_of, is_complete, open_replicates
 
-# Quantiles of the units of a batch: measured, and of the model before and after correction.
-
-
 COLUMNS = ("output", "share", "measured", "before", "after")
 DRAWN = 20_000
 """Least number of units drawn from a model."""
@@ -92,9 +89,6 @@ def _draw_units(
     return {output.name: np.concatenate([run[output.name] for run in runs]) for output in data.outputs}
 
 
-# Recalibration so large that it may hide a cause.
-
-
 MAX_RECALIBRATION_MOVE = 0.5
 """Fraction of its tolerance from which a parameter has moved far."""
 MOVE_IN_ERRORS = 4.0
@@ -125,9 +119,6 @@ def recalibration_message(moves: Iterable[tuple[str, float, float, float]]) -> s
         f"recalibrated by more than {100 * MAX_RECALIBRATION_MOVE:.0f} % of its tolerance: {', '.join(far)}; with an "
         "empty [free] this would be a gap, and its effect would be identified if the library contains it"
     )
-
-
-# The unidentified forms as records, and a formula where one was requested.
 
 
 def shape_records(end: Ending) -> tuple[Shape, ...]:
@@ -183,9 +174,6 @@ def _misfit_record(end: Ending, misfit: Misfit) -> Shape:
     )
     where = (output.name, "population", "scatter of the units")
     return Shape(*where, misfit.distance, output.unit, text, torque="none", direction="none")
-
-
-# The files of a gap analysis. Each appears whole or not at all.
 
 
 SUMMARY = "summary.txt"

@@ -345,9 +345,6 @@ def groups_of(columns: list[Array]) -> Groups:
 
 # A formula for an unidentified effect, only where it predicts held-out rows better than a spline.
 #
-# It is no cause. Such a form interpolates within the data and does not extrapolate.
-
-
 KNOTS = 8
 STIFF = np.geomspace(1e-4, 1e2, 7)
 """Penalties of the spline, of which the best predictor is chosen."""

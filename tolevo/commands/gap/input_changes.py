@@ -182,9 +182,6 @@ def below(log: Array) -> Array:
     return np.asarray(total / density.sum(axis=-1, keepdims=True))
 
 
-# The change of one input alone that explains a batch: a shift, a wider zone, or a trend.
-
-
 GAUGE = "gauge"
 """The gauge is no input, but moves or blurs every measurement alike."""
 TRENDS = np.sinh(np.linspace(-np.arcsinh(20.0), np.arcsinh(20.0), 61)) * (REACH / 20.0)

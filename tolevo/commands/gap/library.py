@@ -37,9 +37,6 @@ from .data import GapData
 from .input_changes import UnitLaw
 from .plan import GapPlan
 
-# The law that the units of a batch scatter by: convolved, or estimated from units.
-
-
 DRAWN = 200_000
 """Units from which the density is estimated."""
 CELLS = 512
@@ -465,9 +462,6 @@ def _axis(parameter: EffectParameter, spread: float, dimensions: int) -> list[fl
     if low >= 0.0:
         return [float(x) for x in np.geomspace(max(low, high * 1e-3), high, count)]
     return [float(x) for x in np.linspace(low, high, count)]
-
-
-# The prediction of the model at the rows of the data, as a function of changes inside it.
 
 
 POINTS = 9

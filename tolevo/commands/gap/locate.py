@@ -21,9 +21,6 @@ from .scan import GenericResidual, Remaining, evidence
 from .selection import Search
 from .setup import Setup
 
-# The region where effects inside a model act, and the shape of the unidentified residual.
-
-
 FAMILIES = {
     Role.TORQUE: "load",
     Role.FORCE: "load",
@@ -281,9 +278,6 @@ def _region(
         statistic=level,
         threshold=limit,
     )
-
-
-# Order spectrum of residuals in the angle domain.
 
 
 COLUMNS = ("output", "order", "before", "after", "threshold")

@@ -132,9 +132,6 @@ def distance(explanation: Predictions, rival: Predictions) -> float:
 # The discrimination of two explanations by measurements at some points and those of the record.
 #
 # The criterion is that of T-optimality: the squared norm of the residual of the one prediction after
-# a refit of the other. Reference: Atkinson & Fedorov, Biometrika 62, 1975.
-
-
 RIDGE = 1e-10
 """Fraction of a column's square that keeps a fit regular."""
 Chosen = NDArray[np.int64]
@@ -198,9 +195,6 @@ class Contest:
         covariance = np.eye(residual.shape[1]) + spread @ np.swapaxes(self.columns, 1, 2)
         solved = np.linalg.solve(covariance, residual[..., None])[..., 0]
         return np.asarray(level + np.einsum("ck,ck->c", residual, solved))
-
-
-# The candidate points of a next measurement, as measurements of the record's kind.
 
 
 class _Following(Columns):
@@ -368,9 +362,6 @@ def _time(data: GapData) -> str | None:
 
 # Exact designs by exchange: the points that separate the worst pair best.
 #
-# Reference: Fedorov, Theory of Optimal Experiments, 1972; Atkinson & Fedorov, Biometrika 62, 1975.
-
-
 PASSES = 3
 BETTER = 1e-4
 """Relative gain for which a point is exchanged."""

@@ -56,9 +56,6 @@ from .separations import (
 )
 from .setup import Setup
 
-# Points at which a barely present effect would be detected, and the probability of detection.
-
-
 MAX_UNLISTED_EFFECTS = 2
 """Number of effects that are planned for where none is listed."""
 NINE_OF_TEN = 1.2816
@@ -181,9 +178,6 @@ def sensitivity(end: Ending, sought: Sought, new: Ahead, alike: Ahead) -> Sensit
     )
 
 
-# The inputs by which points separate two explanations.
-
-
 CELLS = 12
 """Number of stretches of an input over which means are taken."""
 
@@ -213,9 +207,6 @@ def _ratio(values: Array, of: Array) -> float:
     total = float(np.var(of))
     between = float(count @ (means - of.mean()) ** 2) / len(of)
     return between / total if total > 0.0 else 0.0
-
-
-# The next measurement of a batch: further units, at the ends of configured ranges.
 
 
 MAX_FURTHER_UNITS = 10**6
@@ -279,9 +270,6 @@ def _chance(moments: Sequence[tuple[float, float]], ahead: float, count: int, by
         gained = start + 2.0 * count * mean - by
         chance += weight * ndtr(gained / np.sqrt(max(4.0 * count * variance, 1e-12)))
     return float(chance)
-
-
-# The next measurement of an analysis that has ended: its points and expected discrimination.
 
 
 FILE = "next_measurement.csv"

@@ -185,9 +185,6 @@ def _points_of_record(data: GapData, axes: Sequence[Axis]) -> dict[str, Array]:
     return {axis.column.name: axis.settable(table[axis.column.name][rows]) for axis in axes}
 
 
-# Cycles of the torque, for units whose twist depends on the path that the torque took.
-
-
 CYCLES = 7
 """Number of cycles that are tried, as a power of two."""
 PER_CYCLE = 20

@@ -35,8 +35,6 @@ from .fit import Fit
 from .next_points import NO_POINT, RANGE, axes_of, candidates, rows_in_range
 from .plan import GapPlan, alike, column_messages, output_of
 
-# Ranges of the next measurement that do not fit the data.
-
 
 def range_faults(plan: GapPlan, data: GapData, place: str) -> list[Fault]:
     """Faults of ranges of missing columns, of past times, and of ranges without a point."""
@@ -58,9 +56,6 @@ def range_faults(plan: GapPlan, data: GapData, place: str) -> list[Fault]:
         points = candidates(data, axes_of(data, wanted.ranges, wanted.readings), plan.seed)
         faults += [] if rows_in_range(plan.model, points).any() else [Fault(RANGE, NO_POINT)]
     return faults
-
-
-# Implausible units: measurements far outside the range of any test bench.
 
 
 PLAUSIBLE_MAXIMA = {

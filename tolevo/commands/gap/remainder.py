@@ -98,9 +98,6 @@ def _population_gaps(end: Ending, before: Array, after: Array) -> Gaps:
     return Gaps(_add_total(end, first), _add_total(end, last), _add_total(end, least), OF_UNITS)
 
 
-# The unidentified remainder given the identified effects, as records.
-
-
 MAX_REMAINDERS = 3
 """Number of forms listed in addition to the terms."""
 

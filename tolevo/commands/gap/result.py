@@ -25,9 +25,6 @@ from .unresolved import whole_term
 # its dimensions, and the common dimension is assumed to have had as much. With g the column of a
 # parameter given all others, E the squared norm of the term r in noise units and m its dimensions,
 # the variance is then sigma^2 / |g|^2 (1 + E/m). A term that is fitted jointly may have absorbed g' r
-# / |g|^2 of the parameter, between none and all of it: the standard deviation is taken as 0.6 of it.
-
-
 NEGLIGIBLE_FRACTION = 0.01
 """Fraction of a parameter's column within a form below which they have nothing in common."""
 STEP = 1e-4

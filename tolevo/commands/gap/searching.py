@@ -21,9 +21,6 @@ from .scan import Dictionary, Remaining, Thresholds, evidence, thresholds
 from .selection import Search
 from .setup import Setup, values_of
 
-# Estimates the noise of each output given the model, the effects and any smooth remainder.
-
-
 CERTAIN = 14.0
 """Evidence from which a generic form is removed before the noise is estimated."""
 MAX_OUTLIERS_WITH_LAW = 0.03
@@ -207,9 +204,6 @@ def _repeat_std(remainder: Remainder) -> float | None:
         return None
     means = np.bincount(number, remainder.residual) / count
     return float(np.sqrt(np.sum((remainder.residual - means[number]) ** 2) / freedom))
-
-
-# The quantity that an instrument measures: the prediction with all effects added to it.
 
 
 COARSE_STEP_RATIO = 0.25

@@ -322,9 +322,6 @@ def concluding(search: Search, selection: Selection, fit: Fit, labels: Mapping[s
     return tuple(replace(step, number=at) for at, step in enumerate(steps))
 
 
-# Rivals: effects that the data cannot distinguish from those that were accepted.
-
-
 SAME_COLUMNS = 1e-3
 """Difference in score below which two effects have the same columns."""
 INSTRUMENT = "instrument"

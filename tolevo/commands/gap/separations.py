@@ -109,9 +109,6 @@ def _undetermined_columns(record: Array, new: Array) -> Array:
     return np.asarray((new[:, kept] / size[kept]) @ root)
 
 
-# The design that separates the best explanation from its rivals, and its discrimination.
-
-
 SUPPORT = 60
 """Number of measurements that are chosen one by one; further ones repeat them."""
 HOPELESS = 1e-4
@@ -255,9 +252,6 @@ def joint_discrimination(best: Predictions, rival: Predictions, new_best: Predic
     rival_values = np.concatenate([rival.values, new_rival.values])
     columns = np.vstack([rival.columns, new_rival.columns])
     return distance(Predictions(values, columns), Predictions(rival_values, columns))
-
-
-# The measurement that would separate two explanations best.
 
 
 ROWS = 240
