@@ -1,4 +1,4 @@
-"""Effects of angle."""
+"""Effects that follow the angle: waves of orders of the gear, and pulses of defects."""
 
 from __future__ import annotations
 

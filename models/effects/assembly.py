@@ -1,4 +1,4 @@
-"""Effects of assembly."""
+"""Effects of adjusting and installing the chains of an assembly."""
 
 from .effect import Inside
 

@@ -13,7 +13,7 @@ from ...section import Array
 from ..measurable import Role
 from .effect import Action, Effect, EffectParameter, Measurements, Target, Values, quantity, value_or_zero
 from .measurements import usual_step
-from .shapes import POSITIONS, OneColumn, Orders, Weight, speed_unit
+from .shapes import POSITIONS, OneColumn, Orders, SignedSpeed, Weight, speed_unit
 
 
 class ClockDrift(OneColumn):
@@ -252,7 +252,7 @@ def round_to_step(values: Array, step: float) -> Array:
     return np.asarray(step * np.round(values / step))
 
 
-class ReadOutLag(OneColumn):
+class ReadOutLag(SignedSpeed):
     """The output is recorded late, or its input is.
 
     An output that grows with the motion lags by v times the delay (a < 0); in a difference
@@ -264,12 +264,8 @@ class ReadOutLag(OneColumn):
     dimensions = POSITIONS
     cause = "The output is recorded some time after the input."
     formula = "a v d"
-    needs = (Role.SPEED, Role.DIRECTION)
     mistaken_for = ("viscous_friction", "windage")
     reference = "Franklin, Powell and Workman, Digital Control of Dynamic Systems, 1998"
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("rate", "a, per unit of speed", speed_unit(target), -inf),)
-
-    def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
-        return np.asarray(measurements[Role.SPEED] * measurements[Role.DIRECTION])

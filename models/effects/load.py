@@ -1,4 +1,4 @@
-"""Effects of load."""
+"""Effects of the load: compliance, play, and friction of loaded contacts."""
 
 from __future__ import annotations
 
@@ -220,6 +220,7 @@ class TorsionalCompliance(LoadShape):
     dimensions = POSITIONS
     cause = "Shafts, bearings and housing twist elastically, in proportion to the torque."
     formula = "T/K"
+    of_stiffness = True
     mistaken_for = ("hertz_stiffening", "bearing_clearance", "lost_motion")
     reference = "Timoshenko, Strength of Materials, 1955"
 

@@ -1,4 +1,4 @@
-"""Effects of manipulator."""
+"""Effects inside a parallel manipulator: lengths, zeros, play and yield of its chains."""
 
 from __future__ import annotations
 

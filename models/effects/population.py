@@ -198,6 +198,9 @@ class LotOffset(OfUnits):
     formula = "y + c_l in lot l"
     needs = (Role.LOT,)
     mistaken_for = ("lot_mixture", "process_mean_shift", "gauge_bias")
+    separated_by: ClassVar[Mapping[str, str]] = {
+        "lot_mixture": "note the supplier of each lot: a second supplier has the same offset in all of its lots"
+    }
     reference = "Searle, Casella and McCulloch, Variance Components, 1992"
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
@@ -237,6 +240,9 @@ class ProcessMeanShift(MovedUnits):
     cause = "The process mean is off its target: every unit deviates by the same amount."
     formula = "y + c"
     mistaken_for = ("gauge_bias", "lot_mixture", "differential_thermal_expansion")
+    separated_by: ClassVar[Mapping[str, str]] = {
+        "gauge_bias": "measure a reference unit, or some units on a second gauge: a bias stays, a shift does not"
+    }
     reference = "Montgomery, Introduction to Statistical Quality Control, 2013"
     weight = Weight("shift", "c, shift of the mean", low=-inf)
 

@@ -1,4 +1,4 @@
-"""Effects of temperature and time."""
+"""Effects that grow with the temperature or with time."""
 
 from __future__ import annotations
 

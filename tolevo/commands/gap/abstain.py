@@ -1,4 +1,4 @@
-"""The model without any effect, and what is searched given it."""
+"""The null model with all that is searched given it, and the test whether an effect has the right form."""
 
 from __future__ import annotations
 

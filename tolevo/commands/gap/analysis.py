@@ -1,4 +1,4 @@
-"""The whole loop on one record: noise, thresholds, selected effects, rivals and the residual."""
+"""The whole loop on one record: noise, selected effects, the search for the final answer, its rivals."""
 
 from __future__ import annotations
 
@@ -113,10 +113,14 @@ def _broken_line(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ..
 #
 # After each removal, exchange or addition everything is fitted and tested again. A form that lowers
 # the held-out error and fits no effect stays as a generic term, so that its omission does not bias
+# the parameters of the effects.
+
 TERMS = 8
 """Largest number of generic terms."""
 TRIED = 4
 """Number of forms and effects that are tried at each step, the likeliest first."""
+ADDED_IN_TURN = (("effects", "forms"),)
+"""What may be added: those of one entry compete, and the next entry is tried where none of them predicts better."""
 SETTLE_ROUNDS = 40
 FORMS_MORE = 2
 """Number of forms that may be added although not significant, to predict as well as each step."""
@@ -285,8 +289,13 @@ class Settling:
         precedes forms that fit no better. None where there is none.
         """
         tested, labels = self.search.tested, self.search.labels
-        fits = sorted([*self._with_effects(fit, excluded), *self._forms(fit, excluded)], key=attrgetter("score"))
-        return next((f for f in fits[: 2 * TRIED] if improvement(tested(fit), tested(f), labels).real), None)
+        additions = {"effects": self._with_effects, "forms": self._forms}
+        for together in ADDED_IN_TURN:
+            fits = sorted((f for kind in together for f in additions[kind](fit, excluded)), key=attrgetter("score"))
+            for larger in fits[: 2 * TRIED]:
+                if improvement(tested(fit), tested(larger), labels).real:
+                    return larger
+        return None
 
     def _with_effects(self, fit: Fit, excluded: set[str]) -> Iterator[Fit]:
         """Fits with one more effect, or with one in place of a term."""

@@ -1,4 +1,4 @@
-"""Reads the configuration of `tolevo gap`: every fault of every section at once."""
+"""Reads the configuration of `tolevo gap`, with [free], [next_measurement] and run: every fault at once."""
 
 from __future__ import annotations
 

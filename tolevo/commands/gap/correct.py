@@ -1,4 +1,4 @@
-"""`corrected.toml`: the model as recalibrated, with its effects, for `simulate` and `run`."""
+"""`corrected.toml`, its test of delays, and the final fit on every row of a thinned record."""
 
 from __future__ import annotations
 
@@ -128,6 +128,8 @@ def _toml_value(value: Any) -> Any:
 #
 # An effect that opens or rounds a loop differently for growing and falling load looks like a delay
 # that differs there. The delay is estimated in each of the four kinds of rows, all else fitted with
+# it.
+
 STEP = 1e-2
 """Relative step of a derivative."""
 CHANCE = 0.01

@@ -1,4 +1,4 @@
-"""The data of a gap analysis: a checked table in the order of measuring, and its meaning."""
+"""The data of a gap analysis: a checked table in the order of measuring, its clocks, and units as a batch."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a gap analysis of a batch contradicts its run, or the allocation that it names."""
+"""The drawing that a batch is simulated by: `run` and `built_to` read, checked and put together."""
 
 from __future__ import annotations
 

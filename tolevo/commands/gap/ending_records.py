@@ -27,7 +27,6 @@ UNIMITATED = 0.01
 """Fraction of a column outside the span of the free ones, below which an effect is undetectable."""
 SEPARATED = 4
 """Number of rivals for which a separating measurement is searched."""
-SUPPLIERS = "note the supplier of each lot: a second supplier has the same offset in all of its lots"
 MORE_UNITS_ADVICE = "measure more units of one lot: a mixture has two peaks or a shoulder, a wider spread has one peak"
 
 
@@ -192,8 +191,8 @@ def rival_records(
             measurement = separating(end.setup, levels, end.fit, rival.fit) if at < SEPARATED else rivals[0].measurement
         distance, alike = round(rival.distance, 9) + 0.0, correlation(end.analysis.search.fitter, end.fit, rival)
         rivals.append(Rival(rival.names, rival.instead_of, distance, measurement, alike))
-    if end.may_be_a_second_supplier:
-        rivals.append(Rival(("lot_mixture",), ("lot_offset",), 0.0, Measurement(SUPPLIERS)))
+    for other, name, text in end.on_scatter_instead:
+        rivals.append(Rival((other,), (name,), 0.0, Measurement(text)))
     for scatter_rival in end.analysis.scatter[1:]:
         names, instead = exchanged_names(end.analysis.scatter[0], scatter_rival)
         measurement = planned.get((names, instead), Measurement(MORE_UNITS_ADVICE))

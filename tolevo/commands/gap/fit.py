@@ -1,4 +1,4 @@
-"""Joint fits of the model's free parameters and any effects, in whitened space."""
+"""Whitened space, and joint fits of the model's free parameters and any effects in it."""
 
 from __future__ import annotations
 

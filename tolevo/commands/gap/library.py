@@ -1,4 +1,4 @@
-"""The library of effects as columns of a design matrix: their additions to the stacked outputs."""
+"""The library of effects as columns of a design matrix, the law of units, and the model's prediction."""
 
 from __future__ import annotations
 

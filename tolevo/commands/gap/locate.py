@@ -1,4 +1,4 @@
-"""Where the residual has structure: successive regions, each given those before it."""
+"""Where the residual has structure: regions, shapes without a name, and the spectrum of orders."""
 
 from __future__ import annotations
 

@@ -22,6 +22,7 @@ from .next_field import (
     Chosen,
     Contest,
     Field,
+    Points,
     Predictions,
     base_at,
     continue_record,
@@ -46,11 +47,11 @@ from .separations import (
     HOPELESS,
     MIN_REACHABLE_GAIN,
     NO_SEPARATING_DESIGN,
-    OTHER_QUANTITIES,
     SUPPORT,
     design,
     joint_discrimination,
     most,
+    other_quantity,
     pair_of_rival,
     separation,
 )
@@ -147,7 +148,7 @@ def _record(end: Ending, fit: Fit, size: Array) -> tuple[Predictions, Prediction
     return Predictions(values, columns), Predictions(np.zeros_like(values), columns)
 
 
-def _at(sought: Sought, at: Ahead | Field) -> tuple[Predictions, Predictions]:
+def _at(sought: Sought, at: Points) -> tuple[Predictions, Predictions]:
     """The same at further measurements."""
     candidate, shape = sought.member.candidate, sought.member.shape
     values = at.columns.of(candidate, shape) @ sought.size
@@ -341,7 +342,7 @@ def _separations_by_points(
     alike = continue_record(end.setup, noises, len(new))
     records = [separation(end, pair, new, alike) for pair in pairs]
     records = [
-        record if gain > HOPELESS * count else _inseparable_record(record, pair.rival)
+        record if gain > HOPELESS * count else _inseparable_record(end, record, pair.rival)
         for record, pair, gain in zip(records, pairs, gains, strict=True)
     ]
     return records, new, decisive_inputs(place, (useful or pairs)[0].contests[0], chosen)
@@ -359,14 +360,13 @@ def _separations_by_units(
     for rival in rivals:
         record = separation(end, pair_of_rival(end, rival), new, alike)
         gained = record.expected - record.now
-        records.append(record if gained > HOPELESS * len(new) else _inseparable_record(record, rival))
+        records.append(record if gained > HOPELESS * len(new) else _inseparable_record(end, record, rival))
     return records, new, tuple(wanted.ranges)
 
 
-def _inseparable_record(record: Separation, rival: Other) -> Separation:
+def _inseparable_record(end: Ending, record: Separation, rival: Other) -> Separation:
     """The record of a pair that no design separates, with the quantity that would."""
-    names = frozenset(set(rival.names) ^ set(rival.instead_of))
-    text = OTHER_QUANTITIES.get(names, "another quantity has to be measured")
+    text = other_quantity(end.fit, rival.fit) or "another quantity has to be measured"
     return replace(record, needed=0, text=f"{NO_SEPARATING_DESIGN}: {text}", possible=False)
 
 

@@ -1,4 +1,4 @@
-"""Operating points of a possible next measurement: inside the configured ranges and the model's."""
+"""Operating points of a possible next measurement, and cycles of the torque, inside all ranges."""
 
 from __future__ import annotations
 

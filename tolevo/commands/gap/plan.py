@@ -1,4 +1,4 @@
-"""The options of a gap analysis: a resolved configuration, without the data."""
+"""The plan of a gap analysis: options, progress, `[columns]` of a table, and confounded columns."""
 
 from __future__ import annotations
 

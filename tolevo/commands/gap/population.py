@@ -35,6 +35,8 @@ from .setup import Setup, residual_of
 #
 # The gap of a batch is a distance between distributions: the root mean square of the differences of
 # the sorted units from the quantiles of the population at their ranks. This is the 2-Wasserstein
+# distance between the batch and the population, in the output's unit.
+
 BATCHES = 400
 """Simulated batches from which the floor is computed."""
 FLOOR = 0.95

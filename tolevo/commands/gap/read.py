@@ -1,4 +1,4 @@
-"""Reads and checks the table of a gap analysis; every fault at once."""
+"""Reads and checks the table of a gap analysis, every fault at once; notes on implausible units."""
 
 from __future__ import annotations
 
@@ -158,9 +158,9 @@ def unlikely_numbers(fit: Fit, data: GapData) -> list[str]:
     """Sentences about fitted compliances that no drive has."""
     load = "Nm" if Role.TORQUE in data.measurements else "N"
     return [
-        f"the stiffness of torsional_compliance in {output.name} is {description}: are the units right?"
+        f"the stiffness of {member.name} in {output.name} is {description}: are the units right?"
         for member, sizes in zip(fit.members, fit.coefficients, strict=True)
-        if member.name == "torsional_compliance"
+        if member.candidate.effect.of_stiffness
         for output, size in zip(member.candidate.effect.reached(data.target), sizes, strict=False)
         if size > 0.0 and (description := unlikely_stiffness(1.0 / float(size), output.unit, load, STIFFER))
     ]

@@ -1,4 +1,4 @@
-"""The size of the gap before and after, and its floor where the model is right."""
+"""The size of the gap before and after with its floor, and what remains of it unidentified."""
 
 from __future__ import annotations
 

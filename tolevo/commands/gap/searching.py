@@ -1,4 +1,4 @@
-"""The space of a search: the noise given the selected effects, and columns whitened by it."""
+"""The noise given the selected effects, readings of an instrument, and the null model in that noise."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The selection of effects: add, refit and test all again until no candidate is significant."""
+"""The selection of effects: add, refit and test all again; and the rivals of those selected."""
 
 from __future__ import annotations
 

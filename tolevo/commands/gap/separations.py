@@ -1,4 +1,4 @@
-"""The probability that the right one of two explanations fits better after further measurements.
+"""Separation of two explanations: their duel, designs that separate them best, and advice without points.
 
 Both are linearised about their fits. Each predicts a normal distribution of the new measurements:
 the noise, and the uncertainty that the record leaves in its coefficients. The difference of the two
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import permutations
 from typing import Any
 
 import numpy as np
@@ -260,14 +261,6 @@ WIDER = 1.6
 """Factor by which the range of an input is extended."""
 SEPARATE_CERTAIN = 12.0
 """Squared distance in noise units from which explanations are separated."""
-OTHER_QUANTITIES = {
-    frozenset(
-        ["viscous_friction", "read_out_lag"]
-    ): "record runs that accelerate: a lag follows the speed itself, friction the torque it needs",
-    frozenset(
-        ["gauge_bias", "process_mean_shift"]
-    ): "measure a reference unit, or some units on a second gauge: a bias stays, a shift does not",
-}
 
 
 @dataclass(frozen=True)
@@ -279,11 +272,20 @@ class Design:
     inputs: Mapping[str, tuple[float, float]]
 
 
+def other_quantity(fit: Fit, rival: Fit) -> str:
+    """What to measure instead, where the one effect in which two fits differ is separated by no
+    operating point from the one that replaces it; else empty.
+    """
+    effects = {member.name: member.candidate.effect for member in (*fit.members, *rival.members)}
+    names = {*fit.names} ^ {*rival.names}
+    texts = (effects[name].separated_by.get(other, "") for name, other in permutations(sorted(names), 2))
+    return next(filter(None, texts), "") if len(names) == 2 else ""
+
+
 def separating(setup: Setup, levels: Array, fit: Fit, rival: Fit) -> Measurement:
     """The best of a few designs, each input varied alone or further, at noise of `levels` (q,)."""
-    names = frozenset(set(fit.names) ^ set(rival.names))
-    if names in OTHER_QUANTITIES:
-        return Measurement(OTHER_QUANTITIES[names])
+    if text := other_quantity(fit, rival):
+        return Measurement(text)
     best: tuple[float, Design] | None = None
     for design in _designs(setup.data, np.random.default_rng([setup.plan.seed, 3])):
         if not _is_within_range(setup, design):
