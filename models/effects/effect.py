@@ -204,6 +204,8 @@ class Effect(ABC):
     reference: ClassVar[str] = ""
     along_units: ClassVar[bool] = False
     """Whether it grows from unit to unit, as tool wear does."""
+    of_rows: ClassVar[bool] = False
+    """Whether it acts on single measurements only, not on the units of a population."""
     of_stiffness: ClassVar[bool] = False
     """Whether the reciprocal of its parameter is a stiffness, which no drive has of any size."""
     dimensions: ClassVar[tuple[str, ...]] = ()
@@ -278,7 +280,7 @@ class Effect(ABC):
 
     def own_applies(self, target: Target) -> bool:
         """Whether it can act where no quantity inside has its name."""
-        return set(self.needs) <= target.roles()
+        return set(self.needs) <= target.roles() and not (self.of_rows and target.population)
 
     @abstractmethod
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:

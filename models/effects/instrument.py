@@ -66,11 +66,9 @@ class Delay(Effect):
     cause = "The channel of the output is recorded later, or sooner, than those of the inputs."
     formula = "y(t) becomes y(t - T)"
     needs = (Role.TIME,)
+    of_rows = True
     mistaken_for = ("read_out_lag", "viscous_friction", "stribeck")
     reference = "Franklin, Powell and Workman, Digital Control of Dynamic Systems, 1998"
-
-    def own_applies(self, target: Target) -> bool:
-        return not target.population and super().own_applies(target)
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         end = MAX_DELAY_STEPS * target.pace if target.pace > 0.0 else inf

@@ -48,12 +48,13 @@ class DirectionalOffset(Shape):
     cause = "Friction of seals, flanks or preload is greater in one direction than in the other."
     formula = "a (d > 0) - b (d < 0)"
     needs = (Role.DIRECTION,)
+    of_rows = True
     mistaken_for = ("friction_hysteresis", "gauge_bias")
     reference = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30, 1994"
 
     def own_applies(self, target: Target) -> bool:
         angles = all(kind_of(output.unit) == "angle" for output in target.outputs)
-        return not angles and not target.population and super().own_applies(target)
+        return not angles and super().own_applies(target)
 
     def own_reason(self, target: Target) -> str:
         return "the zero of an angle is free, so that the effect is identical with friction_hysteresis"

@@ -128,13 +128,10 @@ class ThermalZero(OneColumn):
     cause = "Mount, fixture or sensor expand with the temperature, and shift the zero."
     formula = "a tau"
     needs = (Role.TEMPERATURE,)
+    of_rows = True
     mistaken_for = ("drift", "differential_thermal_expansion", "creep")
     reference = "ISO 230-3:2020"
     weight = Weight("rate", "a, per kelvin above 20 degC", "K", low=-inf)
-
-    def own_applies(self, target: Target) -> bool:
-        """Not for a population, whose mean moves by `differential_thermal_expansion`."""
-        return not target.population and super().own_applies(target)
 
     def own_reason(self, target: Target) -> str:
         return "the thermal effect on the units of a batch is differential_thermal_expansion"

@@ -435,7 +435,8 @@ def analysed(setup: Setup) -> Analysis:
         previous_names, kept_fit = selection.fit.names, null_model.search.fitter.refined(selection.fit.members)
         selection = select(null_model.search)
         if kept_fit.score < selection.fit.score - BETTER:  # another path from the null fit
-            selection = selection.ending_with(kept_fit, null_model.search.tested(kept_fit))
+            end = kept_fit, null_model.search.tested(kept_fit)
+            selection = replace(selection, fit=kept_fit, accepted=(*selection.accepted, end))
         if selection.fit.names == previous_names:
             break
     return (_analyse_batch if setup.data.target.population else _settle_rows)(selection, null_model)

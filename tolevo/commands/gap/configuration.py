@@ -373,7 +373,9 @@ def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | N
         drawing=drawing,
         labels=_labels(simulated, run),
     )
-    return _add_toml_text(plan, table), faults
+    stated = {key: value for key, value in table.items() if key != "settings"}
+    text = tomli_w.dumps({**stated, "seed": plan.seed, "settings": asdict(plan.settings)})
+    return replace(plan, configuration=text), faults
 
 
 def _of_model(
@@ -523,9 +525,3 @@ def _noise(section: Section, outputs: Sequence[Output]) -> dict[str, float]:
         if name not in units:
             section.fault(name, f"is not a measured output{nearest(name, units)}")
     return {name: value for name, value in deviations.items() if value is not None}
-
-
-def _add_toml_text(plan: GapPlan, table: Mapping[str, Any]) -> GapPlan:
-    """The plan with the TOML text that repeats it: as given, with the settings complete."""
-    stated = {key: value for key, value in table.items() if key != "settings"}
-    return replace(plan, configuration=tomli_w.dumps({**stated, "seed": plan.seed, "settings": asdict(plan.settings)}))

@@ -133,13 +133,12 @@ def shape_records(end: Ending) -> tuple[Shape, ...]:
     remaining = generic_residual(fit, search.fitter, generic)
     records = shapes(end.setup, search, generic, remaining, fit, removed_effects(analysis))
     if end.verdict == "unnamed" and end.setup.plan.settings.empirical:
-        records = tuple(_add_formula(end, shape, fit) for shape in records)
+        formulas = [_formula(end, shape, fit) for shape in records]
+        records = tuple(
+            replace(shape, empirical=text, text=f"{shape.text}; empirical: {text}") if text else shape
+            for shape, text in zip(records, formulas, strict=True)
+        )
     return (*misfit_shapes, *records)
-
-
-def _add_formula(end: Ending, shape: Shape, fit: Fit) -> Shape:
-    text = _formula(end, shape, fit)
-    return replace(shape, empirical=text, text=f"{shape.text}; empirical: {text}") if text else shape
 
 
 def _formula(end: Ending, shape: Shape, fit: Fit) -> str:

@@ -68,7 +68,8 @@ def estimate_noise(remainder: Remainder) -> Noise:
     n = len(remainder.residual)
     kept = np.column_stack([remainder.certain_columns, _slow(n)])
     sigma = np.ones(n) if remainder.known_sigma is None else remainder.known_sigma
-    noise = Noise(sigma * _first_scale(remainder, kept, sigma), remainder.source)
+    scatter = robust_scale(project_out(remainder.residual / sigma, basis(kept / sigma[:, None])))
+    noise = Noise(sigma * max(scatter, remainder.law, remainder.resolution, 1e-300), remainder.source)
     chosen = kept
     for _ in range(PASSES):
         noise, chosen = _improve_noise(remainder, kept, noise)
@@ -79,11 +80,6 @@ def _slow(n: int) -> Array:
     """Columns (n, 4) of a slow curve along the order of measuring."""
     x = np.linspace(-1.0, 1.0, n)
     return np.column_stack([np.ones(n), x, x * x, x**3])
-
-
-def _first_scale(remainder: Remainder, kept: Array, sigma: Array) -> float:
-    q = basis(kept / sigma[:, None])
-    return max(robust_scale(project_out(remainder.residual / sigma, q)), remainder.law, remainder.resolution, 1e-300)
 
 
 def _improve_noise(remainder: Remainder, kept: Array, noise: Noise) -> tuple[Noise, Array]:

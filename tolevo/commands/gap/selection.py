@@ -121,10 +121,6 @@ class Selection:
     accepted: tuple[tuple[Fit, HeldOut], ...] = ()
     identified: tuple[str, ...] = ()
 
-    def ending_with(self, fit: Fit, tested: HeldOut) -> Selection:
-        """The same path, with another fit accepted at its end."""
-        return replace(self, fit=fit, accepted=(*self.accepted, (fit, tested)))
-
 
 def select(search: Search, quick: bool = False) -> Selection:
     """Effects that pass the threshold and the held-out test, added to the null fit one by one;

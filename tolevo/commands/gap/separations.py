@@ -139,12 +139,6 @@ class Pair:
     records: tuple[Predictions, ...]
     contests: tuple[Contest, ...] = ()
 
-    def with_fit(self, fit: Fit, record: Predictions, contest: Contest) -> Pair:
-        """The pair with one more value under consideration."""
-        return replace(
-            self, fits=(*self.fits, fit), records=(*self.records, record), contests=(*self.contests, contest)
-        )
-
     def least(self, chosen: Chosen) -> float:
         """Discrimination with these candidates, at the rival's value that imitates best."""
         return min(contest.level(chosen)[0] for contest in self.contests)
@@ -194,7 +188,8 @@ def _add_worst_rival(end: Ending, field: Field, pair: Pair, chosen: Chosen) -> P
         record = predict_record(fitter, fit)
         tried = _contest(end, field, pair.best, record, fit)
         if tried.level(chosen)[0] < WORSE * best.least(chosen):
-            best = pair.with_fit(fit, record, tried)
+            fits, records, contests = (*pair.fits, fit), (*pair.records, record), (*pair.contests, tried)
+            best = replace(pair, fits=fits, records=records, contests=contests)
     return best
 
 
