@@ -13,34 +13,32 @@ from ...models.effects.measurements import changes_of, effect_actions
 from ...models.effects.unresolved import Term, Unresolved
 from ...models.measurable import Role
 from ...section import Array
-from .abstain import (
-    Identified,
-    NullModel,
-    acts_in,
-    displaced,
-    has_structured_residuals,
-    more_numbers,
-    significant_forms,
-    withdraw_members,
-)
 from .blocks import HeldOut, improvement
 from .close import corrected
 from .data import GapData
 from .fit import Fit, Fitter, Member, Space, is_term
 from .generic import LEVELS, stack_columns
 from .linear import basis, project_out
-from .population import Misfit, Scatter, misfit, scatter
-from .scan import GenericResidual, Remaining, dictionary, generic_residual
-from .searching import (
+from .null_model import (
+    Identified,
+    NullModel,
+    acts_in,
     alike,
+    build_null_model,
     change_noise,
     contributions,
+    displaced,
+    has_structured_residuals,
+    more_numbers,
     noise_of,
     reread_by_instrument,
-    searching,
     setup_as_read,
+    significant_forms,
     spread_of,
+    withdraw_members,
 )
+from .population import Misfit, Scatter, misfit, scatter
+from .scan import GenericResidual, Remaining, dictionary, generic_residual
 from .selection import (
     Other,
     Search,
@@ -418,7 +416,7 @@ def analysed(setup: Setup) -> Analysis:
     setup = setup_as_read(setup)
     noises = noise_of(setup, ())
     effects = dictionary(setup.library, setup.columns, spread_of(noises))
-    null_model = searching(setup, noises, effects, *stack_columns(setup.generic, len(setup.data.outputs)), None)
+    null_model = build_null_model(setup, noises, effects, *stack_columns(setup.generic, len(setup.data.outputs)), None)
     selection = select(null_model.search)
     if max(noise.rho for noise in noises) > AUTOCORRELATED:
         selection, null_model = _select_without_autocorrelation(selection, null_model)
@@ -431,7 +429,7 @@ def analysed(setup: Setup) -> Analysis:
             selection = replace(selection, fit=fit)
         noises = noise_of(setup, contributions(setup, selection.fit))
         forms = null_model.forms, null_model.generic.outputs
-        null_model = searching(setup, noises, effects, *forms, search.thresholds)
+        null_model = build_null_model(setup, noises, effects, *forms, search.thresholds)
         previous_names, kept_fit = selection.fit.names, null_model.search.fitter.refined(selection.fit.members)
         selection = select(null_model.search)
         if kept_fit.score < selection.fit.score - BETTER:  # another path from the null fit

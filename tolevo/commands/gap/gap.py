@@ -28,7 +28,20 @@ from ...section import Array
 from .analysis import Analysis, analysed
 from .correct import corrected_toml, fit_all_rows, in_problem, uneven_delays, zeros_with
 from .data import GapData
-from .ending_records import effects, gate, recalibrated, residual_table, rival_records, scores
+from .ending_records import (
+    OF_ROWS,
+    effects,
+    gaps,
+    gate,
+    never_worse,
+    recalibrated,
+    remainder_of,
+    removed_effects,
+    residual_table,
+    rival_records,
+    scores,
+    terms_of,
+)
 from .fit import Fit
 from .locate import along, regions, regions_of_prediction, shapes, spectrum
 from .next_measurement import next_measurement
@@ -38,7 +51,6 @@ from .population import Misfit
 from .populations import attribution_of, compared, inputs_instead, summary_messages
 from .read import unlikely_numbers
 from .records import FoundEffect, GapResult, Region, Rival, Shape
-from .remainder import OF_ROWS, gaps, never_worse, remainder_of, removed_effects, terms_of
 from .result import Ending, finish_analysis
 from .scan import generic_residual
 from .setup import prepare_setup, residual_of

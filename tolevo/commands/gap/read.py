@@ -270,7 +270,9 @@ def checked_table(
             f"every {SESSION} may have a separate level; [validation] blocks = "
             f'"{SESSION}" would hold out each {SESSION} in turn'
         )
-    notes += [*column_messages(frame, present), *late_clock_messages(frame, present), *_unused_note(unused)]
+    notes += [*column_messages(frame, present), *late_clock_messages(frame, present)]
+    if unused:
+        notes.append(f"not used, without a role: {abbreviated_list(unused)} (docs/conventions.md lists the roles)")
     data = assemble_data(plan, frame, present, outputs, predictions, stds, notes)
     if faults := range_faults(plan, data, place):
         return None, faults
@@ -294,15 +296,6 @@ def _unused(plan: GapPlan, cells: pd.DataFrame, ignored: Sequence[str], known: S
     missing = [] if plan.model is None else [name for name in known if name not in cells]
     without_role = [str(name) for name in cells.columns if name not in {*ignored, *known}]
     return [name for name in without_role if not nearest(name, missing)]
-
-
-def _unused_note(unused: Sequence[str]) -> list[str]:
-    """The note on columns without a role."""
-    return (
-        [f"not used, without a role: {abbreviated_list(unused)} (docs/conventions.md lists the roles)"]
-        if unused
-        else []
-    )
 
 
 def abbreviated_list(names: Iterable[str]) -> str:

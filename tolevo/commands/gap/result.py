@@ -9,12 +9,12 @@ import numpy as np
 
 from ...models.effects import EffectParameter
 from ...section import Array
-from .abstain import acts_in
 from .analysis import Analysis, analysis_without_effect, predicts_as_well
 from .blocks import HeldOut
 from .close import Corrected, corrected
 from .fit import Fit, Fitter, Member, is_term
 from .linear import basis, project_out
+from .null_model import acts_in
 from .setup import Setup
 from .unresolved import whole_term
 
