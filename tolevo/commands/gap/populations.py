@@ -305,19 +305,11 @@ def _pair_lines(end: Ending, at: int, model: str, stream: int, simulated: Array)
     looks = _looks(output.unit, s, order)
     if float(np.std(r)) <= EXACT * scale and abs(float(r.mean())) <= EXACT * scale:
         shown = _shown(s, order)
-        values = {look.name: shown.get(look.name, 0.0) for look in looks}
+        nothing = (0.0, 0.0, 0.0, 0.0, 0.0, NO_DIFFERENCE)
+        values = [shown.get(look.name, 0.0) for look in looks]
         return tuple(
-            PopulationLine(
-                model,
-                output.name,
-                look.aspect,
-                look.name,
-                look.unit,
-                *[values[look.name]] * 2,
-                *[0.0] * 5,
-                NO_DIFFERENCE,
-            )
-            for look in looks
+            PopulationLine(model, output.name, look.aspect, look.name, look.unit, value, value, *nothing)
+            for look, value in zip(looks, values, strict=True)
         )
     rng, count = np.random.default_rng([setup.plan.seed, 15, stream, at]), batches(len(r))
     drawn = rng.permuted(np.tile(r, (count, 1)), axis=1) * rng.choice([-1.0, 1.0], (count, len(r)))
