@@ -1,4 +1,4 @@
-"""Named physical effects that a model may miss: one effect per file."""
+"""Named physical effects that a model may miss: one family per module."""
 
 from .effect import Action, Effect, EffectParameter, Measurements, Target
 

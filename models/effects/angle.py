@@ -1,4 +1,4 @@
-"""Effects of angle."""
+"""Effects that follow the angle: waves of orders of the gear, and pulses of defects."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from ..measurable import Role
 from .effect import EffectParameter, Measurements, Target, Values, quantity, value_or_zero
 from .shapes import Columns, OneColumn, Orders, Shape, Weight, no_waves, polar, turns
 
-# Order of the cranks (40): they are eccentric by a wrong amount.
-
 
 class EccentricError(Orders):
     """Order of the cranks (40): they are eccentric by a wrong amount."""
@@ -25,9 +23,6 @@ class EccentricError(Orders):
     mistaken_for = ("pin_circle_runout", "structural_resonance")
     reference = "Blanche and Yang, J. Mech. Transm. Autom. Des. 111, 1989"
     follows = ((CRANK, 1.0),)
-
-
-# A wave of any order.
 
 
 HIGHEST = 130
@@ -91,9 +86,6 @@ def choices(target: Target) -> tuple[float, ...]:
     return tuple(float(k) for k in range(3, HIGHEST + 1) if k not in ENCODER_MOUNTING_ORDERS)
 
 
-# One wave per turn of the output.
-
-
 class OutputEccentricity(Orders):
     """One wave per turn of the output."""
 
@@ -106,9 +98,6 @@ class OutputEccentricity(Orders):
     orders = (1,)
 
 
-# Order of the pins (39): the pin circle runs out.
-
-
 class PinCircleRunout(Orders):
     """Order of the pins (39): the pin circle runs out."""
 
@@ -119,9 +108,6 @@ class PinCircleRunout(Orders):
     mistaken_for = ("eccentric_error", "pitch_defect", "structural_resonance")
     reference = "Blanche and Yang, J. Mech. Transm. Autom. Des. 111, 1989"
     follows = ((PINS, 1.0),)
-
-
-# A defective pin.
 
 
 BELL, ENDING = 1.0, 2.0
@@ -179,9 +165,6 @@ class PitchDefect(OneColumn):
         return np.asarray(np.exp(sharpness * (np.cos(phase) - 1.0)))
 
 
-# Orders of the sun (120 and 121): the sun gear runs out.
-
-
 class SunRunout(Orders):
     """Orders of the sun (120 and 121): the sun gear runs out."""
 
@@ -192,9 +175,6 @@ class SunRunout(Orders):
     mistaken_for = ("structural_resonance",)
     reference = "Smith, Gear Noise and Vibration, 2003"
     follows = ((SUN_OVER_CARRIER, 1.0), (SUN, 1.0))
-
-
-# Twice the orders of pins and cranks (78, 80): errors common to both discs.
 
 
 class TwoDiscError(Orders):

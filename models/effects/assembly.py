@@ -1,8 +1,6 @@
-"""Effects of assembly."""
+"""Effects of adjusting and installing the chains of an assembly."""
 
 from .effect import Inside
-
-# An adjustment with play.
 
 
 class AdjustmentBacklash(Inside):
@@ -14,9 +12,6 @@ class AdjustmentBacklash(Inside):
     formula = "dead band of the adjuster"
     mistaken_for = ("adjustment_gain",)
     reference = "Nordin and Gutman, Automatica 38, 2002"
-
-
-# An adjustment that differs from the command.
 
 
 class AdjustmentGain(Inside):
@@ -32,9 +27,6 @@ class AdjustmentGain(Inside):
     inside_name = "adjustment_gain_error"
 
 
-# Installing a chain moves another.
-
-
 class ChainCoupling(Inside):
     """Installing a chain moves another."""
 
@@ -45,9 +37,6 @@ class ChainCoupling(Inside):
     mistaken_for = ("springback", "adjustment_gain")
     reference = "Mantripragada and Whitney, IEEE Trans. Robot. Autom. 15, 1999"
     inside_bounds = (-1.0, 1.0)
-
-
-# Adjustments that return.
 
 
 class Springback(Inside):

@@ -199,9 +199,15 @@ class Effect(ABC):
     needs: ClassVar[tuple[Role, ...]] = ()
     mistaken_for: ClassVar[tuple[str, ...]] = ()
     """Names of the effects that it is easily confused with."""
+    separated_by: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """What to record or measure instead, by the name of an effect that no operating point separates from it."""
     reference: ClassVar[str] = ""
     along_units: ClassVar[bool] = False
     """Whether it grows from unit to unit, as tool wear does."""
+    of_rows: ClassVar[bool] = False
+    """Whether it acts on single measurements only, not on the units of a population."""
+    of_stiffness: ClassVar[bool] = False
+    """Whether the reciprocal of its parameter is a stiffness, which no drive has of any size."""
     dimensions: ClassVar[tuple[str, ...]] = ()
     """The kinds of outputs that it can act on, of `KINDS`; empty for any."""
     inside_bounds: ClassVar[tuple[float, float]] = (0.0, inf)
@@ -274,7 +280,7 @@ class Effect(ABC):
 
     def own_applies(self, target: Target) -> bool:
         """Whether it can act where no quantity inside has its name."""
-        return set(self.needs) <= target.roles()
+        return set(self.needs) <= target.roles() and not (self.of_rows and target.population)
 
     @abstractmethod
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:

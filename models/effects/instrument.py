@@ -13,9 +13,7 @@ from ...section import Array
 from ..measurable import Role
 from .effect import Action, Effect, EffectParameter, Measurements, Target, Values, quantity, value_or_zero
 from .measurements import usual_step
-from .shapes import POSITIONS, OneColumn, Orders, Weight, speed_unit
-
-# A clock that drifts.
+from .shapes import POSITIONS, OneColumn, Orders, SignedSpeed, Weight, speed_unit
 
 
 class ClockDrift(OneColumn):
@@ -35,9 +33,6 @@ class ClockDrift(OneColumn):
 
     def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         return np.asarray(measurements[Role.TIME] * measurements[Role.SPEED] * measurements[Role.DIRECTION])
-
-
-# A recorded channel that is delayed.
 
 
 MAX_DELAY_STEPS = 20.0
@@ -71,11 +66,9 @@ class Delay(Effect):
     cause = "The channel of the output is recorded later, or sooner, than those of the inputs."
     formula = "y(t) becomes y(t - T)"
     needs = (Role.TIME,)
+    of_rows = True
     mistaken_for = ("read_out_lag", "viscous_friction", "stribeck")
     reference = "Franklin, Powell and Workman, Digital Control of Dynamic Systems, 1998"
-
-    def own_applies(self, target: Target) -> bool:
-        return not target.population and super().own_applies(target)
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         end = MAX_DELAY_STEPS * target.pace if target.pace > 0.0 else inf
@@ -168,9 +161,6 @@ def _correlation(values: Array, by: int) -> float:
     return float(y[by:] @ y[:-by]) / float(y @ y)
 
 
-# Waves of the encoder.
-
-
 class EncoderHarmonics(Orders):
     """Orders 1, 2 and 4: errors of the encoder or resolver."""
 
@@ -182,9 +172,6 @@ class EncoderHarmonics(Orders):
     mistaken_for = ("output_eccentricity",)
     reference = "Sanchez-Brea and Morlanes, Meas. Sci. Technol. 19, 2008"
     orders = (1, 2, 4)
-
-
-# An instrument that measures too much or too little.
 
 
 class GaugeBias(OneColumn):
@@ -200,9 +187,6 @@ class GaugeBias(OneColumn):
 
     def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         return np.ones(len(measurements))
-
-
-# The step of measurements that are whole multiples of it.
 
 
 FINEST = 1e-6
@@ -230,9 +214,6 @@ def step_of(values: Array) -> float | None:
     step = float(levels @ counts) / max(float(counts @ counts), 1.0)
     off = levels / step - np.round(levels / step)
     return step if float(np.sqrt(np.mean(off**2))) < OFF else None
-
-
-# Measurements in steps.
 
 
 class Quantisation(Effect):
@@ -269,10 +250,7 @@ def round_to_step(values: Array, step: float) -> Array:
     return np.asarray(step * np.round(values / step))
 
 
-# The output is recorded late.
-
-
-class ReadOutLag(OneColumn):
+class ReadOutLag(SignedSpeed):
     """The output is recorded late, or its input is.
 
     An output that grows with the motion lags by v times the delay (a < 0); in a difference
@@ -284,12 +262,8 @@ class ReadOutLag(OneColumn):
     dimensions = POSITIONS
     cause = "The output is recorded some time after the input."
     formula = "a v d"
-    needs = (Role.SPEED, Role.DIRECTION)
     mistaken_for = ("viscous_friction", "windage")
     reference = "Franklin, Powell and Workman, Digital Control of Dynamic Systems, 1998"
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("rate", "a, per unit of speed", speed_unit(target), -inf),)
-
-    def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
-        return np.asarray(measurements[Role.SPEED] * measurements[Role.DIRECTION])

@@ -1,4 +1,4 @@
-"""Effects of load."""
+"""Effects of the load: compliance, play, and friction of loaded contacts."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ from ..measurable import Role
 from .effect import EffectParameter, Measurements, Target, Values, kind_of, quantity
 from .measurements import play_along_path
 from .shapes import POSITIONS, Columns, Load, LoadShape, Orders, Shape, Weight
-
-# A dead band that is crossed over a small load.
 
 
 class BearingClearance(LoadShape):
@@ -36,9 +34,6 @@ class BearingClearance(LoadShape):
         return np.clip(Load.of(measurements) / max(up, np.finfo(float).tiny), -1.0, 1.0)
 
 
-# Friction that differs by direction.
-
-
 class DirectionalOffset(Shape):
     """Dry friction with different magnitudes in + and - motion.
 
@@ -53,12 +48,13 @@ class DirectionalOffset(Shape):
     cause = "Friction of seals, flanks or preload is greater in one direction than in the other."
     formula = "a (d > 0) - b (d < 0)"
     needs = (Role.DIRECTION,)
+    of_rows = True
     mistaken_for = ("friction_hysteresis", "gauge_bias")
     reference = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30, 1994"
 
     def own_applies(self, target: Target) -> bool:
         angles = all(kind_of(output.unit) == "angle" for output in target.outputs)
-        return not angles and not target.population and super().own_applies(target)
+        return not angles and super().own_applies(target)
 
     def own_reason(self, target: Target) -> str:
         return "the zero of an angle is free, so that the effect is identical with friction_hysteresis"
@@ -69,9 +65,6 @@ class DirectionalOffset(Shape):
     def columns(self, measurements: Measurements, values: Values, target: Target) -> Columns:
         direction = np.asarray(measurements[Role.DIRECTION], dtype=float)
         return {"forward": lambda: np.maximum(direction, 0.0), "backward": lambda: np.minimum(direction, 0.0)}
-
-
-# A hysteresis loop between the two directions of motion or loading.
 
 
 LOCKED = "rv_lost_motion"
@@ -143,9 +136,6 @@ def _belongs_to_loop(parameter: EffectParameter) -> bool:
     return not parameter.stem.endswith(MOVING.stem)
 
 
-# Twist of contacts that stiffen as they flatten.
-
-
 class HertzStiffening(LoadShape):
     """Hertzian twist, with the torque to the power 2/3."""
 
@@ -163,9 +153,6 @@ class HertzStiffening(LoadShape):
     def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         load = Load.of(measurements)
         return np.asarray(np.sign(load) * np.cbrt(load) ** 2)
-
-
-# Friction in proportion to the load.
 
 
 class LoadFriction(LoadShape):
@@ -191,9 +178,6 @@ class LoadFriction(LoadShape):
         return np.asarray(np.abs(Load.of(measurements)) * measurements[Role.DIRECTION])
 
 
-# Waves of the disc's teeth that grow with the load.
-
-
 class LoadSharing(Orders):
     """Twice the order of the pins (78), in proportion to the signed torque."""
 
@@ -213,9 +197,6 @@ class LoadSharing(Orders):
         return Load.of(measurements)
 
 
-# A gap that is crossed with the sign of the load.
-
-
 class LostMotion(LoadShape):
     """Offset with the sign of the torque."""
 
@@ -232,9 +213,6 @@ class LostMotion(LoadShape):
         return np.sign(Load.of(measurements))
 
 
-# Twist in proportion to the load.
-
-
 class TorsionalCompliance(LoadShape):
     """Elastic twist in proportion to the torque."""
 
@@ -243,6 +221,7 @@ class TorsionalCompliance(LoadShape):
     dimensions = POSITIONS
     cause = "Shafts, bearings and housing twist elastically, in proportion to the torque."
     formula = "T/K"
+    of_stiffness = True
     mistaken_for = ("hertz_stiffening", "bearing_clearance", "lost_motion")
     reference = "Timoshenko, Strength of Materials, 1955"
 

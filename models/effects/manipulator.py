@@ -1,4 +1,4 @@
-"""Effects of manipulator."""
+"""Effects inside a parallel manipulator: lengths, zeros, play and yield of its chains."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ from ...section import Array
 from ..measurable import Role
 from .effect import CHAINS, EffectParameter, Inside, InsideSeveral, Measurements, Target, Values, quantity
 from .shapes import warming
-
-# Arms of a wrong length.
 
 
 class ArmLengthError(InsideSeveral):
@@ -27,9 +25,6 @@ class ArmLengthError(InsideSeveral):
 
     def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:
         return tuple((quantity(f"length_{i}", "um", f"error of arm {i}", -inf), f"arm_length_{i}_um") for i in CHAINS)
-
-
-# A base that is tilted.
 
 
 class BaseTilt(InsideSeveral):
@@ -49,9 +44,6 @@ class BaseTilt(InsideSeveral):
         )
 
 
-# One wave per turn of an arm.
-
-
 class DriveEccentricity(InsideSeveral):
     """One wave per turn of an arm."""
 
@@ -69,9 +61,6 @@ class DriveEccentricity(InsideSeveral):
             for i in CHAINS
             for part in ("drive_cos", "drive_sin")
         )
-
-
-# Drives that yield under the load.
 
 
 class GravitySag(InsideSeveral):
@@ -98,9 +87,6 @@ class GravitySag(InsideSeveral):
         return np.asarray(measurements[Role.PAYLOAD] + values["moving_mass_kg"])
 
 
-# Joints with play.
-
-
 class JointClearance(Inside):
     """Joints with play."""
 
@@ -111,9 +97,6 @@ class JointClearance(Inside):
     needs = (Role.POSITION,)
     mistaken_for = ("gravity_sag", "arm_length_error")
     reference = "Innocenti, J. Mech. Des. 124, 2002"
-
-
-# Drives whose zeros are off.
 
 
 class JointZeroOffset(InsideSeveral):
@@ -131,9 +114,6 @@ class JointZeroOffset(InsideSeveral):
         return tuple(
             (quantity(f"zero_{i}", "mrad", f"zero of drive {i}", -inf), f"drive_zero_{i}_mrad") for i in CHAINS
         )
-
-
-# Links and base grow with temperature.
 
 
 class ThermalGrowth(InsideSeveral):

@@ -21,8 +21,6 @@ from .effect import Action, Effect, EffectParameter, Measurements, Target, Value
 from .measurements import labels_of, unit_numbers
 from .shapes import Weight
 
-# The distribution of the units of a population, as a density on a lattice.
-
 
 @dataclass(frozen=True)
 class Law:
@@ -62,9 +60,6 @@ class Law:
         std = float(np.sqrt(self.std**2 + fraction * (1.0 - fraction) * offset**2))
         first, second = np.log1p(-fraction) + self(x), np.log(fraction) + self(x - offset)
         return replace(self, low=low, log=np.asarray(np.logaddexp(first, second)), std=std)
-
-
-# The base of effects on a population.
 
 
 class OfUnits(Effect):
@@ -135,9 +130,6 @@ def size_of(weight: Weight, values: Values, target: Target) -> float:
     return value_or_zero(values, weight.of(target.outputs[0], target).name)
 
 
-# Some units come from a second supplier.
-
-
 WITHIN = EffectParameter(
     "within_lots",
     "",
@@ -197,9 +189,6 @@ class LotMixture(OfUnits):
         return drawn + size_of(self.weight, values, target) * second[of_group]
 
 
-# Single lots deviate by a step.
-
-
 class LotOffset(OfUnits):
     """Single lots deviate by a step."""
 
@@ -209,6 +198,9 @@ class LotOffset(OfUnits):
     formula = "y + c_l in lot l"
     needs = (Role.LOT,)
     mistaken_for = ("lot_mixture", "process_mean_shift", "gauge_bias")
+    separated_by: ClassVar[Mapping[str, str]] = {
+        "lot_mixture": "note the supplier of each lot: a second supplier has the same offset in all of its lots"
+    }
     reference = "Searle, Casella and McCulloch, Variance Components, 1992"
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
@@ -240,9 +232,6 @@ def _offset(lot: str) -> Weight:
     return Weight(f"offset_{lot}", f"c, deviation of lot {lot}", low=-inf)
 
 
-# All units deviate by the same amount.
-
-
 class ProcessMeanShift(MovedUnits):
     """All units deviate by the same amount."""
 
@@ -251,14 +240,14 @@ class ProcessMeanShift(MovedUnits):
     cause = "The process mean is off its target: every unit deviates by the same amount."
     formula = "y + c"
     mistaken_for = ("gauge_bias", "lot_mixture", "differential_thermal_expansion")
+    separated_by: ClassVar[Mapping[str, str]] = {
+        "gauge_bias": "measure a reference unit, or some units on a second gauge: a bias stays, a shift does not"
+    }
     reference = "Montgomery, Introduction to Statistical Quality Control, 2013"
     weight = Weight("shift", "c, shift of the mean", low=-inf)
 
     def pattern(self, measurements: Measurements) -> float:
         return 1.0
-
-
-# Units scatter more than the allocation assumes.
 
 
 class SpreadInflation(OfUnits):
@@ -287,9 +276,6 @@ class SpreadInflation(OfUnits):
         rng: np.random.Generator,
     ) -> Array:
         return drawn + value_or_zero(values, "growth") * (drawn - mean)
-
-
-# Units drift as the tool wears.
 
 
 class ToolWearDrift(MovedUnits):

@@ -96,6 +96,15 @@ class OneColumn(Shape):
         """The column (n,) that the weight multiplies."""
 
 
+class SignedSpeed(OneColumn):
+    """In proportion to the speed, with the sign of the motion: v d."""
+
+    needs: ClassVar[tuple[Role, ...]] = (Role.SPEED, Role.DIRECTION)
+
+    def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
+        return np.asarray(measurements[Role.SPEED] * measurements[Role.DIRECTION])
+
+
 class Orders(Shape):
     """Waves over the angle: cosine and sine of each order, so many waves per turn.
 

@@ -1,8 +1,10 @@
-"""Effects of speed."""
+"""Effects of the speed: viscous friction, drag, Stribeck friction, and resonance."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import inf
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +12,7 @@ from numpy.typing import NDArray
 from ...section import Array
 from ..measurable import Role
 from .effect import EffectParameter, Measurements, Target, Values, quantity
-from .shapes import Columns, Load, OneColumn, Shape, Weight, no_waves, speed_unit
-
-# Viscous friction that grows with the load.
+from .shapes import Columns, Load, OneColumn, Shape, SignedSpeed, Weight, no_waves, speed_unit
 
 
 class LoadViscous(Shape):
@@ -48,9 +48,6 @@ class LoadViscous(Shape):
             "signed": lambda: np.asarray(load * speed),
             "drag": lambda: np.asarray(np.abs(load) * speed * measurements[Role.DIRECTION]),
         }
-
-
-# Friction that falls from its breakaway to its level in motion.
 
 
 SLOWEST, FASTEST = 0.01, 0.7
@@ -98,9 +95,6 @@ class Stribeck(Shape):
             return np.asarray(direction * np.where(left < GONE, 0.0, left))
 
         return {"excess": excess, "level": lambda: direction}
-
-
-# A wave that a natural frequency magnifies.
 
 
 Waves = NDArray[np.complex128]
@@ -159,28 +153,21 @@ def response(measurements: Measurements, order: float, frequency: float, damping
     return np.asarray(answer * np.exp(1j * order * measurements[Role.ANGLE]))
 
 
-# Friction in proportion to the speed.
-
-
-class ViscousFriction(OneColumn):
+class ViscousFriction(SignedSpeed):
     """Friction in proportion to the speed."""
 
     name = "viscous_friction"
     family = "speed"
     cause = "Grease is sheared, and its drag is proportional to the speed."
     formula = "a v d"
-    needs = (Role.SPEED, Role.DIRECTION)
     mistaken_for = ("read_out_lag", "windage", "friction_hysteresis")
+    separated_by: ClassVar[Mapping[str, str]] = {
+        "read_out_lag": "record runs that accelerate: a lag follows the speed itself, friction the torque it needs"
+    }
     reference = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30, 1994"
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("rate", "a, per unit of speed", speed_unit(target)),)
-
-    def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
-        return np.asarray(measurements[Role.SPEED] * measurements[Role.DIRECTION])
-
-
-# Drag with the square of the speed.
 
 
 class Windage(OneColumn):
@@ -195,11 +182,8 @@ class Windage(OneColumn):
     reference = "Townsend, Dudley's Gear Handbook, 1991"
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
-        return (Weight("rate", "a, per squared unit of speed", _squared(speed_unit(target))),)
+        squared = "rpm^2" if speed_unit(target) == "rpm" else "(m/s)^2"
+        return (Weight("rate", "a, per squared unit of speed", squared),)
 
     def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         return np.asarray(measurements[Role.SPEED] ** 2 * measurements[Role.DIRECTION])
-
-
-def _squared(unit: str) -> str:
-    return "rpm^2" if unit == "rpm" else "(m/s)^2"

@@ -1,4 +1,4 @@
-"""Effects of temperature and time."""
+"""Effects that grow with the temperature or with time."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ from ...section import Array
 from ..measurable import Role
 from .effect import Action, EffectParameter, Measurements, Target, Values, quantity, value_or_zero
 from .shapes import POSITIONS, OneColumn, Weight, warming
-
-# A measurement that settles logarithmically.
 
 
 class Creep(OneColumn):
@@ -34,9 +32,6 @@ class Creep(OneColumn):
     def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         since = np.maximum(measurements[Role.TIME], 0.0)  # before its beginning nothing creeps
         return np.asarray(np.log1p(since / max(values["begin_s"], np.finfo(float).tiny)))
-
-
-# Disc and housing grow differently.
 
 
 DISC = "disc_temperature_K"
@@ -83,9 +78,6 @@ class DifferentialThermalExpansion(OneColumn):
         return np.asarray(warming(measurements) * measurements[Role.DIRECTION])
 
 
-# A measurement that changes with time.
-
-
 class Drift(OneColumn):
     """A measurement that changes with time."""
 
@@ -101,9 +93,6 @@ class Drift(OneColumn):
 
     def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         return np.asarray(measurements[Role.TIME], dtype=float)
-
-
-# Friction that falls as the grease warms.
 
 
 class ThermalFriction(OneColumn):
@@ -127,9 +116,6 @@ class ThermalFriction(OneColumn):
         return np.asarray(measurements[Role.DIRECTION] * fallen)
 
 
-# A zero that moves with the temperature.
-
-
 class ThermalZero(OneColumn):
     """An offset in proportion to the temperature above 20 degC, the same in both directions.
 
@@ -142,22 +128,16 @@ class ThermalZero(OneColumn):
     cause = "Mount, fixture or sensor expand with the temperature, and shift the zero."
     formula = "a tau"
     needs = (Role.TEMPERATURE,)
+    of_rows = True
     mistaken_for = ("drift", "differential_thermal_expansion", "creep")
     reference = "ISO 230-3:2020"
     weight = Weight("rate", "a, per kelvin above 20 degC", "K", low=-inf)
-
-    def own_applies(self, target: Target) -> bool:
-        """Not for a population, whose mean moves by `differential_thermal_expansion`."""
-        return not target.population and super().own_applies(target)
 
     def own_reason(self, target: Target) -> str:
         return "the thermal effect on the units of a batch is differential_thermal_expansion"
 
     def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         return warming(measurements)
-
-
-# Backlash that grows with time.
 
 
 class Wear(OneColumn):

@@ -14,9 +14,9 @@ from tolevo.commands.gap.configuration import read_gap
 from tolevo.commands.gap.generic import stack_columns
 from tolevo.commands.gap.library import grid
 from tolevo.commands.gap.linear import Groups, basis, project_out
+from tolevo.commands.gap.null_model import build_null_model, noise_of
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.scan import Thresholds, dictionary
-from tolevo.commands.gap.searching import noise_of, searching
 from tolevo.commands.gap.setup import Setup, prepare_setup
 from tolevo.models.effects.shapes import Shape
 
@@ -79,7 +79,7 @@ def test_gains_without_a_block_are_those_of_the_other_rows(tmp_path: Path) -> No
     noises = noise_of(setup, ())
     noises = tuple(replace(one, rho=0.4) for one in noises)
     book = dictionary(setup.library, setup.columns, 1.0)
-    search = searching(setup, noises, book, *stack_columns(setup.generic, 2), Thresholds(20.0, 10.0)).search
+    search = build_null_model(setup, noises, book, *stack_columns(setup.generic, 2), Thresholds(20.0, 10.0)).search
     training = Training(search.fitter, search.labels, book, search.white)
     first = {name: book.members[at] for name, (at, _) in book.places.items()}
     names = ("torsional_compliance", "structural_resonance", "encoder_harmonics")
@@ -102,7 +102,7 @@ def test_rows_that_are_held_out_are_predicted_by_a_fit_of_the_others(tmp_path: P
     """Of an effect without nonlinear numbers, against least squares on the other rows."""
     setup = set_up(tmp_path)
     book = dictionary(setup.library, setup.columns, 1.0)
-    search = searching(setup, noise_of(setup, ()), book, *stack_columns(setup.generic, 2),
+    search = build_null_model(setup, noise_of(setup, ()), book, *stack_columns(setup.generic, 2),
                        Thresholds(20.0, 10.0)).search  # fmt: skip
     member = book.members[book.places["encoder_harmonics"][0]]
     tested = search.tested(search.fitter.fit([member]))

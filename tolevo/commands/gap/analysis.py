@@ -1,4 +1,4 @@
-"""The whole loop on one record: noise, thresholds, selected effects, rivals and the residual."""
+"""The whole loop on one record: noise, selected effects, the search for the final answer, its rivals."""
 
 from __future__ import annotations
 
@@ -13,34 +13,32 @@ from ...models.effects.measurements import changes_of, effect_actions
 from ...models.effects.unresolved import Term, Unresolved
 from ...models.measurable import Role
 from ...section import Array
-from .abstain import (
-    Identified,
-    NullModel,
-    acts_in,
-    displaced,
-    has_structured_residuals,
-    more_numbers,
-    significant_forms,
-    withdraw_members,
-)
 from .blocks import HeldOut, improvement
 from .close import corrected
 from .data import GapData
 from .fit import Fit, Fitter, Member, Space, is_term
 from .generic import LEVELS, stack_columns
 from .linear import basis, project_out
-from .population import Misfit, Scatter, misfit, scatter
-from .scan import GenericResidual, Remaining, dictionary, generic_residual
-from .searching import (
+from .null_model import (
+    Identified,
+    NullModel,
+    acts_in,
     alike,
+    build_null_model,
     change_noise,
     contributions,
+    displaced,
+    has_structured_residuals,
+    more_numbers,
     noise_of,
     reread_by_instrument,
-    searching,
     setup_as_read,
+    significant_forms,
     spread_of,
+    withdraw_members,
 )
+from .population import Misfit, Scatter, misfit, scatter
+from .scan import GenericResidual, Remaining, dictionary, generic_residual
 from .selection import (
     Other,
     Search,
@@ -54,9 +52,6 @@ from .selection import (
 )
 from .setup import Setup, move_setup
 from .unresolved import label, member_of, member_with, term_of, whole_term
-
-# The contribution of an effect as a generic curve: the part of a larger effect without formula.
-
 
 KNOTS = 60
 """Knots of a curve, at most."""
@@ -118,11 +113,12 @@ def _broken_line(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ..
 # the held-out error and fits no effect stays as a generic term, so that its omission does not bias
 # the parameters of the effects.
 
-
 TERMS = 8
 """Largest number of generic terms."""
 TRIED = 4
 """Number of forms and effects that are tried at each step, the likeliest first."""
+ADDED_IN_TURN = (("effects", "forms"),)
+"""What may be added: those of one entry compete, and the next entry is tried where none of them predicts better."""
 SETTLE_ROUNDS = 40
 FORMS_MORE = 2
 """Number of forms that may be added although not significant, to predict as well as each step."""
@@ -291,8 +287,13 @@ class Settling:
         precedes forms that fit no better. None where there is none.
         """
         tested, labels = self.search.tested, self.search.labels
-        fits = sorted([*self._with_effects(fit, excluded), *self._forms(fit, excluded)], key=attrgetter("score"))
-        return next((f for f in fits[: 2 * TRIED] if improvement(tested(fit), tested(f), labels).real), None)
+        additions = {"effects": self._with_effects, "forms": self._forms}
+        for together in ADDED_IN_TURN:
+            fits = sorted((f for kind in together for f in additions[kind](fit, excluded)), key=attrgetter("score"))
+            for larger in fits[: 2 * TRIED]:
+                if improvement(tested(fit), tested(larger), labels).real:
+                    return larger
+        return None
 
     def _with_effects(self, fit: Fit, excluded: set[str]) -> Iterator[Fit]:
         """Fits with one more effect, or with one in place of a term."""
@@ -415,7 +416,7 @@ def analysed(setup: Setup) -> Analysis:
     setup = setup_as_read(setup)
     noises = noise_of(setup, ())
     effects = dictionary(setup.library, setup.columns, spread_of(noises))
-    null_model = searching(setup, noises, effects, *stack_columns(setup.generic, len(setup.data.outputs)), None)
+    null_model = build_null_model(setup, noises, effects, *stack_columns(setup.generic, len(setup.data.outputs)), None)
     selection = select(null_model.search)
     if max(noise.rho for noise in noises) > AUTOCORRELATED:
         selection, null_model = _select_without_autocorrelation(selection, null_model)
@@ -428,11 +429,12 @@ def analysed(setup: Setup) -> Analysis:
             selection = replace(selection, fit=fit)
         noises = noise_of(setup, contributions(setup, selection.fit))
         forms = null_model.forms, null_model.generic.outputs
-        null_model = searching(setup, noises, effects, *forms, search.thresholds)
+        null_model = build_null_model(setup, noises, effects, *forms, search.thresholds)
         previous_names, kept_fit = selection.fit.names, null_model.search.fitter.refined(selection.fit.members)
         selection = select(null_model.search)
         if kept_fit.score < selection.fit.score - BETTER:  # another path from the null fit
-            selection = selection.ending_with(kept_fit, null_model.search.tested(kept_fit))
+            end = kept_fit, null_model.search.tested(kept_fit)
+            selection = replace(selection, fit=kept_fit, accepted=(*selection.accepted, end))
         if selection.fit.names == previous_names:
             break
     return (_analyse_batch if setup.data.target.population else _settle_rows)(selection, null_model)

@@ -157,8 +157,9 @@ def corrected(setup: Setup, space: Space, fit: Fit, plain: bool = False) -> Corr
     if len(x):
         residual, white = _residual(setup, used, model, scale), used.whiten(residual_of(setup, fit))
         fitted = least_squares(residual, x, (low, high), float(white @ white))
-        x, jacobian = _snap_to_bounds(fitted.x, low, high), np.asarray(fitted.jac)
-        residuals = np.asarray(fitted.fun)
+        x = np.where(np.isfinite(low) & (fitted.x - low < BOUND_TOLERANCE), low, fitted.x)
+        x = np.asarray(np.where(np.isfinite(high) & (high - x < BOUND_TOLERANCE), high, x))
+        jacobian, residuals = np.asarray(fitted.jac), np.asarray(fitted.fun)
         if (np.abs(x) < STEP).any():  # relative steps fail at 0
             jacobian = _derivatives(residual, x, residuals, high)
     else:
@@ -177,12 +178,6 @@ def least_squares(
         return first
     second = optimize.least_squares(residual, x, bounds=ends, max_nfev=MORE, diff_step=[COARSE])
     return second if second.cost < first.cost else first
-
-
-def _snap_to_bounds(x: Array, low: Array, high: Array) -> Array:
-    """Numbers (k,) moved onto the bounds that they nearly reach."""
-    x = np.where(np.isfinite(low) & (x - low < BOUND_TOLERANCE), low, x)
-    return np.asarray(np.where(np.isfinite(high) & (high - x < BOUND_TOLERANCE), high, x))
 
 
 def _add_covariance(

@@ -1,4 +1,4 @@
-"""Reads the configuration of `tolevo gap`: every fault of every section at once."""
+"""Reads the configuration of `tolevo gap`, with [free], [next_measurement] and run: every fault at once."""
 
 from __future__ import annotations
 
@@ -32,8 +32,6 @@ from .drawing_configuration import Run, apply_drawing
 from .next_points import rows_in_range
 from .plan import GapPlan, GapSettings, NextPlan, Span
 
-# `[free]` of a gap analysis: what may be recalibrated, and by how much.
-
 
 def read_free(top: Section, configuration: Configuration | None) -> dict[str, float]:
     """Tolerance by parameter; without the table the model's own list of free parameters."""
@@ -64,9 +62,6 @@ def _numeric_parameters(kind: ModelClass) -> dict[str, str]:
         elif isinstance(parameter.default, float):
             units[parameter.name] = parameter.unit
     return units
-
-
-# `[next_measurement]` of a gap analysis: how many measurements, and where they may be taken.
 
 
 KEY = "next_measurement"
@@ -214,9 +209,6 @@ def _range_faults(section: Section, model: MeasurableModel, spans: dict[str, Spa
     table = {name: axis.ravel() for name, axis in zip(spans, mesh, strict=True)}
     if not rows_in_range(model, table).any():
         section.fault("", f"holds no point that the model reaches: widen {' or '.join(spans)}")
-
-
-# The run that a gap analysis repeats with the corrected model.
 
 
 RUN_KEYS = ("problem", "model", "seed", "parameters", "variables", *LABELS, *PROBLEM_ONLY)
@@ -381,7 +373,9 @@ def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | N
         drawing=drawing,
         labels=_labels(simulated, run),
     )
-    return _add_toml_text(plan, table), faults
+    stated = {key: value for key, value in table.items() if key != "settings"}
+    text = tomli_w.dumps({**stated, "seed": plan.seed, "settings": asdict(plan.settings)})
+    return replace(plan, configuration=text), faults
 
 
 def _of_model(
@@ -531,9 +525,3 @@ def _noise(section: Section, outputs: Sequence[Output]) -> dict[str, float]:
         if name not in units:
             section.fault(name, f"is not a measured output{nearest(name, units)}")
     return {name: value for name, value in deviations.items() if value is not None}
-
-
-def _add_toml_text(plan: GapPlan, table: Mapping[str, Any]) -> GapPlan:
-    """The plan with the TOML text that repeats it: as given, with the settings complete."""
-    stated = {key: value for key, value in table.items() if key != "settings"}
-    return replace(plan, configuration=tomli_w.dumps({**stated, "seed": plan.seed, "settings": asdict(plan.settings)}))

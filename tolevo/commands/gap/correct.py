@@ -1,4 +1,4 @@
-"""`corrected.toml`: the model as recalibrated, with its effects, for `simulate` and `run`."""
+"""`corrected.toml`, its test of delays, and the final fit on every row of a thinned record."""
 
 from __future__ import annotations
 
@@ -130,7 +130,6 @@ def _toml_value(value: Any) -> Any:
 # that differs there. The delay is estimated in each of the four kinds of rows, all else fitted with
 # it.
 
-
 STEP = 1e-2
 """Relative step of a derivative."""
 CHANCE = 0.01
@@ -212,9 +211,6 @@ def _estimate_coefficients(g: Array, residual: Array) -> tuple[Array, Array]:
     sums = np.array([g[a:b].T @ rest[a:b] for a, b in pairwise(edges)])
     white_noise = inverse * float(rest @ rest) / len(rest)
     return coefficients, widened(white_noise, inverse @ (sums.T @ sums) @ inverse)
-
-
-# The final fit on every row of a record that was thinned for the search.
 
 
 WANDERS = 3.0

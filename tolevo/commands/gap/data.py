@@ -1,4 +1,4 @@
-"""The data of a gap analysis: a checked table in the order of measuring, and its meaning."""
+"""The data of a gap analysis: a checked table in the order of measuring, its clocks, and units as a batch."""
 
 from __future__ import annotations
 
@@ -17,9 +17,6 @@ from ...models.measurable import Column, Role
 from ...section import Array, Output
 from ...units import converted, dimension
 from .plan import GapPlan
-
-# The clock of a table, or of each of its sessions: rows in the order of measuring.
-
 
 LATE = 0.05
 """Fraction of its span by which the start of a clock may differ from 0."""
@@ -251,9 +248,6 @@ def _zeros(target: Target) -> tuple[str, ...]:
     """The outputs whose zero is always free: angles, twists, transmission errors."""
     angles = tuple(o.name for o in target.outputs if dimension(o.unit) == dimension("rad"))
     return () if target.population else angles
-
-
-# Batches as units: repeated measurements of a unit are merged, and units are counted.
 
 
 SEVERAL = 3

@@ -1,4 +1,4 @@
-"""Where a gap analysis of a batch contradicts its run, or the allocation that it names."""
+"""The drawing that a batch is simulated by: `run` and `built_to` read, checked and put together."""
 
 from __future__ import annotations
 
@@ -25,9 +25,6 @@ from ...models.inputs import Distribution, Uniform
 from ...problems.settings import Settings, VariableSetting
 from ...section import Kind, Range, Section, Value, Variable, shown
 from .records import Dimension, Drawing, DrawnZone
-
-# `built_to`: the allocation that the units of a batch were built to.
-
 
 ALLOCATION, FRONT, CONFIG = "allocation.csv", "front.csv", "config.toml"
 CHOICE = ("choice", "point", "variable", "rounded")
@@ -257,9 +254,6 @@ def _values_equal(first: Value, second: Value) -> bool:
     return first == second
 
 
-# What the units of a batch are simulated as: the drawing of `run`, built to `built_to`.
-
-
 RUN = 'run = "CONFIG.toml" takes geometry, distributions and effects from a run configuration'
 BUILT = (
     'built_to = "ALLOCATION.csv" (a run\'s allocation.csv, a table of designs, or a point of a '
@@ -316,9 +310,6 @@ def _own_settings(top: Section, kind: ModelClass, base: Configuration) -> Stated
     settings = {v.name: read_variable(section.section(v.name), v, {}) for v in kind.variables}
     variables = {name: setting for name, setting in settings.items() if setting is not None}
     return Stated(parameters, variables, base.settings.effects)
-
-
-# -------------------------------------------------------------------- put together
 
 
 def _apply_run(base: Configuration, kind: ModelClass, stated: Stated, run: Configuration) -> Configuration:
@@ -380,9 +371,6 @@ def _apply_allocation(
     }
     resolved |= {} if of_a_run else resolved_effects(settings.effects)
     return replace(base, settings=settings, resolved=resolved)
-
-
-# -------------------------------------------------------------------- the record of the drawing
 
 
 def _drawing(configuration: Configuration, kind: ModelClass, stated: Stated, run: Run | None, built: Built) -> Drawing:

@@ -1,4 +1,4 @@
-"""Joint fits of the model's free parameters and any effects, in whitened space."""
+"""Whitened space, and joint fits of the model's free parameters and any effects in it."""
 
 from __future__ import annotations
 
@@ -17,8 +17,6 @@ from ...section import Array
 from .library import Candidate, Columns
 from .linear import ConditionalGroups, Groups, basis, project_out, unit
 from .noise import Noise
-
-# Whitened space: the outputs one below the other, each divided by its own noise.
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,20 @@ from ...section import Array
 from .analysis import Analysis, analysed
 from .correct import corrected_toml, fit_all_rows, in_problem, uneven_delays, zeros_with
 from .data import GapData
-from .ending_records import effects, gate, recalibrated, residual_table, rival_records, scores
+from .ending_records import (
+    OF_ROWS,
+    effects,
+    gaps,
+    gate,
+    never_worse,
+    recalibrated,
+    remainder_of,
+    removed_effects,
+    residual_table,
+    rival_records,
+    scores,
+    terms_of,
+)
 from .fit import Fit
 from .locate import along, regions, regions_of_prediction, shapes, spectrum
 from .next_measurement import next_measurement
@@ -39,14 +52,10 @@ from .population import Misfit
 from .populations import attribution_of, compared, inputs_instead, summary_messages
 from .read import unlikely_numbers
 from .records import FoundEffect, GapResult, Region, Rival, Shape
-from .remainder import OF_ROWS, gaps, never_worse, remainder_of, removed_effects, terms_of
 from .result import Ending, finish_analysis
 from .scan import generic_residual
 from .setup import prepare_setup, residual_of
 from .uncertainty import Replicates, Spread, bootstrap, identity_of, is_complete, open_replicates
-
-# Quantiles of the units of a batch: measured, and of the model before and after correction.
-
 
 COLUMNS = ("output", "share", "measured", "before", "after")
 DRAWN = 20_000
@@ -93,9 +102,6 @@ def _draw_units(
     return {output.name: np.concatenate([run[output.name] for run in runs]) for output in data.outputs}
 
 
-# Recalibration so large that it may hide a cause.
-
-
 MAX_RECALIBRATION_MOVE = 0.5
 """Fraction of its tolerance from which a parameter has moved far."""
 MOVE_IN_ERRORS = 4.0
@@ -128,9 +134,6 @@ def recalibration_message(moves: Iterable[tuple[str, float, float, float]]) -> s
     )
 
 
-# The unidentified forms as records, and a formula where one was requested.
-
-
 def shape_records(end: Ending) -> tuple[Shape, ...]:
     """The forms that are significant given the final fit, as records."""
     analysis, search = end.analysis, end.analysis.search
@@ -143,13 +146,12 @@ def shape_records(end: Ending) -> tuple[Shape, ...]:
     remaining = generic_residual(fit, search.fitter, generic)
     records = shapes(end.setup, search, generic, remaining, fit, removed_effects(analysis))
     if end.verdict == "unnamed" and end.setup.plan.settings.empirical:
-        records = tuple(_add_formula(end, shape, fit) for shape in records)
+        formulas = [_formula(end, shape, fit) for shape in records]
+        records = tuple(
+            replace(shape, empirical=text, text=f"{shape.text}; empirical: {text}") if text else shape
+            for shape, text in zip(records, formulas, strict=True)
+        )
     return (*misfit_shapes, *records)
-
-
-def _add_formula(end: Ending, shape: Shape, fit: Fit) -> Shape:
-    text = _formula(end, shape, fit)
-    return replace(shape, empirical=text, text=f"{shape.text}; empirical: {text}") if text else shape
 
 
 def _formula(end: Ending, shape: Shape, fit: Fit) -> str:
@@ -184,9 +186,6 @@ def _misfit_record(end: Ending, misfit: Misfit) -> Shape:
     )
     where = (output.name, "population", "scatter of the units")
     return Shape(*where, misfit.distance, output.unit, text, torque="none", direction="none")
-
-
-# The files of a gap analysis. Each appears whole or not at all.
 
 
 SUMMARY = "summary.txt"

@@ -102,7 +102,11 @@ def generic(data: GapData, predicted: Mapping[str, Array] | None = None) -> tupl
     forms += _products(inputs, values, sign)
     forms += _raw_products(inputs, values, sign)
     if predicted is not None and not {Role.TORQUE, Role.FORCE} & set(data.measurements.by_role):
-        forms += _forms_of_prediction(data, predicted)
+        forms += [
+            (Form("interval", f"{PREDICTED}{o.name}"), spline(predicted[o.name], 6))
+            for o in data.outputs
+            if np.ptp(predicted[o.name]) > 0.0 and not data.target.population
+        ]
     if data.target.population:  # its mean is not free
         forms.append((Form("distribution", MEAN), np.ones((len(data), 1))))
     forms += _along_units(data)
@@ -112,15 +116,6 @@ def generic(data: GapData, predicted: Mapping[str, Array] | None = None) -> tupl
     if Role.ANGLE in data.measurements:
         forms += _orders(data)
     return [form for form, _ in forms], [columns for _, columns in forms]
-
-
-def _forms_of_prediction(data: GapData, predicted: Mapping[str, Array]) -> list[tuple[Form, Array]]:
-    """Smooth functions of the model's prediction, where that varies."""
-    return [
-        (Form("interval", f"{PREDICTED}{o.name}"), spline(predicted[o.name], 6))
-        for o in data.outputs
-        if np.ptp(predicted[o.name]) > 0.0 and not data.target.population
-    ]
 
 
 def _direction(data: GapData) -> Array | None:
@@ -342,7 +337,6 @@ def groups_of(columns: list[Array]) -> Groups:
 # A formula for an unidentified effect, only where it predicts held-out rows better than a spline.
 #
 # It is no cause. Such a form interpolates within the data and does not extrapolate.
-
 
 KNOTS = 8
 STIFF = np.geomspace(1e-4, 1e2, 7)

@@ -1,4 +1,4 @@
-"""The exact law of the units of a population with one of its inputs changed.
+"""The law of the units of a batch with one input changed, and the likelihood of each such change.
 
 X = F + max(0, C), F and C sums of independent inputs. A shift moves C, or F; a wider zone replaces
 one factor of the characteristic function. All on one lattice in the unit of the output.
@@ -185,9 +185,6 @@ def below(log: Array) -> Array:
     density = np.exp(log)
     total = np.cumsum(density, axis=-1) - 0.5 * density
     return np.asarray(total / density.sum(axis=-1, keepdims=True))
-
-
-# The change of one input alone that explains a batch: a shift, a wider zone, or a trend.
 
 
 GAUGE = "gauge"

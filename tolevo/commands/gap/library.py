@@ -1,4 +1,4 @@
-"""The library of effects as columns of a design matrix: their additions to the stacked outputs."""
+"""The library of effects as columns of a design matrix, the law of units, and the model's prediction."""
 
 from __future__ import annotations
 
@@ -37,9 +37,6 @@ from ...section import Array
 from .data import GapData
 from .input_changes import UnitLaw
 from .plan import GapPlan
-
-# The law that the units of a batch scatter by: convolved, or estimated from units.
-
 
 DRAWN = 200_000
 """Units from which the density is estimated."""
@@ -466,9 +463,6 @@ def _axis(parameter: EffectParameter, spread: float, dimensions: int) -> list[fl
     if low >= 0.0:
         return [float(x) for x in np.geomspace(max(low, high * 1e-3), high, count)]
     return [float(x) for x in np.linspace(low, high, count)]
-
-
-# The prediction of the model at the rows of the data, as a function of changes inside it.
 
 
 POINTS = 9

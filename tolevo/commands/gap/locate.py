@@ -1,4 +1,4 @@
-"""Where the residual has structure: successive regions, each given those before it."""
+"""Where the residual has structure: regions, shapes without a name, and the spectrum of orders."""
 
 from __future__ import annotations
 
@@ -20,9 +20,6 @@ from .records import Region, Shape
 from .scan import GenericResidual, Remaining, evidence
 from .selection import Search
 from .setup import Setup
-
-# The region where effects inside a model act, and the shape of the unidentified residual.
-
 
 FAMILIES = {
     Role.TORQUE: "load",
@@ -281,9 +278,6 @@ def _region(
         statistic=level,
         threshold=limit,
     )
-
-
-# Order spectrum of residuals in the angle domain.
 
 
 COLUMNS = ("output", "order", "before", "after", "threshold")

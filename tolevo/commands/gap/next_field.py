@@ -1,8 +1,9 @@
-"""Measurements at other operating points: predictions of an explanation, and its free columns."""
+"""Candidate points of a next measurement: predictions there, contests of explanations, designs by exchange."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,7 +15,7 @@ from ...models.effects.measurements import SESSION, measurements_of
 from ...models.measurable import Column, Role
 from ...section import Array
 from .data import GapData
-from .fit import Fit, Fitter, Member, Space
+from .fit import Fit, Fitter, Space
 from .library import Candidate, Columns, Predict, predictor
 from .linear import basis, project_out
 from .next_points import (
@@ -96,20 +97,13 @@ def predictions(columns: Columns, base: Array, fit: Fit) -> Predictions:
         values = values + member_columns @ coefficients
         if not member.candidate.is_nonlinear:
             parts.append(member_columns)
-        parts += [column[:, None] for column in _nonlinear_derivatives(columns, member, coefficients)]
+        for parameter in (p for p in member.candidate.shape if not p.choices):
+            value = member.shape[parameter.name]
+            step = STRIDE * (abs(value) or 1.0)
+            ends = max(value - step, parameter.low), min(value + step, parameter.high)
+            low, high = (columns.of(member.candidate, {**member.shape, parameter.name: end}) for end in ends)
+            parts.append(((high - low) @ coefficients / max(ends[1] - ends[0], 1e-300))[:, None])
     return Predictions(np.asarray(values), np.hstack(parts))
-
-
-def _nonlinear_derivatives(columns: Columns, member: Member, coefficients: Array) -> Iterator[Array]:
-    """The derivative (N,) by each fitted nonlinear parameter."""
-    for parameter in member.candidate.shape:
-        if parameter.choices:
-            continue
-        value = member.shape[parameter.name]
-        step = STRIDE * (abs(value) or 1.0)
-        ends = max(value - step, parameter.low), min(value + step, parameter.high)
-        low, high = (columns.of(member.candidate, {**member.shape, parameter.name: end}) for end in ends)
-        yield (high - low) @ coefficients / max(ends[1] - ends[0], 1e-300)
 
 
 def predict_record(fitter: Fitter, fit: Fit) -> Predictions:
@@ -133,7 +127,6 @@ def distance(explanation: Predictions, rival: Predictions) -> float:
 #
 # The criterion is that of T-optimality: the squared norm of the residual of the one prediction after
 # a refit of the other. Reference: Atkinson & Fedorov, Biometrika 62, 1975.
-
 
 RIDGE = 1e-10
 """Fraction of a column's square that keeps a fit regular."""
@@ -200,9 +193,6 @@ class Contest:
         return np.asarray(level + np.einsum("ck,ck->c", residual, solved))
 
 
-# The candidate points of a next measurement, as measurements of the record's kind.
-
-
 class _Following(Columns):
     """Columns of candidates at K measurements that follow on the record, along its path."""
 
@@ -221,30 +211,40 @@ class _Following(Columns):
         return super().of(candidate, shape)[self._rows]
 
 
-class Ahead:
+class Points(ABC):
+    """Further measurements: columns of effects, and (N, p) of the free parameters, there."""
+
+    base: Array
+    columns: Columns
+
+    def predicted(self, fit: Fit) -> Predictions:
+        """The prediction of a fit for them, in noise units."""
+        return self.white(predictions(self.columns, self.base, fit))
+
+    @abstractmethod
+    def white(self, prediction: Predictions) -> Predictions:
+        """A prediction in noise units; noise is correlated along the order of measuring."""
+
+
+class Ahead(Points):
     """Measurements that follow on the record at the points of `table`, with the columns (N, p) of
     the free parameters there, and the record's noise.
     """
 
     def __init__(self, setup: Setup, noises: Sequence[Noise], table: Table, base: Array) -> None:
         self.table, self.base = table, base
-        self.columns: Columns = _Following(setup, table)
+        self.columns = _Following(setup, table)
         self._space = Space(tuple(replace(noise, sigma=np.full(len(self), noise.level), good=None) for noise in noises))
 
     def __len__(self) -> int:
         return len(next(iter(self.table.values())))
 
-    def predicted(self, fit: Fit) -> Predictions:
-        """The prediction of a fit for them, whitened along their path."""
-        return self.white(predictions(self.columns, self.base, fit))
-
     def white(self, prediction: Predictions) -> Predictions:
-        """In noise units."""
         return Predictions(self._space.whiten(prediction.values), self._space.whiten(prediction.columns))
 
 
 @dataclass(frozen=True)
-class Field:
+class Field(Points):
     """Candidates of `per_candidate` measurements, their rows adjacent in `data`, with the columns
     (N, p) of the free parameters there, and the noise of the record.
     """
@@ -256,10 +256,6 @@ class Field:
     base: Array
     columns: Columns
     noises: Sequence[Noise]
-
-    def predicted(self, fit: Fit) -> Predictions:
-        """The prediction of a fit for all candidates, whitened, the rows of each adjacent."""
-        return self.white(predictions(self.columns, self.base, fit))
 
     def white(self, prediction: Predictions) -> Predictions:
         """A prediction in noise units; the measurements within a candidate are successive."""
@@ -369,7 +365,6 @@ def _time(data: GapData) -> str | None:
 # Exact designs by exchange: the points that separate the worst pair best.
 #
 # Reference: Fedorov, Theory of Optimal Experiments, 1972; Atkinson & Fedorov, Biometrika 62, 1975.
-
 
 PASSES = 3
 BETTER = 1e-4

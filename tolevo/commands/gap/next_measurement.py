@@ -22,6 +22,7 @@ from .next_field import (
     Chosen,
     Contest,
     Field,
+    Points,
     Predictions,
     base_at,
     continue_record,
@@ -46,18 +47,15 @@ from .separations import (
     HOPELESS,
     MIN_REACHABLE_GAIN,
     NO_SEPARATING_DESIGN,
-    OTHER_QUANTITIES,
     SUPPORT,
     design,
     joint_discrimination,
     most,
+    other_quantity,
     pair_of_rival,
     separation,
 )
 from .setup import Setup
-
-# Points at which a barely present effect would be detected, and the probability of detection.
-
 
 MAX_UNLISTED_EFFECTS = 2
 """Number of effects that are planned for where none is listed."""
@@ -150,7 +148,7 @@ def _record(end: Ending, fit: Fit, size: Array) -> tuple[Predictions, Prediction
     return Predictions(values, columns), Predictions(np.zeros_like(values), columns)
 
 
-def _at(sought: Sought, at: Ahead | Field) -> tuple[Predictions, Predictions]:
+def _at(sought: Sought, at: Points) -> tuple[Predictions, Predictions]:
     """The same at further measurements."""
     candidate, shape = sought.member.candidate, sought.member.shape
     values = at.columns.of(candidate, shape) @ sought.size
@@ -179,9 +177,6 @@ def sensitivity(end: Ending, sought: Sought, new: Ahead, alike: Ahead) -> Sensit
     return Sensitivity(
         candidate.name, parameter.name, parameter.unit, float(size[column]), now, then, like, least[0], least[1]
     )
-
-
-# The inputs by which points separate two explanations.
 
 
 CELLS = 12
@@ -213,9 +208,6 @@ def _ratio(values: Array, of: Array) -> float:
     total = float(np.var(of))
     between = float(count @ (means - of.mean()) ** 2) / len(of)
     return between / total if total > 0.0 else 0.0
-
-
-# The next measurement of a batch: further units, at the ends of configured ranges.
 
 
 MAX_FURTHER_UNITS = 10**6
@@ -279,9 +271,6 @@ def _chance(moments: Sequence[tuple[float, float]], ahead: float, count: int, by
         gained = start + 2.0 * count * mean - by
         chance += weight * ndtr(gained / np.sqrt(max(4.0 * count * variance, 1e-12)))
     return float(chance)
-
-
-# The next measurement of an analysis that has ended: its points and expected discrimination.
 
 
 FILE = "next_measurement.csv"
@@ -353,7 +342,7 @@ def _separations_by_points(
     alike = continue_record(end.setup, noises, len(new))
     records = [separation(end, pair, new, alike) for pair in pairs]
     records = [
-        record if gain > HOPELESS * count else _inseparable_record(record, pair.rival)
+        record if gain > HOPELESS * count else _inseparable_record(end, record, pair.rival)
         for record, pair, gain in zip(records, pairs, gains, strict=True)
     ]
     return records, new, decisive_inputs(place, (useful or pairs)[0].contests[0], chosen)
@@ -371,14 +360,13 @@ def _separations_by_units(
     for rival in rivals:
         record = separation(end, pair_of_rival(end, rival), new, alike)
         gained = record.expected - record.now
-        records.append(record if gained > HOPELESS * len(new) else _inseparable_record(record, rival))
+        records.append(record if gained > HOPELESS * len(new) else _inseparable_record(end, record, rival))
     return records, new, tuple(wanted.ranges)
 
 
-def _inseparable_record(record: Separation, rival: Other) -> Separation:
+def _inseparable_record(end: Ending, record: Separation, rival: Other) -> Separation:
     """The record of a pair that no design separates, with the quantity that would."""
-    names = frozenset(set(rival.names) ^ set(rival.instead_of))
-    text = OTHER_QUANTITIES.get(names, "another quantity has to be measured")
+    text = other_quantity(end.fit, rival.fit) or "another quantity has to be measured"
     return replace(record, needed=0, text=f"{NO_SEPARATING_DESIGN}: {text}", possible=False)
 
 

@@ -1,4 +1,4 @@
-"""Operating points of a possible next measurement: inside the configured ranges and the model's."""
+"""Operating points of a possible next measurement, and cycles of the torque, inside all ranges."""
 
 from __future__ import annotations
 
@@ -183,9 +183,6 @@ def _points_of_record(data: GapData, axes: Sequence[Axis]) -> dict[str, Array]:
     rows = np.flatnonzero(within)
     rows = rows[:: max(1, -(-len(rows) // VISITED))]
     return {axis.column.name: axis.settable(table[axis.column.name][rows]) for axis in axes}
-
-
-# Cycles of the torque, for units whose twist depends on the path that the torque took.
 
 
 CYCLES = 7

@@ -170,7 +170,8 @@ def residuals_figure(result: GapResult, output: Axis) -> Figure | None:
     figure = new_figure(height=MARGIN + ROW * len(inputs))
     panels = figure.subplots(len(inputs), len(MARKS), sharey=True, sharex="row", squeeze=False)
     for row, axis in zip(panels, inputs, strict=True):
-        regions = _regions(result.where, output.name, axis.name)
+        here = (region for region in result.where if (region.output, region.variable) == (output.name, axis.name))
+        regions = [region for region in here if isfinite(region.low + region.high)]
         for axes, mark in zip(row, MARKS, strict=True):
             _panel(axes, frame, axis, output, mark, regions)
         row[0].set_ylabel(label_with_unit("residual", output.unit))
@@ -186,14 +187,6 @@ def residuals_figure(result: GapResult, output: Axis) -> Figure | None:
 def thin_rows(frame: pd.DataFrame) -> pd.DataFrame:
     """Every k-th row, at most DRAWN of them."""
     return frame.iloc[:: max(1, -(-len(frame) // DRAWN))]
-
-
-def _regions(where: Sequence[Region], output: str, variable: str) -> list[Region]:
-    return [
-        region
-        for region in where
-        if region.output == output and region.variable == variable and isfinite(region.low + region.high)
-    ]
 
 
 def _panel(axes: Axes, frame: pd.DataFrame, axis: Axis, output: Axis, mark: Mark, regions: list[Region]) -> None:
@@ -626,18 +619,14 @@ def _each_drawing(result: GapResult) -> Iterator[Drawn]:
         for kind, draw in kinds:
             figure = draw(result, output)
             if figure is not None:
-                yield (f"{kind}_{_file_part(output.name)}", figure, CAPTIONS[kind].format(output.name))
+                part = re.sub(r"\W+", "_", output.name)  # a user's column as a part of a file name
+                yield f"{kind}_{part}", figure, CAPTIONS[kind].format(output.name)
     points = next_figure(result)
     if points is not None:
         yield "next_measurement", points, NEXT_MEASUREMENT_CAPTION
     path = path_figure(result)
     if path is not None:
         yield "path", path, CAPTIONS["path of a batch" if len(result.units) else "path"]
-
-
-def _file_part(name: str) -> str:
-    """A user's column as a part of a file name."""
-    return re.sub(r"\W+", "_", name)
 
 
 def _pictures_of_kind(pictures: Mapping[str, str], kind: str) -> str:

@@ -1,4 +1,4 @@
-"""The options of a gap analysis: a resolved configuration, without the data."""
+"""The plan of a gap analysis: options, progress, `[columns]` of a table, and confounded columns."""
 
 from __future__ import annotations
 
@@ -155,9 +155,6 @@ def output_of(name: str, columns: Mapping[str, ColumnRole]) -> str | None:
     return measured[0] if len(measured) == 1 else None
 
 
-# Columns of a table whose effects are confounded: constant, equal or collinear ones.
-
-
 COLLINEAR_CORRELATION = 0.98
 """Correlation above which two columns carry the same information."""
 
@@ -202,9 +199,6 @@ def _collinearity_sentence(frame: pd.DataFrame) -> list[str]:
     return [f"{', '.join(collinear)} are collinear: their effects are confounded"]
 
 
-# Progress of a gap analysis.
-
-
 @dataclass(frozen=True, slots=True)
 class GapProgress:
     """The current phase; for replicates how many are done, of how many, the remaining time [s]."""
@@ -220,9 +214,6 @@ Report = Callable[[GapProgress], None]
 
 def ignore_progress(progress: GapProgress) -> None:
     """Ignore the progress."""
-
-
-# `[columns]` of a gap analysis of a table: role and unit of every column.
 
 
 PLAIN = ("unit", "lot", "repeat", "direction", "ignore")

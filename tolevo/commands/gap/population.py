@@ -37,7 +37,6 @@ from .setup import Setup, residual_of
 # the sorted units from the quantiles of the population at their ranks. This is the 2-Wasserstein
 # distance between the batch and the population, in the output's unit.
 
-
 BATCHES = 400
 """Simulated batches from which the floor is computed."""
 FLOOR = 0.95
@@ -85,9 +84,6 @@ def _distances(law: Law, units: Array) -> Array:
     ranks = (np.arange(units.shape[1]) + 0.5) / units.shape[1]
     apart = np.sort(units, axis=1) - law.histogram.ppf(ranks)
     return np.asarray(np.sqrt(np.mean(apart**2, axis=1)))
-
-
-# The likelihood of effects on the scatter of units, and its threshold under the null model.
 
 
 GROWTHS = np.geomspace(1.03, 4.0, 24) - 1.0

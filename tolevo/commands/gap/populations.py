@@ -305,7 +305,12 @@ def _pair_lines(end: Ending, at: int, model: str, stream: int, simulated: Array)
     looks = _looks(output.unit, s, order)
     if float(np.std(r)) <= EXACT * scale and abs(float(r.mean())) <= EXACT * scale:
         shown = _shown(s, order)
-        return tuple(_unchanged_line(look, model, output.name, shown.get(look.name, 0.0)) for look in looks)
+        nothing = (0.0, 0.0, 0.0, 0.0, 0.0, NO_DIFFERENCE)
+        values = [shown.get(look.name, 0.0) for look in looks]
+        return tuple(
+            PopulationLine(model, output.name, look.aspect, look.name, look.unit, value, value, *nothing)
+            for look, value in zip(looks, values, strict=True)
+        )
     rng, count = np.random.default_rng([setup.plan.seed, 15, stream, at]), batches(len(r))
     drawn = rng.permuted(np.tile(r, (count, 1)), axis=1) * rng.choice([-1.0, 1.0], (count, len(r)))
     # one supplier is drawn as such: permuted measurements would keep a second one
@@ -341,25 +346,6 @@ def _shown(s: Array, order: Array) -> dict[str, float]:
 def _simulate_look(look: Look, normal: Array) -> Look:
     """The same statistic with normal simulated batches."""
     return replace(look, of=lambda x: look.of(x if len(x) == 1 else normal))
-
-
-def _unchanged_line(look: Look, model: str, output: str, value: float) -> PopulationLine:
-    difference = low = high = chance = would_show = 0.0
-    return PopulationLine(
-        model,
-        output,
-        look.aspect,
-        look.name,
-        look.unit,
-        value,
-        value,
-        difference,
-        low,
-        high,
-        chance,
-        would_show,
-        NO_DIFFERENCE,
-    )
 
 
 def has_units(end: Ending) -> bool:
@@ -804,14 +790,11 @@ def attribute_to_records(end: Ending) -> tuple[Attribution, ...]:
         and records.explains(wrong)
     ]
     if not any(wrong.is_input for wrong in standing):
-        return () if end.fit.members or not end.analysis.significant else (_none(end, best),)
+        text = f"no input recorded wrongly explains these units alone; nearest is a {best.kind} of {best.name}"
+        none = Attribution("", _outputs(end), best.kind, (), "none", (), text)
+        return () if end.fit.members or not end.analysis.significant else (none,)
     standing.sort(key=attrgetter("residual_square"))
     return _records_of(end, records, standing, top, max_distance)
-
-
-def _none(end: Ending, best: Wrong) -> Attribution:
-    text = f"no input recorded wrongly explains these units alone; nearest is a {best.kind} of {best.name}"
-    return Attribution("", _outputs(end), best.kind, (), "none", (), text)
 
 
 def _records_of(

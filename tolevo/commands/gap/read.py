@@ -1,4 +1,4 @@
-"""Reads and checks the table of a gap analysis; every fault at once."""
+"""Reads and checks the table of a gap analysis, every fault at once; notes on implausible units."""
 
 from __future__ import annotations
 
@@ -35,8 +35,6 @@ from .fit import Fit
 from .next_points import NO_POINT, RANGE, axes_of, candidates, rows_in_range
 from .plan import GapPlan, alike, column_messages, output_of
 
-# Ranges of the next measurement that do not fit the data.
-
 
 def range_faults(plan: GapPlan, data: GapData, place: str) -> list[Fault]:
     """Faults of ranges of missing columns, of past times, and of ranges without a point."""
@@ -58,9 +56,6 @@ def range_faults(plan: GapPlan, data: GapData, place: str) -> list[Fault]:
         points = candidates(data, axes_of(data, wanted.ranges, wanted.readings), plan.seed)
         faults += [] if rows_in_range(plan.model, points).any() else [Fault(RANGE, NO_POINT)]
     return faults
-
-
-# Implausible units: measurements far outside the range of any test bench.
 
 
 PLAUSIBLE_MAXIMA = {
@@ -163,9 +158,9 @@ def unlikely_numbers(fit: Fit, data: GapData) -> list[str]:
     """Sentences about fitted compliances that no drive has."""
     load = "Nm" if Role.TORQUE in data.measurements else "N"
     return [
-        f"the stiffness of torsional_compliance in {output.name} is {description}: are the units right?"
+        f"the stiffness of {member.name} in {output.name} is {description}: are the units right?"
         for member, sizes in zip(fit.members, fit.coefficients, strict=True)
-        if member.name == "torsional_compliance"
+        if member.candidate.effect.of_stiffness
         for output, size in zip(member.candidate.effect.reached(data.target), sizes, strict=False)
         if size > 0.0 and (description := unlikely_stiffness(1.0 / float(size), output.unit, load, STIFFER))
     ]
@@ -275,7 +270,9 @@ def checked_table(
             f"every {SESSION} may have a separate level; [validation] blocks = "
             f'"{SESSION}" would hold out each {SESSION} in turn'
         )
-    notes += [*column_messages(frame, present), *late_clock_messages(frame, present), *_unused_note(unused)]
+    notes += [*column_messages(frame, present), *late_clock_messages(frame, present)]
+    if unused:
+        notes.append(f"not used, without a role: {abbreviated_list(unused)} (docs/conventions.md lists the roles)")
     data = assemble_data(plan, frame, present, outputs, predictions, stds, notes)
     if faults := range_faults(plan, data, place):
         return None, faults
@@ -299,15 +296,6 @@ def _unused(plan: GapPlan, cells: pd.DataFrame, ignored: Sequence[str], known: S
     missing = [] if plan.model is None else [name for name in known if name not in cells]
     without_role = [str(name) for name in cells.columns if name not in {*ignored, *known}]
     return [name for name in without_role if not nearest(name, missing)]
-
-
-def _unused_note(unused: Sequence[str]) -> list[str]:
-    """The note on columns without a role."""
-    return (
-        [f"not used, without a role: {abbreviated_list(unused)} (docs/conventions.md lists the roles)"]
-        if unused
-        else []
-    )
 
 
 def abbreviated_list(names: Iterable[str]) -> str:

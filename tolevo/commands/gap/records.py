@@ -17,8 +17,6 @@ from ...section import Value
 if TYPE_CHECKING:
     import pandas as pd
 
-# What the units of a gap analysis were simulated as: the drawing, and where it comes from.
-
 
 @dataclass(frozen=True, slots=True)
 class Dimension:
@@ -91,9 +89,6 @@ class Drawing:
         if len(set(laws.values())) == 1:
             return (next(iter(laws.values())),)
         return tuple(f"{name} {law}" for name, law in laws.items())
-
-
-# Result records of the next measurement that `tolevo gap` plans.
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,9 +166,6 @@ class NextMeasurement:
 
     def __str__(self) -> str:
         return self.text
-
-
-# Result records of units as a population, and of the inputs behind a difference.
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""The ending of an analysis: the final fit of the identified effects, and its verdict."""
+"""The ending of an analysis: the final fit and its verdict, and what generic terms add to its errors."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 
 from ...models.effects import EffectParameter
 from ...section import Array
-from .abstain import acts_in
 from .analysis import Analysis, analysis_without_effect, predicts_as_well
 from .blocks import HeldOut
 from .close import Corrected, corrected
 from .fit import Fit, Fitter, Member, is_term
 from .linear import basis, project_out
+from .null_model import acts_in
 from .setup import Setup
 from .unresolved import whole_term
 
@@ -26,7 +26,6 @@ from .unresolved import whole_term
 # parameter given all others, E the squared norm of the term r in noise units and m its dimensions,
 # the variance is then sigma^2 / |g|^2 (1 + E/m). A term that is fitted jointly may have absorbed g' r
 # / |g|^2 of the parameter, between none and all of it: the standard deviation is taken as 0.6 of it.
-
 
 NEGLIGIBLE_FRACTION = 0.01
 """Fraction of a parameter's column within a form below which they have nothing in common."""
@@ -142,7 +141,7 @@ class Ending:
             return "unnamed"
         if self.remains:
             return "partial"
-        rivals = self.analysis.rivals or len(self.analysis.scatter) > 1 or self.may_be_a_second_supplier
+        rivals = self.analysis.rivals or len(self.analysis.scatter) > 1 or self.on_scatter_instead
         return "ambiguous" if rivals else "named"
 
     @property
@@ -162,10 +161,13 @@ class Ending:
         return bool(self.fit.terms) or forms_remain or self.analysis.misfit is not None
 
     @property
-    def may_be_a_second_supplier(self) -> bool:
-        """Whether offsets of lots were identified that a second supplier would explain as well."""
+    def on_scatter_instead(self) -> tuple[tuple[str, str, str], ...]:
+        """Effects on the scatter that would explain the same as an identified one: their names, that
+        of the identified one, and what to record to separate them.
+        """
         names = {candidate.name for candidate in self.setup.on_scatter}
-        return "lot_offset" in self.fit.names and "lot_mixture" in names
+        separated = ((member.name, member.candidate.effect.separated_by) for member in self.fit.members)
+        return tuple((other, name, by[other]) for name, by in separated for other in by if other in names)
 
 
 def finish_analysis(analysis: Analysis) -> Ending:

@@ -1,4 +1,4 @@
-"""The selection of effects: add, refit and test all again until no candidate is significant."""
+"""The selection of effects: add, refit and test all again; and the rivals of those selected."""
 
 from __future__ import annotations
 
@@ -120,10 +120,6 @@ class Selection:
     rejected: tuple[str, ...] = ()
     accepted: tuple[tuple[Fit, HeldOut], ...] = ()
     identified: tuple[str, ...] = ()
-
-    def ending_with(self, fit: Fit, tested: HeldOut) -> Selection:
-        """The same path, with another fit accepted at its end."""
-        return replace(self, fit=fit, accepted=(*self.accepted, (fit, tested)))
 
 
 def select(search: Search, quick: bool = False) -> Selection:
@@ -320,9 +316,6 @@ def concluding(search: Search, selection: Selection, fit: Fit, labels: Mapping[s
             _note(steps, search, fit, search.tested(fit), action, ", ".join(names), why)
             steps[-1] = replace(steps[-1], names=named)
     return tuple(replace(step, number=at) for at, step in enumerate(steps))
-
-
-# Rivals: effects that the data cannot distinguish from those that were accepted.
 
 
 SAME_COLUMNS = 1e-3

@@ -1,4 +1,4 @@
-"""The probability that the right one of two explanations fits better after further measurements.
+"""Separation of two explanations: their duel, designs that separate them best, and advice without points.
 
 Both are linearised about their fits. Each predicts a normal distribution of the new measurements:
 the noise, and the uncertainty that the record leaves in its coefficients. The difference of the two
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import permutations
 from typing import Any
 
 import numpy as np
@@ -109,9 +110,6 @@ def _undetermined_columns(record: Array, new: Array) -> Array:
     return np.asarray((new[:, kept] / size[kept]) @ root)
 
 
-# The design that separates the best explanation from its rivals, and its discrimination.
-
-
 SUPPORT = 60
 """Number of measurements that are chosen one by one; further ones repeat them."""
 HOPELESS = 1e-4
@@ -140,12 +138,6 @@ class Pair:
     fits: tuple[Fit, ...]
     records: tuple[Predictions, ...]
     contests: tuple[Contest, ...] = ()
-
-    def with_fit(self, fit: Fit, record: Predictions, contest: Contest) -> Pair:
-        """The pair with one more value under consideration."""
-        return replace(
-            self, fits=(*self.fits, fit), records=(*self.records, record), contests=(*self.contests, contest)
-        )
 
     def least(self, chosen: Chosen) -> float:
         """Discrimination with these candidates, at the rival's value that imitates best."""
@@ -196,7 +188,8 @@ def _add_worst_rival(end: Ending, field: Field, pair: Pair, chosen: Chosen) -> P
         record = predict_record(fitter, fit)
         tried = _contest(end, field, pair.best, record, fit)
         if tried.level(chosen)[0] < WORSE * best.least(chosen):
-            best = pair.with_fit(fit, record, tried)
+            fits, records, contests = (*pair.fits, fit), (*pair.records, record), (*pair.contests, tried)
+            best = replace(pair, fits=fits, records=records, contests=contests)
     return best
 
 
@@ -257,23 +250,12 @@ def joint_discrimination(best: Predictions, rival: Predictions, new_best: Predic
     return distance(Predictions(values, columns), Predictions(rival_values, columns))
 
 
-# The measurement that would separate two explanations best.
-
-
 ROWS = 240
 """Number of measurements of a design that is tried."""
 WIDER = 1.6
 """Factor by which the range of an input is extended."""
 SEPARATE_CERTAIN = 12.0
 """Squared distance in noise units from which explanations are separated."""
-OTHER_QUANTITIES = {
-    frozenset(
-        ["viscous_friction", "read_out_lag"]
-    ): "record runs that accelerate: a lag follows the speed itself, friction the torque it needs",
-    frozenset(
-        ["gauge_bias", "process_mean_shift"]
-    ): "measure a reference unit, or some units on a second gauge: a bias stays, a shift does not",
-}
 
 
 @dataclass(frozen=True)
@@ -285,11 +267,20 @@ class Design:
     inputs: Mapping[str, tuple[float, float]]
 
 
+def other_quantity(fit: Fit, rival: Fit) -> str:
+    """What to measure instead, where the one effect in which two fits differ is separated by no
+    operating point from the one that replaces it; else empty.
+    """
+    effects = {member.name: member.candidate.effect for member in (*fit.members, *rival.members)}
+    names = {*fit.names} ^ {*rival.names}
+    texts = (effects[name].separated_by.get(other, "") for name, other in permutations(sorted(names), 2))
+    return next(filter(None, texts), "") if len(names) == 2 else ""
+
+
 def separating(setup: Setup, levels: Array, fit: Fit, rival: Fit) -> Measurement:
     """The best of a few designs, each input varied alone or further, at noise of `levels` (q,)."""
-    names = frozenset(set(fit.names) ^ set(rival.names))
-    if names in OTHER_QUANTITIES:
-        return Measurement(OTHER_QUANTITIES[names])
+    if text := other_quantity(fit, rival):
+        return Measurement(text)
     best: tuple[float, Design] | None = None
     for design in _designs(setup.data, np.random.default_rng([setup.plan.seed, 3])):
         if not _is_within_range(setup, design):

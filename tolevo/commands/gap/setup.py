@@ -1,4 +1,4 @@
-"""The residuals and columns of a plan and its data, which the whole analysis works on."""
+"""The residuals and columns of a plan and its data, on which the analysis works; doubted signs."""
 
 from __future__ import annotations
 
@@ -31,7 +31,6 @@ from .read import finite_faults
 # An effect has the sign that physics gives it, and a load that resists winds a drive up. Where the
 # data fit far better with the opposite sign, a note says so first: effects selected with the wrong
 # sign are wrong.
-
 
 REVERSED_SIGN_RATIO = 0.25
 """Residual squares with the opposite sign, as a fraction of those with the given one, below which a

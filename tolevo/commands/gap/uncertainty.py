@@ -31,7 +31,6 @@ from .selection import Search, select
 # What an analysis resumes from, by its identity: the steps of its search, and the replicates of its
 # bootstrap, kept in files as they end.
 
-
 FILE = "replicates.jsonl"
 STEPS = "steps.npz"
 CONFIGURATION = "config.toml"

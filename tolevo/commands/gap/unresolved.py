@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
 from ...models.effects.measurements import labels_of
@@ -127,7 +126,8 @@ def member_of(term: Term, data: GapData, fitter: Fitter, named: Sequence[Member]
     q, r, order = linalg.qr(form, mode="economic", pivoting=True)
     rank = int(np.sum(np.abs(np.diag(r)) > 1e-5 * max(float(np.abs(r[0, 0])), 1e-300)))
     q, r, kept = q[:, :rank], r[:rank, :rank], order[:rank]
-    inside = [q.T @ column for column in _columns_in_span(q, fitter, named)]
+    columns = (column for member in named for column in project_out(fitter.white(member), fitter.q).T)
+    inside = [q.T @ c for c in columns if float(np.sum((q.T @ c) ** 2)) > WITHIN * float(c @ c) > 0.0]
     if len(kept) == 1:
         return None if inside else _mix_term(term, data, np.eye(term.count)[:, kept])
     spanned = basis(np.column_stack(inside)) if inside else np.zeros((rank, 0))
@@ -142,12 +142,6 @@ def member_of(term: Term, data: GapData, fitter: Fitter, named: Sequence[Member]
 def whole_term(member: Member, data: GapData) -> Member:
     """A term with all columns of its form."""
     return member_with(Unresolved(effect_of(member).term), data)
-
-
-def _columns_in_span(q: NDArray[Any], fitter: Fitter, named: Sequence[Member]) -> list[Array]:
-    """Columns of effects that lie in the span of a form with basis q (N, r)."""
-    columns = (column for member in named for column in project_out(fitter.white(member), fitter.q).T)
-    return [c for c in columns if float(np.sum((q.T @ c) ** 2)) > WITHIN * float(c @ c) > 0.0]
 
 
 def _mix_term(term: Term, data: GapData, mix: Array) -> Member:
