@@ -1,4 +1,6 @@
-"""The delimiter of a text file, by clevercsv and by a rule of this package, which must agree."""
+"""The lines of a text file as rows of cells: by a delimiter, on which clevercsv and a rule of this
+package must agree, by columns of fixed width, or all at once where the file is long.
+"""
 
 from __future__ import annotations
 
@@ -369,12 +371,83 @@ def rows_of_text(content: bytes, place: str, options: ReadOptions) -> tuple[list
     For a long file, the rows at both ends and the bulk of it.
     """
     text, encoding = decode_text(content, place, options.encoding)
+    if options.delimiter is None and (fixed := rows_of_fixed_width(text)) is not None:
+        return fixed, Dialect("fixed width", encoding), None
     form = separator(text[:100_000].splitlines(), place, options.separator)
     dialect = Dialect("csv", encoding, form.delimiter, quote=form.quote)
     bulk = bulk_of(text, form.delimiter, form.quote, form.skipped)
     if bulk is not None:
         return rows_of_ends(bulk), dialect, bulk
     return rows_of(text, form, place), dialect, None
+
+
+_WORDS = re.compile(r"\S+(?: \S+)*")
+"""Words with single spaces between them: a heading of a table of fixed width."""
+_WORD = re.compile(r"\S+")
+Span = tuple[int, int]
+
+
+def rows_of_fixed_width(text: str) -> list[Row] | None:
+    """The rows of a table whose columns stand below each other; None where it is none, or where a
+    heading can be that of two columns.
+    """
+    lines = [(at, line.rstrip()) for at, line in enumerate(text.split("\n", 3 * SAMPLE)[: 3 * SAMPLE], 1)]
+    sample = [(at, line) for at, line in lines if line.strip()]
+    if len(sample) < 3 or any(sign in line for _, line in sample for sign in ";\t|"):
+        return None
+    lengths = Counter(len(line.split()) for _, line in sample[len(sample) // 2 :])
+    data = [at for at, (_, line) in enumerate(sample) if _is_data(line, lengths.most_common(1)[0][0])]
+    if len(data) < 2 or data[0] == 0 or not any("  " in sample[at][1] for at in [data[0] - 1, *data]):
+        return None
+    fields = _occupied([sample[at][1] for at in data])
+    first = data[0] - 1
+    spans = _headed_fields([match.span() for match in _WORDS.finditer(sample[first][1])], fields)
+    if spans is None or len(spans) < 2:
+        return None
+    every = [(at, line.rstrip()) for at, line in enumerate(text.split("\n"), 1) if line.strip()]
+    rows = []
+    for at, line in every:
+        tokens = list((_WORDS if at <= sample[first][0] else _WORD).finditer(line))
+        if at < sample[first][0]:
+            rows.append((at, [token[0] for token in tokens]))
+            continue
+        cells = [""] * len(spans)
+        for order, token in enumerate(tokens):
+            place = order if at == sample[first][0] else _nearest_span(token.span(), spans)
+            cells[place] = f"{cells[place]} {token[0]}".strip()
+        rows.append((at, cells))
+    return rows
+
+
+def _is_data(line: str, count: int) -> bool:
+    """Whether a line has the usual number of words, half of which are numbers or dates."""
+    words = line.split()
+    return len(words) == count > 1 and 2 * sum(notation(w) is not None or is_date(w) for w in words) >= count
+
+
+def _occupied(lines: list[str]) -> list[Span]:
+    """The stretches that no line leaves empty."""
+    filled = np.zeros(max(map(len, lines)) + 2, dtype=bool)
+    for line in lines:
+        filled[1 : len(line) + 1] |= np.array([character != " " for character in line])
+    edges = np.flatnonzero(np.diff(filled.astype(int)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _headed_fields(headings: list[Span], fields: list[Span]) -> list[Span] | None:
+    """The stretch of each heading: that of the fields below it; None where that is not clear."""
+    below: list[list[Span]] = [[] for _ in headings]
+    for field in fields:
+        below[_nearest_span(field, headings)].append(field)
+    if not headings or not all(below):
+        return None
+    return [(found[0][0], found[-1][1]) for found in below]
+
+
+def _nearest_span(span: Span, among: list[Span]) -> int:
+    """The stretch that overlaps a span most, or is the nearest."""
+    overlap = [min(span[1], end) - max(span[0], start) for start, end in among]
+    return int(np.argmax(overlap))
 
 
 def rows_of(text: str, form: Separator, place: str) -> list[Row]:

@@ -1,4 +1,6 @@
-"""Cells that are not values: marks for missing or invalid measurements, dates, summary rows."""
+"""Cells and what they can be: numbers by their decimal signs, dates and times, marks for missing values,
+names of summary rows.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ SUMMARY = frozenset(
     "stabw stabw. sigma range spannweite total sum count anzahl median cp cpk xq x-quer xquer "
     "nennmaß nennmass nennwert sollwert soll nominal ot ut otg utg og ug usl lsl toleranz "
     "tolerance ende end eof moyenne écart-type 平均 平均值 平均値 合计 合計 最大 最小 "
-    "最大值 最小值 标准差 公差 上限 下限".split()
+    "最大值 最小值 标准差 公差 上限 下限 pp ppk cpu cpl cg cgk variance varianz s(n-1) 6s 6sigma n stddev std.dev "
+    "std.dev. standardabweichung standarddeviation sd meanvalue mittelwerte maximalwert minimalwert statistics "
+    "statistik endofreport endofdata s r uppertol lowertol nennmaße".split()
 )
 """Names of rows at the top or the bottom of a table that are not measurements, in lower case."""
 
@@ -48,7 +52,8 @@ def is_date(cell: str) -> bool:
 
 def is_summary(cell: str) -> bool:
     """Whether a cell names a row that is not a measurement: a mean, a limit, the end."""
-    return cell.lower().rstrip(":") in SUMMARY
+    word = cell.lower().replace(" ", "")
+    return word.rstrip(":") in SUMMARY or (":" in word and word.partition(":")[0] in SUMMARY)
 
 
 # How one cell writes a number: which of its signs are decimal, which group thousands.
