@@ -158,6 +158,7 @@ class Dialect:
     decimal: Annotated[
         str | None, typer.Option(help='Decimal sign of the table: "." or ",".', show_default="detected")
     ] = None
+    shape: Annotated[str | None, typer.Option(help="wide, long or transposed.", show_default="detected")] = None
 
 
 def expand_option_groups(command: Callable[..., Any]) -> Callable[..., Any]:

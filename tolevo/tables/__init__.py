@@ -18,7 +18,8 @@ from .reading import (
     table_of,
     write,
 )
-from .record import AS_DETECTED, KEYS, NO_OPTIONS, Dialect, ReadOptions, Table
+from .record import AS_DETECTED, KEYS, NO_OPTIONS, Dialect, ReadOptions, Specification, Table
+from .shapes import group_of
 from .signs import is_missing
 
 __all__ = [
@@ -32,6 +33,7 @@ __all__ = [
     "Dialect",
     "Fitted",
     "ReadOptions",
+    "Specification",
     "Table",
     "Tell",
     "cell_faults",
@@ -39,6 +41,7 @@ __all__ = [
     "discard_lines",
     "drop_unused",
     "fit_columns",
+    "group_of",
     "is_missing",
     "names_of_characteristics",
     "open_or_raise",

@@ -13,7 +13,7 @@ from .. import files
 from ..errors import Fault, InputError, raise_all, refuse
 from ..units import shorten_text
 from .header import known_unit
-from .record import Columns, Dialect, ReadOptions, Table
+from .record import Columns, Dialect, ReadOptions, Specification, Table
 from .signs import moment
 from .text import decode_text
 
@@ -31,6 +31,8 @@ BETWEEN, WITHIN = "\x0f", "\x14"
 COMPACT = ("K0001", "K0002", "K0004", "K0005", "K0006", "K0007", "K0008", "K0010", "K0011", "K0012")
 COUNTS = ("K0020", "K0021", "", *COMPACT[1:])
 """What stands in a compact line of a characteristic of values, and of one of counts."""
+GROUPS = {"K0053": "order", "K0007": "cavity", "K0008": "operator", "K0010": "machine", "K0012": "gauge"}
+"""What values are grouped by; 0 stands for none."""
 ATTRIBUTIVE = ("1", "5", "6")
 FIRST = ("K0001", "K0021")
 """Keys that begin a value."""
@@ -198,7 +200,8 @@ class Characteristic:
     """One characteristic of one part.
 
     `values` are in `unit`, None where a value is missing or its attribute says that it is not
-    valid; `attributes` (K0002), `times` (K0004) and `batches` (K0006) belong to them. `lower`
+    valid; `attributes` (K0002), `times` (K0004), `batches` (K0006) and `groups` by cavity, machine,
+    operator, gauge and order (K0007 and others) belong to them. `lower`
     and `upper` are limits, None where there is none. `attributive` characteristics count: their
     values are the numbers of faults in samples of `sizes`.
     """
@@ -219,6 +222,15 @@ class Characteristic:
     sizes: list[int | None] = field(default_factory=list)
     keys: dict[str, str] = field(default_factory=dict)
     part_keys: dict[str, str] = field(default_factory=dict)
+    groups: dict[str, list[str]] = field(default_factory=dict)
+
+    @property
+    def specification(self) -> Specification:
+        """Nominal size and limits, and which of them is one of nature (K2120, K2121)."""
+        natural = next(
+            (side for side, key in (("lower", "K2120"), ("upper", "K2121")) if self.keys.get(key) == "2"), ""
+        )
+        return Specification(self.nominal, self.lower, self.upper, natural)
 
     @property
     def label(self) -> str:
@@ -364,6 +376,9 @@ def _limit(
 def _fill(characteristic: Characteristic, raw: Raw, content: Content, place: str) -> None:
     """Fill in the values with their attributes, sizes, batches and times."""
     formats: dict[str, int] = {}
+    for key, kind in GROUPS.items():
+        if len(names := {value.get(key, "0") for value in raw.values}) > 1 or not names <= {"0", ""}:
+            characteristic.groups[kind] = [value.get(key, "0") for value in raw.values]
     for line, value in zip(raw.lines, raw.values, strict=True):
         where = f"{content.place}: row {line}"
         key = "K0021" if characteristic.attributive else "K0001"

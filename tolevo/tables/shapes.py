@@ -38,6 +38,16 @@ _WORDS = {
     "unit": "unit units einheit einheiten",
 }
 """What columns and rows of measuring machines are called, by what they are, without blanks and points."""
+_GROUP_WORDS = {
+    "part": _WORDS["part"],
+    "lot": "lot lotno batch batchno charge chargennr los serie series auftrag order",
+    "cavity": "cavity cavityno nest nestnr kavität kavitaet kav formnest",
+    "machine": "machine machineno maschine maschinennr",
+    "operator": "operator prüfer pruefer bediener appraiser inspector",
+    "gauge": "gauge gage prüfmittel messmittel",
+    "block": "block",
+}
+_GROUPS = {word: kind for kind, words in _GROUP_WORDS.items() for word in words.split()}
 ROLES = {word: role for role, words in _WORDS.items() for word in words.split()}
 SPECIFIED = ("nominal", "upper", "lower", "usl", "lsl")
 _NUMBERED = re.compile(r"(?P<stem>.*?)[ _#.\-]*(?P<number>\d+)")
@@ -48,6 +58,11 @@ MAGNITUDE = "-"
 def role_of(name: str) -> str:
     """What a column or row of this name is, "" where the name says nothing."""
     return ROLES.get(re.sub(r"[\s._:/]", "", split_header(name)[0]).casefold(), "")
+
+
+def group_of(name: str) -> str:
+    """What the labels of a column of this name group parts by, "" where they group none."""
+    return _GROUPS.get(re.sub(r"[\s._:/]", "", name).casefold(), "")
 
 
 def transposed_rows(rows: Sequence[Row], shape: str | None) -> list[Row] | None:
