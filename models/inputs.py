@@ -328,6 +328,12 @@ class Mixture(Distribution):
             faults.append(("centres", "must name a population at least"))
         return faults
 
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of z."""
+        _, first, second = self.raw_moments(2)
+        return float(np.sqrt(second - first**2))
+
     def raw_moments(self, order: int) -> Array:
         shares, parts = self._parts()
         return np.asarray(shares @ np.array([part.raw_moments(order) for part in parts]))

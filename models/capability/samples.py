@@ -5,7 +5,7 @@ process, and the `measured` table of a part or machine, which states them.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -105,7 +105,9 @@ def findings(values: Array, groups: Mapping[str, Sequence[str]] = MappingProxyTy
     differing = [
         one for one in subpopulations(values, groups) if one.probability in {t.probability for t in significant}
     ]
-    if differing and len(values) >= MIN_TESTED_PARTS and _shape(differing[0].centred(values)).probability > LEVEL:
+    flat = bool(differing) and float(scipy.stats.kurtosis(values)) < 0.0  # quantiles of a normal law are further out
+    tested = differing and flat and len(values) >= MIN_TESTED_PARTS
+    if tested and _shape(differing[0].centred(values)).probability > LEVEL:
         significant = [test for test in significant if test.kind != "shape"]  # each group is normal
     return significant
 
@@ -265,14 +267,16 @@ class PartSample:
         more = f" (all {groups.plural}: {every:.2f})" if len(groups.names) > 2 else ""
         return f"{text} Cpk {then:.2f}{more} instead of {now:.2f}"
 
-    def corrected(self) -> Knowledge | None:
-        """The process where all groups are set to one mean; None where none differ."""
-        if self.subpopulations is None:
-            return None
-        scatter, known = self.subpopulations.corrected(), self.knowledge
+    def corrected(self) -> PartSample:
+        """The sample with all groups set to one mean; as it is where none differ."""
+        groups, known = self.subpopulations, self.knowledge
+        if groups is None:
+            return self
+        scatter = groups.corrected()
         gauge = 0.0 if known.difference is None else known.difference.gauge
         std = float(np.sqrt(max(scatter.variance - gauge, 1e-3 * scatter.variance)))
-        return Knowledge(known.mean, std, scatter.n, scatter.df + known.prior_parts, known.prior_parts)
+        process = Knowledge(known.mean, std, scatter.n, scatter.df + known.prior_parts, known.prior_parts)
+        return replace(self, knowledge=process, subpopulations=None, deviations=groups.centred(self.deviations))
 
     def statement(self, unit: str) -> str:
         """The sample and its capability, in one line."""
@@ -389,7 +393,8 @@ def _subgroups(
     if wanted not in (None, *SUBGROUPS):
         section.fault("subgroups", f'must be "as_found", "corrected" or one group, {{ cavity = "3" }}, got {wanted}')
         return None
-    significant = {f.probability for f in findings(values, groups) if f.kind == "lots"}
+    varied = bool(groups) and float(np.ptp(values)) > 0.0
+    significant = {f.probability for f in findings(values, groups) if f.kind == "lots"} if varied else set()
     found = [one for one in subpopulations(values, groups) if one.probability in significant]
     differing = min(found, key=lambda one: one.probability, default=None)
     if wanted == "corrected" and differing is None:

@@ -506,6 +506,8 @@ def join_characteristics(characteristics: list[Raw], names: Sequence[str], place
     """The values of several files of one characteristic, in their order, a file without
     lots being one lot. Files of different revisions of the drawing, or units, are a fault.
     """
+    for characteristic in characteristics:
+        characteristic.pop("parts", None)  # parts come again in a gauge study alone
     if len(characteristics) < 2:
         return characteristics[0] if characteristics else {}
     for key, what in REVISED.items():
@@ -527,7 +529,6 @@ def join_characteristics(characteristics: list[Raw], names: Sequence[str], place
         whole["lots"] += characteristic.get("lots") or [Path(name).stem] * len(characteristic["values"])
     kinds = set.intersection(*(set(part.get("groups", ())) for part in characteristics))
     whole["groups"] = {kind: [n for part in characteristics for n in part["groups"][kind]] for kind in sorted(kinds)}
-    whole.pop("parts", None)
     return {key: value for key, value in whole.items() if key != "groups" or value}
 
 
