@@ -384,14 +384,15 @@ def check(config: Config, *, asked: Asked) -> None:
 
 @command("template")
 def template(
-    kind: Annotated[str, typer.Argument(help="designs, units, stack, gap or costs.")],
+    kind: Annotated[str, typer.Argument(help="designs, units, stack, gap, costs or qdas.")],
     out: Annotated[Path | None, typer.Option("--out", help="The file.", show_default="the terminal")] = None,
     config: Annotated[Path | None, typer.Option(help="Whose designs, costs or units.")] = None,
+    run: Annotated[Path | None, typer.Option("--run", help="Whose limits, for qdas.")] = None,
 ) -> None:
     """Write a filled-in table or configuration of the form that a command reads."""
     from .commands.template import written
 
-    text = written(kind, config)
+    text = written(kind, config, run)
     if out is None:
         typer.echo(text, nl=False)
         return

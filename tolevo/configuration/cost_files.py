@@ -535,13 +535,15 @@ def join_characteristics(characteristics: list[Raw], names: Sequence[str], place
 @dataclass(frozen=True)
 class MeasuredFile:
     """A file of measured parts, opened once: the labels of its characteristics, the label by every
-    name that a characteristic may be requested by, and the values by label.
+    name that a characteristic may be requested by, and the values by label; `numbers` are the labels
+    by the numbers of part and characteristic in a Q-DAS file.
     """
 
     place: str
     labels: tuple[str, ...]
     names: Mapping[str, str]
     values: Callable[[str], Raw]
+    numbers: Mapping[tuple[str, str], str] = field(default_factory=dict)
 
     def characteristic(self, wanted: Any) -> Raw:
         """The characteristic that is wanted, or the only one; raises InputError without it."""
@@ -626,7 +628,8 @@ def _open_aqdef(path: Path, options: tables.ReadOptions) -> MeasuredFile:
     keys = [(key, name) for name, c in known.items() for key in {c.number, c.name, c.label, name} if key]
     count = Counter(key for key, _ in keys)
     names = {key: name for key, name in keys if count[key] == 1 or key == name}
-    return MeasuredFile(path.name, tuple(known), names, lambda name: _values(known[name], path.name))
+    numbers = {(c.part_number, c.number): name for name, c in known.items() if c.number}
+    return MeasuredFile(path.name, tuple(known), names, lambda name: _values(known[name], path.name), numbers)
 
 
 def _values(characteristic: tables.Characteristic, place: str) -> Raw:

@@ -4,7 +4,7 @@ at all.
 The index of a table is the line number in its file (the row number in a Parquet file, from 1).
 """
 
-from .aqdef import Characteristic, names_of_characteristics, read_aqdef
+from .aqdef import Characteristic, aqdef_text, names_of_characteristics, read_aqdef
 from .header import ColumnUse, Fitted, Tell, discard_lines, drop_unused, fit_columns
 from .reading import (
     PARQUET,
@@ -36,6 +36,7 @@ __all__ = [
     "Specification",
     "Table",
     "Tell",
+    "aqdef_text",
     "cell_faults",
     "columns_of",
     "discard_lines",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -236,6 +237,31 @@ class Characteristic:
     def label(self) -> str:
         """What the characteristic is called."""
         return self.name or self.number
+
+
+def aqdef_text(characteristics: Sequence[Characteristic]) -> str:
+    """The text of a .dfq file that describes characteristics with their limits, without values."""
+    lines, numbers = [f"K0100 {len(characteristics)}"], list(dict.fromkeys(c.part_number for c in characteristics))
+    described: set[str] = set()
+    for at, c in sorted(enumerate(characteristics, 1), key=lambda pair: numbers.index(pair[1].part_number)):
+        if c.part_number not in described:
+            described.add(c.part_number)
+            part = numbers.index(c.part_number) + 1
+            lines += [f"K1001/{part} {c.part_number}", f"K1002/{part} {c.part}"]
+        natural = c.specification.natural
+        stated = {
+            "K2001": c.number,
+            "K2002": c.name,
+            "K2004": "0",
+            "K2101": c.nominal,
+            "K2110": c.lower,
+            "K2111": c.upper,
+        }
+        stated |= {"K2120": "2" if natural == "lower" else "1", "K2121": "2" if natural == "upper" else "1"}
+        lines += [
+            f"{key}/{at} {value}" for key, value in (stated | {"K2142": c.unit}).items() if value not in ("", None)
+        ]
+    return "\n".join(lines) + "\n"
 
 
 # `read_aqdef`: characteristics of a Q-DAS file (AQDEF), in key and in compact form.

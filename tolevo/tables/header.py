@@ -24,7 +24,7 @@ _SPELLINGS = {
     "rpm": "U/min",
     "degC": "℃",
     "degF": "℉",
-    "deg": "度 °",
+    "deg": "度 ° Grad",
     "arcmin": "Bogenminuten Winkelminuten Bogenmin ′ ' 角分 分",
     "arcsec": "Bogensekunden Winkelsekunden Bogensek ″ '' \" 角秒",
     "mm": "毫米 ㎜ ミリ",
@@ -36,7 +36,7 @@ _SPELLINGS = {
 }
 """What measuring rooms write, by the name of the unit in the units module."""
 ALIASES = {spelling: unit for unit, spellings in _SPELLINGS.items() for spelling in spellings.split()}
-UNKNOWN = frozenset(["grad", "Grad", "GRAD", "min.", "分", "B", "d", "a", "l", "r", "h."])
+UNKNOWN = frozenset(["grad", "GRAD", "min.", "分", "B", "d", "a", "l", "r", "h."])
 """Words that are ambiguous: no unit is read from them."""
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*[\[(（［【〔](?P<unit>[^\[\]()（）［］【】]+)[\])）］】〕]\s*")
 _SLASH = re.compile(r"(?P<name>.*\S)\s+(?:/|in)\s*(?P<unit>\S+)")
@@ -359,6 +359,7 @@ def fit_columns(
             names[name] = use.target
             cells[name], wrong = _mapped_cells(cells[name], table.units.get(name, ""), use, known)
             faults += [Fault(f'columns."{key}"', text) for text in wrong]
+    mapped = set(names)
     free = {name: unit for name, unit in known.items() if name not in names.values()}
     for wanted, unit in free.items():
         if (name := spelt.get(wanted)) is not None and name not in names:
@@ -375,12 +376,13 @@ def fit_columns(
     for name, target in names.items():
         if known.get(target) == "s":
             cells[name], interpretations, wrong = _clock(cells[name])
-            place_of = f"{place}: column {table.headers.get(name, name)}"
-            faults += [Fault(place_of, text) for text in wrong]
-            notes += [
-                f'"{table.headers.get(name, name)}" is read as {target}: {interpretation}'
-                for interpretation in interpretations
-            ]
+            heading = table.headers.get(name, name)
+            if wrong and name not in mapped:  # nobody asked for it
+                notes.append(f'"{heading}" is not used: {wrong[0]}')
+                names[name] = ""
+                continue
+            faults += [Fault(f"{place}: column {heading}", text) for text in wrong]
+            notes += [f'"{heading}" is read as {target}: {interpretation}' for interpretation in interpretations]
     kept = {names.get(str(n), str(n)): c for n, c in cells.items() if names.get(str(n), "-")}
     taken = [target for target in names.values() if target]
     for target in sorted({name for name in taken if taken.count(name) > 1}):

@@ -27,6 +27,7 @@ MISSING = frozenset(
 _DATE = re.compile(
     r"\d{4}[-./]\d{1,2}[-./]\d{1,2}(?:[ T]\d.*)?|\d{1,2}[-./]\d{1,2}[-./]\d{2,4}(?:[ T/]\d.*)?"
     r"|\d{1,2}:\d{2}(?::\d{2}(?:[.,]\d+)?)?(?: ?[AaPp][Mm])?"
+    r"|(?:\d{1,2}[-. ]+)?[A-Za-zä]{3,9}[-. ]+(?:\d{1,2},? )?\d{2,4}(?:[ T]+\d.*)?"
 )
 SUMMARY = frozenset(
     "mittelwert mittel mw summe min max min. max. minimum maximum mean average avg std stdev "
@@ -314,13 +315,19 @@ _HOURS = (
 )
 _CLOCK = rf"(?:[/ .T]+{_HOURS})?"
 _YEAR = r"(?P<y>\d{4}|\d\d)"
+_MONTHS = "jan feb mar|mär apr may|mai jun jul aug sep oct|okt nov dec|dez".split()
+"""The first letters of months, in English and German."""
+_MONTH = r"(?P<m>[A-Za-zä]{3,9})"
 POINTS, SLASHES, TURNED, ISO = ("day.month.year", "month/day/year", "day/month/year", "year-month-day")
+NAMED, NAMED_FIRST = "day month year", "month day, year"
 OF_DAY = "hour:minute"
 _FORMS = {
     POINTS: re.compile(rf"(?P<d>\d{{1,2}})\.(?P<m>\d{{1,2}})\.{_YEAR}{_CLOCK}"),
     SLASHES: re.compile(rf"(?P<m>\d{{1,2}})/(?P<d>\d{{1,2}})/{_YEAR}{_CLOCK}"),
     TURNED: re.compile(rf"(?P<d>\d{{1,2}})/(?P<m>\d{{1,2}})/{_YEAR}{_CLOCK}"),
     ISO: re.compile(rf"(?P<y>\d{{4}})[-/](?P<m>\d{{1,2}})[-/](?P<d>\d{{1,2}}){_CLOCK}"),
+    NAMED: re.compile(rf"(?P<d>\d{{1,2}})[-. ]+{_MONTH}[-. ]+{_YEAR}{_CLOCK}"),
+    NAMED_FIRST: re.compile(rf"{_MONTH}\.? (?P<d>\d{{1,2}}),? {_YEAR}{_CLOCK}"),
     OF_DAY: re.compile(rf"(?P<y>1900)?(?P<m>)(?P<d>){_HOURS}"),
 }
 ZONED = ", with the zone"
@@ -345,13 +352,21 @@ def _parse_time(text: str, forms: Sequence[str]) -> tuple[datetime, float, str]:
             fraction = (match["fraction"] or "").ljust(12, "0")
             if match["half"]:
                 hour = hour % 12 + 12 * (match["half"] in "Pp") if 1 <= hour <= 12 else 24
-            day, micro = (int(match["m"] or 1), int(match["d"] or 1)), int(fraction[:6])
+            micro = int(fraction[:6])
             try:
+                day = _month(match["m"] or "1"), int(match["d"] or 1)
                 time = datetime(year, *day, hour, minute, second, micro, _zone(match["zone"]))
             except ValueError:
                 continue
             return time, 1e-12 * int(fraction[6:]), name + (ZONED if match["zone"] else "")
     raise ValueError(f'"{text[:60]}" is not a time such as 31.12.2026/08:00:00 or 2026-12-31T08:00:00Z')
+
+
+def _month(text: str) -> int:
+    """The number of a month, by number or name. Raises ValueError where there is none such."""
+    if text.isdecimal():
+        return int(text)
+    return 1 + next(iter(at for at, names in enumerate(_MONTHS) if text[:3].lower() in names.split("|")), 12)
 
 
 def _zone(text: str | None) -> timezone | None:
