@@ -17,7 +17,7 @@ from ..errors import Fault
 from ..units import converted, fits
 from .header import Row, known_unit, split_header
 from .record import LONG, WIDE, Columns, Specification, Table
-from .signs import is_missing, is_summary
+from .signs import LIMITS, is_missing, is_summary
 
 _WORDS = {
     "characteristic": "id feature featurename characteristic characteristicname dimension dim dimensionname merkmal "
@@ -25,13 +25,7 @@ _WORDS = {
     "property": "property axis ax achse eigenschaft",
     "value": "actual ist istwert istmaß istmass measured meas messwert value wert measuredvalue actualvalue "
     "measurement",
-    "nominal": "nominal nom nominalvalue soll sollwert sollmaß sollmass nennmaß nennmass nennwert target theo",
-    "upper": "uppertol uppertolerance upperdeviation tol+ +tol tolerance+ ot oberetoleranz obtol oberesabmaß "
-    "obereabweichung plustol otol",
-    "lower": "lowertol lowertolerance lowerdeviation tol- -tol tolerance- ut unteretoleranz untol unteresabmaß "
-    "untereabweichung minustol utol",
-    "usl": "usl upperlimit upperspec upperspecificationlimit og ogw otg obergrenze oberergrenzwert obereregrenze",
-    "lsl": "lsl lowerlimit lowerspec lowerspecificationlimit ug ugw utg untergrenze unterergrenzwert untereregrenze",
+    **LIMITS,
     "deviation": "deviation dev abw abweichung",
     "part": "part partnb partno partnumber partid teil teilnr teilenr teilnummer teilenummer serial serialnumber "
     "serialno sn serialnr seriennr seriennummer werkstück werkstücknr piece sample stück stücknr bauteil probe",
@@ -47,9 +41,9 @@ _GROUP_WORDS = {
     "gauge": "gauge gage prüfmittel messmittel",
     "block": "block",
 }
-_GROUPS = {word: kind for kind, words in _GROUP_WORDS.items() for word in words.split()}
-ROLES = {word: role for role, words in _WORDS.items() for word in words.split()}
-SPECIFIED = ("nominal", "upper", "lower", "usl", "lsl")
+_GROUPS = {word.casefold(): kind for kind, words in _GROUP_WORDS.items() for word in words.split()}
+ROLES = {word.casefold(): role for role, words in _WORDS.items() for word in words.split()}
+SPECIFIED = tuple(LIMITS)
 _NUMBERED = re.compile(r"(?P<stem>.*?)[ _#.\-]*(?P<number>\d+)")
 MAGNITUDE = "-"
 """How the name of a column of lower tolerances begins that hold no sign: "-TOL"."""
@@ -126,8 +120,7 @@ def is_long(table: Table, long: _Long) -> bool:
         return False
     if "upper" in long or "usl" in long:
         return True
-    names = table.cells[long["characteristic"]]
-    return "nominal" in long and bool(names.duplicated().any()) and len(names.unique()) > 1
+    return "nominal" in long and bool(table.cells[long["characteristic"]].duplicated().any())
 
 
 def wide_of_long(table: Table, place: str, shape: str | None) -> tuple[Table, list[Fault]]:
@@ -227,7 +220,7 @@ def _specifications(
         for name, (low, high) in grouped.agg(["min", "max"]).iterrows():
             if low != high and not np.isnan(low):
                 what = {"nominal": "nominal sizes", "lower": "lower limits", "lsl": "lower limits"}.get(role)
-                text = f"has two {what or 'upper limits'}: {low:.10g} and {high:.10g}; give a file for each"
+                text = f"has two {what or 'upper limits'}: {low:.10g} and {high:.10g}; give a file for each, or state --shape wide"
                 faults.append(Fault(f"{place}: {name}", text))
             elif not np.isnan(low):
                 stated.setdefault(str(name), {})[role] = float(low)

@@ -55,7 +55,7 @@ CHUNK = 1 << 16
 _NOT_ISO = bytes(range(0x80, 0xA0))
 _LATIN_1 = bytes([*range(0x80), *range(0xA0, 0x100)])
 _CONTROLS = bytes([*range(9), 0x0B, 0x0C, *range(0x0E, 0x20), 0x7F])
-_SIGN_IN_WORD = re.compile(r"[\xa0-\xff](?<!\w)[a-z\xdf-\xff](?<=\w)")
+_SIGN_IN_WORD = re.compile(r"[\xa0-\xff](?<!\w)[a-z\xdf-\xff](?<=\w)|(?<=[a-z])[\xa1-\xaf\xb1-\xb6\xb8-\xbf](?<!\w)")
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 
 
@@ -106,13 +106,18 @@ def _decode_legacy(content: bytes, place: str) -> str:
 
     lines = _lines_beyond_ascii(content)
     sample = lines[:SAMPLE].replace(b"\t", b";")
-    name = str(chardet.detect(sample, include_encodings=CHOICES)["encoding"] or "").lower()
+    western = not lines.translate(None, _LATIN_1)
+    choices = [choice for choice in CHOICES if not (western and choice == "mac-roman")]
+    name = str(chardet.detect(sample, include_encodings=choices)["encoding"] or "").lower()
     if name in EAST_ASIAN and _decodes(lines, EAST_ASIAN[name]) is not None:
         return EAST_ASIAN[name]
     # Umlauts of DOS and Macintosh are signs of cp1252 (0x80 to 0x9f); no sign stands within a word.
     latin = lines.decode("latin-1")
-    western = not lines.translate(None, _LATIN_1) and not _SIGN_IN_WORD.search(latin)
-    if western and (name == "windows-1252" or (name == "windows-1250" and latin == _decodes(lines, CENTRAL))):
+    if (
+        western
+        and not _SIGN_IN_WORD.search(latin)
+        and (name == "windows-1252" or (name == "windows-1250" and latin == _decodes(lines, CENTRAL)))
+    ):
         return WESTERN
     raise refuse(place, f"the encoding cannot be determined: {_decodings(lines)}; state --encoding")
 
