@@ -63,7 +63,9 @@ def capability(values: Array, lower: float | None, upper: float | None) -> dict[
 
 
 LEVEL = 0.01
-"""Probability of a false finding in a sample of a stable normal process, all tests together."""
+"""Probability of a false finding in a sample of a stable normal process: that named groups differ in
+their means, and all other tests together.
+"""
 MIN_TESTED_PARTS = 8
 """Number of values from which the shape of a distribution can be tested."""
 
@@ -93,11 +95,9 @@ def findings(values: Array, groups: Mapping[str, Sequence[str]] = MappingProxyTy
     tests = [_drift(values), _outlier(values), *_groups(values, groups)]
     if len(values) >= MIN_TESTED_PARTS:
         tests.append(_shape(values))
-    significant: list[Finding] = []
-    for at, finding in enumerate(sorted(tests, key=lambda finding: finding.probability)):
-        if finding.probability > LEVEL / (len(tests) - at):
-            break
-        significant.append(finding)
+    named = [test for test in tests if groups and test.kind == "lots"]
+    significant = [*_beyond_chance(named), *_beyond_chance([test for test in tests if test not in named])]
+    significant.sort(key=lambda finding: finding.probability)
     if any(test.kind == "outlier" for test in significant):  # the shape is tested without it
         remaining = np.delete(values, np.argmax(np.abs(values - values.mean())))
         if len(remaining) >= MIN_TESTED_PARTS and _shape(remaining).probability > LEVEL:
@@ -110,6 +110,13 @@ def findings(values: Array, groups: Mapping[str, Sequence[str]] = MappingProxyTy
     if tested and _shape(differing[0].centred(values)).probability > LEVEL:
         significant = [test for test in significant if test.kind != "shape"]  # each group is normal
     return significant
+
+
+def _beyond_chance(tests: list[Finding]) -> list[Finding]:
+    """The findings that are no chance, by Holm's procedure."""
+    ordered = sorted(tests, key=lambda finding: finding.probability)
+    chances = (finding.probability > LEVEL / (len(tests) - at) for at, finding in enumerate(ordered))
+    return ordered[: next((at for at, chance in enumerate(chances) if chance), len(ordered))]
 
 
 def distribution_type(departures: Sequence[Finding]) -> str:
