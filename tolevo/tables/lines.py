@@ -214,8 +214,6 @@ class Bulk:
         start = _line_start(self.text, first, self.breaks)
         end = _line_start(self.text, last + 1, self.breaks)
         body = self.text[start:end].encode()
-        if _has_empty_rows(body, self.delimiter.encode() * (count - 1)):
-            return None
         names = [str(at) for at in range(count)]
         try:
             table = arrow.read_csv(
@@ -229,16 +227,25 @@ class Bulk:
         if table.num_rows != last - first + 1:
             return None
         arrays = [column.combine_chunks() for column in table.columns]
-        wide = any(space in self.text for space in _WIDE_SPACES)
-        trimmed = pc.utf8_trim_whitespace if wide else pc.ascii_trim_whitespace
-        return [trimmed(array) for array in arrays]
+        hollow = pc.equal(arrays[0], "")
+        for array in arrays[1:]:
+            if not _any(hollow):
+                break
+            hollow = pc.and_(hollow, pc.equal(array, ""))
+        if _any(hollow):  # a row of delimiters alone
+            return None
+        if any(space in self.text for space in _WIDE_SPACES):
+            return [pc.utf8_trim_whitespace(array) for array in arrays]
+        padded = [_any(pc.starts_with(array, " ")) or _any(pc.ends_with(array, " ")) for array in arrays]
+        tabs = self.delimiter != "\t" and "\t" in self.text
+        return [pc.ascii_trim_whitespace(a) if tabs or pad else a for a, pad in zip(arrays, padded, strict=True)]
 
-    def ends(self) -> list[str]:
-        """Lines of both ends, those of the middle left out."""
+    def ends(self) -> list[tuple[int, str]]:
+        """Lines of both ends with their numbers, those of the middle left out."""
         head = self.text[: _line_start(self.text, ENDS + 1, self.breaks)].split("\n")[:-1]
         total = self.breaks + (not self.text.endswith("\n"))
         tail = self.text[_start_of_last_lines(self.text, ENDS) :].removesuffix("\n").split("\n")
-        return [*head, *([""] * (total - len(head) - len(tail))), *tail]
+        return [*enumerate(head, 1), *enumerate(tail, total - len(tail) + 1)]
 
 
 def bulk_of(text: str, delimiter: str, quote: str, skipped: int) -> Bulk | None:
@@ -255,16 +262,10 @@ def bulk_of(text: str, delimiter: str, quote: str, skipped: int) -> Bulk | None:
 
 def rows_of_ends(bulk: Bulk) -> list[Row]:
     """The rows of both ends by the number of their line."""
-    filled = [(at, line) for at, line in enumerate(bulk.ends(), 1) if line.strip()]
-    lines = [line for line in filled if line[0] > bulk.skipped]
+    lines = [(at, line) for at, line in bulk.ends() if line.strip() and at > bulk.skipped]
     reader = csv.reader((line for _, line in lines), delimiter=bulk.delimiter)
     rows = [(at, [*map(str.strip, row)]) for (at, _), row in zip(lines, reader, strict=False)]
     return [row for row in rows if any(row[1])]
-
-
-def _has_empty_rows(body: bytes, hollow: bytes) -> bool:
-    """Whether lines of bytes hold nothing, or nothing between their delimiters, `hollow`."""
-    return any(ending in body for ending in (b"\n\n", b"\n\r\n", b"\n%b\n" % hollow, b"\n%b\r" % hollow))
 
 
 def _line_start(text: str, line: int, total: int) -> int:
@@ -301,11 +302,14 @@ def prove_column(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None]
     if not any(probes):
         return Evidence(values=len(cells)), None
     unmarked = pc.if_else(pc.is_in(cells, _MARKS), pa.scalar(None, pa.string()), cells)
-    if _any(pc.match_substring_regex(unmarked, _LABEL)):
+    signed = {sign: pc.match_substring(unmarked, sign) for sign in (".", ",")}
+    bare = unmarked.filter(pc.invert(pc.or_(*signed.values())))
+    if _any(pc.match_substring_regex(bare, _LABEL)):
         return None
     count = len(unmarked) - unmarked.null_count
     evidence = Evidence(numbers=count, values=count)
-    plain = _without_signs(unmarked, [probe for probe in probes if probe is not None], evidence)
+    signs = [sign for sign, cells_with_it in signed.items() if _any(cells_with_it)]
+    plain = _without_signs(unmarked, signs, [probe for probe in probes if probe is not None], evidence)
     if plain is None:
         return None
     try:
@@ -316,9 +320,8 @@ def prove_column(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None]
     return (evidence, numbers) if np.isfinite(numbers).sum() == count else None
 
 
-def _without_signs(cells: pa.Array, probes: list[Notation], evidence: Evidence) -> pa.Array | None:
+def _without_signs(cells: pa.Array, signs: list[str], probes: list[Notation], evidence: Evidence) -> pa.Array | None:
     """The cells in plain notation, and what they prove; None where that is not plain to see."""
-    signs = [sign for sign in (".", ",") if _any(pc.match_substring(cells, sign))]
     if not signs:
         return cells
     if len(signs) == 1:

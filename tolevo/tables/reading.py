@@ -37,10 +37,10 @@ def assemble_table(
 ) -> tuple[Table | None, list[Fault]]:
     """The table in the rows of a file, which are not empty; for a long file, in its bulk."""
     turned = transposed_rows(rows, options.shape)
-    if bulk is not None and (turned is not None or _has_blocks(bulk, find_layout(rows, place).header[0])):
+    layout = find_layout(rows if turned is None else turned, place)
+    if bulk is not None and (turned is not None or _has_blocks(bulk, layout.header[0])):
         separator = Separator(dialect.delimiter, dialect.quote, bulk.skipped)
         return assemble_table(rows_of(bulk.text, separator, place), dialect, place, options)
-    layout = find_layout(rows if turned is None else turned, place)
     if turned is not None:
         layout.notes.append("read as: a column per part; the number of a row is that of its column")
     header, body = _trim_layout(layout)

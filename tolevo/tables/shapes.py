@@ -220,7 +220,8 @@ def _specifications(
         for name, (low, high) in grouped.agg(["min", "max"]).iterrows():
             if low != high and not np.isnan(low):
                 what = {"nominal": "nominal sizes", "lower": "lower limits", "lsl": "lower limits"}.get(role)
-                text = f"has two {what or 'upper limits'}: {low:.10g} and {high:.10g}; give a file for each, or state --shape wide"
+                text = f"has two {what or 'upper limits'}: {low:.10g} and {high:.10g}"
+                text += "; give a file for each, or state --shape wide"
                 faults.append(Fault(f"{place}: {name}", text))
             elif not np.isnan(low):
                 stated.setdefault(str(name), {})[role] = float(low)
