@@ -271,7 +271,7 @@ class PartSample:
         )
         name = f"{groups.kind} {groups.names[at]}"
         text = f"{name} is {abs(off):.3g} {self.unit} {'high' if off > 0.0 else 'low'}: correcting it gives"
-        more = f" (all {groups.plural}: {every:.2f})" if len(groups.names) > 2 else ""
+        more = f" (all {groups.plural}: {every:.2f})" if every > then else ""
         return f"{text} Cpk {then:.2f}{more} instead of {now:.2f}"
 
     def corrected(self) -> PartSample:

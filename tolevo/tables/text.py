@@ -32,19 +32,7 @@ EAST_ASIAN = {
     "cp949": "euc_kr",
 }
 """Encodings of two bytes a character, by the detector's names for them."""
-CHOICES = (
-    WESTERN,
-    CENTRAL,
-    "cp850",
-    "gb18030",
-    "big5hkscs",
-    "cp932",
-    "euc_kr",
-    "cp1251",
-    "mac-roman",
-    "cp1254",
-    "cp1253",
-)
+CHOICES = (WESTERN, CENTRAL, "cp850", "cp1251", "cp1253", "cp1254", "mac-roman", *EAST_ASIAN)
 """Encodings that the detector chooses from: among all that it knows, short names of columns look
 like any of twenty.
 """
