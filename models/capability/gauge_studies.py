@@ -50,19 +50,11 @@ class GaugeStudy:
         """The gauge."""
         return Gauge(self.sigma, self.df)
 
-    def statement(self, unit: str, width: float = np.nan) -> str:
-        """The study in one line; `width` is the width of a tolerance in `unit`."""
+    def statement(self, unit: str) -> str:
+        """The study in one line."""
         words = [f"gauge study of type {self.kind}: s = {self.sigma:.3g} {unit} ({self.df:.3g} degrees of freedom)"]
-        words += [f"repeatability {self.repeatability:.3g}"]
-        words += [f"reproducibility {self.reproducibility:.3g}"] if self.kind == 2 else []
-        words += [f"{100.0 * 6.0 * self.sigma / width:.3g} % of the tolerance"] if width > 0.0 else []
-        if self.kind == 1:
-            known = "" if np.isnan(self.bias) else f"bias {self.bias:+.3g} (by chance: {self.bias_probability:.2g})"
-            words += [known] if known else []
-            if width > 0.0:
-                cg = 0.2 * width / (6.0 * self.sigma)
-                words += [f"Cg {cg:.3g}"]
-                words += [f"Cgk {(0.1 * width - abs(self.bias)) / (3.0 * self.sigma):.3g}"] if known else []
+        words += [f"repeatability {self.repeatability:.3g}, reproducibility {self.reproducibility:.3g}"]
+        words += [] if np.isnan(self.bias) else [f"bias {self.bias:+.3g} (by chance: {self.bias_probability:.2g})"]
         return ", ".join(words)
 
 

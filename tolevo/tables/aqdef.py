@@ -15,6 +15,7 @@ from ..errors import Fault, InputError, raise_all, refuse
 from ..units import shorten_text
 from .header import known_unit
 from .record import Columns, Dialect, ReadOptions, Specification, Table
+from .shapes import specification
 from .signs import moment
 from .text import decode_text
 
@@ -271,8 +272,8 @@ SUFFIXES = (".dfq", ".dfd", ".dfx")
 PARTNERS = {".dfd": ".dfx", ".dfx": ".dfd"}
 INVALID = (255, 256)
 """Attributes (K0002) of values that are not valid."""
-LIMIT_TOLERANCE = 1e-9
-"""Relative distance of two statements of one limit at most."""
+LIMIT_KEYS = {"nominal": "K2101", "usl": "K2111", "lsl": "K2110", "upper": "K2113", "lower": "K2112"}
+"""Keys of nominal size, limits and deviations."""
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?")
 MAX_NUMBER_CHARACTERS = 60
 """Characters of a number at most, and of a cell that a fault repeats."""
@@ -352,51 +353,29 @@ def _characteristic(content: Content, index: int) -> Characteristic:
     part = content.common_parts | content.parts.get(raw.part, {})
     place = f"{content.place}: characteristic {index} ({keys.get('K2002', '')})"
     numbers = {
-        key: _number(keys.get(key, ""), f"{place}: {key}", content.faults)
-        for key in ("K2101", "K2110", "K2111", "K2112", "K2113")
+        role: math.nan if (value := _number(keys.get(key, ""), f"{place}: {key}", content.faults)) is None else value
+        for role, key in LIMIT_KEYS.items()
     }
+    for key, of_it in (("K2120", ("lsl", "lower")), ("K2121", ("usl", "upper"))):
+        if keys.get(key) == "0":  # there is no such limit
+            numbers |= dict.fromkeys(of_it, math.nan)
+    stated, wrong = specification(numbers, place, deviations=True)
+    content.faults += wrong
     characteristic = Characteristic(
         part=part.get("K1002") or part.get("K1001", ""),
         part_number=part.get("K1001", ""),
         name=keys.get("K2002", ""),
         number=keys.get("K2001", ""),
-        nominal=numbers["K2101"],
-        lower=_limit(numbers, "K2110", "K2112", keys.get("K2120"), place, content.faults),
-        upper=_limit(numbers, "K2111", "K2113", keys.get("K2121"), place, content.faults),
+        nominal=stated.nominal,
+        lower=stated.lower,
+        upper=stated.upper,
         unit=keys.get("K2142", ""),
         attributive=raw.attributive or keys.get("K2004") in ("1", "5", "6"),
         keys=keys,
         part_keys=part,
     )
-    low, high = characteristic.lower, characteristic.upper
-    if low is not None and high is not None and low > high:
-        content.faults.append(Fault(place, f"the lower limit {low:g} is above the upper limit {high:g}"))
     _fill(characteristic, raw, content, place)
     return characteristic
-
-
-def _limit(
-    numbers: dict[str, float | None], absolute: str, deviation: str, kind: str | None, place: str, faults: list[Fault]
-) -> float | None:
-    """A limit from its value or its deviation from the nominal; both must agree."""
-    stated, off, nominal = numbers[absolute], numbers[deviation], numbers["K2101"]
-    if kind == "0":
-        return None  # K2120, K2121: there is no such limit
-    if off is None:
-        return stated
-    if nominal is None:
-        if stated is None:
-            faults.append(Fault(f"{place}: {deviation}", "needs the nominal K2101"))
-        return stated
-    # Decimals of the file, not of a sum of doubles: 25 - 0.004.
-    by_deviation = round(nominal + off, 12)
-    if stated is not None and not math.isclose(stated, by_deviation, rel_tol=LIMIT_TOLERANCE, abs_tol=1e-12):
-        text = (
-            f"{absolute} is {stated:.10g}, but the nominal {nominal:.10g} with the deviation "
-            f"{deviation} {off:.10g} is {by_deviation:.10g}"
-        )
-        faults.append(Fault(place, text))
-    return by_deviation if stated is None else stated
 
 
 def _fill(characteristic: Characteristic, raw: Raw, content: Content, place: str) -> None:

@@ -24,7 +24,7 @@ from ..units import converted, fits, shorten_text
 from .aqdef import SUFFIXES
 from .header import Layout, Row, find_layout, names_of, split_header, unit_of_cell
 from .lines import Bulk, Separator, prove_column, rows_of, rows_of_text
-from .record import AS_DETECTED, Columns, Dialect, ReadOptions, Table
+from .record import AS_DETECTED, LONG, Columns, Dialect, ReadOptions, Table
 from .shapes import specifications_of_rows, transposed_rows, wide_of_long
 from .signs import Evidence, Exact, canonical, canonical_number, decide, evidence, is_label, is_missing
 
@@ -327,7 +327,9 @@ def _open_by_suffix(path: Path, place: str, options: ReadOptions) -> tuple[Table
             return table_of_aqdef(path, place, options)
         content = _content(path, place)
         if suffix in PARQUET or content[:4] == b"PAR1":
-            return _from_parquet(content, place)
+            table, faults = _from_parquet(content, place)
+            wide, of_shape = wide_of_long(table, place, options.shape) if options.shape == LONG else (table, [])
+            return wide, faults + of_shape
         if suffix in WORKBOOKS or content[:4] == b"PK\x03\x04":
             from .workbook import rows_of_workbook
 

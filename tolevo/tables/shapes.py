@@ -286,21 +286,26 @@ def _sign_of_lower(heading: str, cells: Sequence[str], numbers: Mapping[str, pd.
 _UNSIGNED = "its lower tolerances can be above the nominal size or below it: write their signs, +0.01 or -0.01"
 
 
-def specification(values: Mapping[str, float], place: str) -> tuple[Specification, list[Fault]]:
-    """The nominal size and limits of a characteristic from what is stated of them."""
+def specification(
+    values: Mapping[str, float], place: str, deviations: bool = False
+) -> tuple[Specification, list[Fault]]:
+    """The nominal size and limits of a characteristic from what is stated of them, NaN or left out
+    where it is not; a limit and its deviation from the nominal must agree.
+
+    Unless they are `deviations` for sure, tolerances of the size of the nominal are limits: a fault.
+    """
     nominal, upper, lower, usl, lsl = (values.get(role, np.nan) for role in SPECIFIED)
-    faults = []
-    for role, off in (("upper", upper), ("lower", lower)):
-        if not np.isnan(off) and np.isnan(nominal):
-            faults.append(Fault(place, f"has a tolerance, {off:.10g}, and no nominal size: state limits"))
-        elif nominal and abs(off) > 0.5 * abs(nominal) and not np.isnan(off):
-            text = f"its {role} tolerance {off:.10g} is no deviation from {nominal:.10g}: name it a limit (USL, LSL)"
+    faults, ends = [], []
+    for what, limit, off in (("lower", lsl, lower), ("upper", usl, upper)):
+        by_deviation = round(nominal + off, 12) if np.isfinite(nominal + off) else np.nan  # decimals of the file
+        if np.isfinite(off) and np.isnan(nominal) and np.isnan(limit):
+            faults.append(Fault(place, f"its {what} tolerance {off:.10g} needs a nominal size"))
+        elif not deviations and nominal and abs(off) > 0.5 * abs(nominal):
+            text = f"its {what} tolerance {off:.10g} is no deviation from {nominal:.10g}: name it a limit (USL, LSL)"
             faults.append(Fault(place, text))
-    ends = []
-    for limit, off, what in ((lsl, lower, "lower"), (usl, upper, "upper")):
-        by_deviation = round(nominal + off, 12) if not np.isnan(nominal + off) else np.nan
-        if not np.isnan(limit) and not np.isnan(by_deviation) and abs(limit - by_deviation) > 1e-9 * abs(limit) + 1e-9:
-            faults.append(Fault(place, f"its {what} limit is {limit:.10g}, and {by_deviation:.10g} by its tolerance"))
+        if abs(limit - by_deviation) > 1e-9 * abs(limit) + 1e-12:
+            text = f"its {what} limit is {limit:.10g}, but the nominal {nominal:.10g} with the deviation {off:.10g}"
+            faults.append(Fault(place, f"{text} is {by_deviation:.10g}"))
         end = by_deviation if np.isnan(limit) else limit
         ends.append(None if np.isnan(end) else float(end))
     if ends[0] is not None and ends[1] is not None and ends[0] > ends[1]:
