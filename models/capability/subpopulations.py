@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ...section import Array
+from ...section import Array, Integers
 
 RANDOM = ("lot", "order")
 """Groups of which later parts have others; all other groups make later parts too."""
@@ -43,7 +43,7 @@ class Subpopulations:
 
     kind: str
     names: tuple[str, ...]
-    group: Array
+    group: Integers
     counts: Array
     means: Array
     within: float

@@ -55,7 +55,7 @@ def test_operators_that_differ_by_part_are_no_chance() -> None:
         crossed, operator = rng.normal(0.0, 2.0, (10, 3, 1)), rng.normal(0.0, 1.0, (1, 3, 1))
         table = rng.normal(0.0, 1.0, (10, 3, 3)) + crossed + operator + 10.0 * rng.normal(size=(10, 1, 1))
         names = [(str(p), str(o)) for p in range(10) for o in range(3) for _ in range(3)]
-        variances.append(gauge_study(table.ravel(), *map(list, zip(*names, strict=True))).sigma ** 2)
+        variances.append(gauge_study(table.ravel(), [p for p, _ in names], [o for _, o in names]).sigma ** 2)
     assert np.mean(variances) == pytest.approx(1.0 + 4.0 + 1.0, rel=0.1)
 
 

@@ -98,13 +98,13 @@ class NormalMixture(stats.rv_continuous):
         super().__init__(name="mixture")
         self.weights, self.laws = weights, laws
 
-    def _pdf(self, x: Any) -> Any:
+    def _pdf(self, x: Any, *_: Any) -> Any:
         return self.laws.pdf(np.asarray(x)[..., None]) @ self.weights
 
-    def _cdf(self, x: Any) -> Any:
+    def _cdf(self, x: Any, *_: Any) -> Any:
         return self.laws.cdf(np.asarray(x)[..., None]) @ self.weights
 
-    def _stats(self) -> Any:
+    def _stats(self, *_: Any, **__: Any) -> Any:
         mean = self.laws.mean() @ self.weights
         return mean, (self.laws.var() + self.laws.mean() ** 2) @ self.weights - mean**2, None, None
 

@@ -261,7 +261,7 @@ def _join_blocks(layout: Layout, above: list[Row], numeric: list[int], place: st
     blocks, title, joined, taken = [0, *starts, len(body)], _title(above), [], []
     for number, (first, end) in enumerate(pairwise(blocks), 1):
         rows = [row for row in body[first:end] if row[1] not in (head, units)]
-        following = []
+        following: list[Row] = []
         while rows and end < len(body) and len([cell for cell in rows[-1][1] if cell]) < min(3, len(_trim_row(head))):
             if _is_measurement(rows[-1][1][-1]) and not _names_summary(rows[-1][1]):
                 break
