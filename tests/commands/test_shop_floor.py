@@ -119,12 +119,12 @@ def test_a_gauge_study_is_the_gauge_of_measured_parts(tmp_path: Path) -> None:
     rows = [{"part": p, "operator": o, "d [mm]": round(10.0 + 0.01 * p + value, 5)}
             for p in range(10) for o in "AB" for value in rng.normal(0.0, 0.002, 3)]  # fmt: skip
     pd.DataFrame(rows).to_csv(tmp_path / "study.csv", index=False)
+    plain = sigma_of(config(tmp_path, subgroups="corrected"))[0]
     path = config(tmp_path, gauge={"file": "study.csv"}, subgroups="corrected")
     studied = sigma_of(path)[0]
-    plain = sigma_of(config(tmp_path, subgroups="corrected"))[0]
     assert np.sqrt(plain**2 - studied**2) == pytest.approx(0.002, rel=0.2)
     assert "gauge study of type 2" in tolevo.check(path)
-    pd.DataFrame(rows[:5]).to_csv(tmp_path / "study.csv", index=False)
+    pd.DataFrame(rows[:20]).to_csv(tmp_path / "study.csv", index=False)
     with pytest.raises(tolevo.ConfigurationError, match=r"gauge\.values: has between 0 and 3 measurements"):
         tolevo.check(path)
 
