@@ -131,6 +131,12 @@ def find_layout(rows: list[Row], place: str) -> Layout:
         layout.notes.append(f"{at} lines above the column names are left out: {_list_cells(rows[:at])}")
     _join_blocks(layout, rows[at - 1 : at] if at else [], numeric, place)
     _drop_summaries(layout, numeric)
+    counted = sum(any(map(str.isdigit, row[0])) for _, row in layout.body)
+    if 2 * counted > len(layout.body):  # parts have numbers, statistics have names
+        for line, row in layout.body:
+            if _names_summary(row):
+                text = f'"{row[0]}" stands among the measurements; remove the row, or move it to their end'
+                layout.faults.append(Fault(f"{place}: row {line}", text))
     return layout
 
 

@@ -379,9 +379,24 @@ def rows_of_text(content: bytes, place: str, options: ReadOptions) -> tuple[list
     form = separator(text[:100_000].splitlines(), place, options.separator)
     dialect = Dialect("csv", encoding, form.delimiter, quote=form.quote)
     bulk = bulk_of(text, form.delimiter, form.quote, form.skipped)
-    if bulk is not None:
-        return rows_of_ends(bulk), dialect, bulk
-    return rows_of(text, form, place), dialect, None
+    rows = rows_of(text, form, place) if bulk is None else rows_of_ends(bulk)
+    if not text.endswith("\n") and _is_cut_off(rows):
+        cut = (
+            f'ends within its last number, "{rows[-1][1][-1]}": export it again, or end its last line with a line break'
+        )
+        raise refuse(place, cut)
+    return rows, dialect, bulk
+
+
+def _is_cut_off(rows: list[Row]) -> bool:
+    """Whether the last cell has fewer decimals than all others of its column, which have equally many."""
+    if len(rows) < 4:
+        return False
+    column = [row[-1] for _, row in rows[-SAMPLE:] if len(row) == len(rows[-1][1]) and notation(row[-1])]
+    decimals = [
+        len(cell) - 1 - max(cell.rfind("."), cell.rfind(",")) if set(cell) & {".", ","} else 0 for cell in column
+    ]
+    return len(set(decimals[:-1])) == 1 and len(decimals) > 3 and decimals[-1] < decimals[0]
 
 
 _WORDS = re.compile(r"\S+(?: \S+)*")

@@ -36,7 +36,7 @@ def assemble_table(
     rows: list[Row], dialect: Dialect, place: str, options: ReadOptions, bulk: Bulk | None = None
 ) -> tuple[Table | None, list[Fault]]:
     """The table in the rows of a file, which are not empty; for a long file, in its bulk."""
-    turned = transposed_rows(rows, options.shape)
+    turned = transposed_rows(rows, options.shape, place)
     layout = find_layout(rows if turned is None else turned, place)
     if bulk is not None and (turned is not None or _has_blocks(bulk, layout.header[0])):
         separator = Separator(dialect.delimiter, dialect.quote, bulk.skipped)

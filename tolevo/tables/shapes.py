@@ -7,13 +7,12 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import zip_longest
 from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
 
-from ..errors import Fault
+from ..errors import Fault, raise_all
 from ..units import converted, fits
 from .header import Row, known_unit, split_header
 from .record import LONG, WIDE, Columns, Specification, Table
@@ -59,11 +58,12 @@ def group_of(name: str) -> str:
     return _GROUPS.get(re.sub(r"[\s._:/]", "", name).casefold(), "")
 
 
-def transposed_rows(rows: Sequence[Row], shape: str | None) -> list[Row] | None:
+def transposed_rows(rows: Sequence[Row], shape: str | None, place: str) -> list[Row] | None:
     """The rows of a table with a column per part, turned; None where it has another shape.
 
     It is recognised where its first line names characteristics in the first column and numbered
     parts in the others, "Merkmal;Nennmaß;Teil 1;Teil 2". The line numbers are those of the columns.
+    Raises InputError where lines have different numbers of cells.
     """
     at = next((at for at, (_, row) in enumerate(rows[:60]) if _heads_parts(row)), None)
     if shape in (LONG, WIDE) or (at is None and shape is None):
@@ -71,7 +71,10 @@ def transposed_rows(rows: Sequence[Row], shape: str | None) -> list[Row] | None:
     body = [row for _, row in rows[at or 0 :]]
     while len(body) > 2 and is_summary(body[-1][0]):
         body.pop()
-    turned = [list(cells) for cells in zip_longest(*body, fillvalue="")]
+    wrong = [(line, len(row)) for line, row in rows[at or 0 :][: len(body)] if len(row) != len(body[0])]
+    text = f"{len(body[0])} cells expected, as many as there are parts, got"
+    raise_all(Fault(f"{place}: row {line}", f"{text} {count}") for line, count in wrong)
+    turned = [list(cells) for cells in zip(*body, strict=True)]
     if (unit := next((row for row in turned if role_of(row[0]) == "unit"), None)) is not None:
         turned.remove(unit)
         names = zip(turned[0], unit, strict=True)

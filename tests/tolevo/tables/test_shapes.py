@@ -172,6 +172,9 @@ FAULTS = {
     "no parts": ("id;actual;nominal\nA;1,5;1\nA;1,6;1\nB;2,5;2\n", "B has 1 values, A 2, and no column names"),
     "other names": ("Teil;D1;L2\n1;2,5;3,5\n2;2,6;3,6\nTeil;D3;L4\n1;4,5;5,5\n", "line 4 holds names of other columns"),
     "kinds of rows": ("a;b;c\n" + "1;2;3\n" * 9 + "1;2;3;4\n" * 4 + "1;2;3\n" * 9, r"row 11: 3 .* got 4 \(4 rows, of"),
+    "statistics": ("Teil;D\n" + "1;2,5\n" * 6 + "Cpk;1,3\n7;7,5\n", '"Cpk" stands among the measurements'),
+    "cut off": ("Teil;D\n1;10,123\n2;10,125\n3;10,124\n4;10,1", 'ends within its last number, "10,1"'),
+    "a column is missing": ("Merkmal;Teil 1;Teil 2;Teil 3\nD1;1,5;1,6;1,7\nL2;2,5;2,6\n", "row 3: 4 cells expected"),
     "a cell is missing": ("a;b;c\n1;20,5;3\n1;3\n1;20,6;3\n1;20,7;3\n", "row 3: 3 cells expected"),
 }  # fmt: skip
 
