@@ -70,10 +70,10 @@ def _value(section: Section, key: str, kind: type[Distribution] | None) -> Any:
     """The value that `key` states, within the range of the parameter; None after a fault."""
     if key == "cpk":
         return section.number(key, within=Range(low=0.0))
-    if key == "values":
-        return section.numbers(key)
     kinds = ([] if kind is None else [kind]) + list(DISTRIBUTIONS.sound().values())
     parameter = next(parameters[key] for parameters in map(_parameters, kinds) if key in parameters)
+    if str(parameter.type).startswith("tuple"):
+        return section.numbers(key)
     return section.number(key, within=declared_range(parameter))
 
 

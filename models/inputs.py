@@ -287,6 +287,74 @@ class Normal(Distribution):
         return np.asarray(self.shift + self.sigma * x)
 
 
+# Mixture input: parts of several cavities, machines or lots, each normal.
+
+
+@dataclass(frozen=True, slots=True)
+class Mixture(Distribution):
+    """z of the i-th of several populations with the fraction `shares[i]`, normal with the mean
+    `centres[i]` and the standard deviation `spreads[i]`, in half-widths.
+
+    Without `shares` all populations are of one size.
+
+    Reference: McLachlan & Peel (2000), Finite Mixture Models, section 1.4.
+    """
+
+    centres: tuple[float, ...] = field(metadata={"low": -1e6, "high": 1e6})
+    spreads: tuple[float, ...] = field(metadata={"low": 0.0, "open_low": True})
+    shares: tuple[float, ...] = field(default=(), metadata={"low": 0.0, "open_low": True})
+
+    def __post_init__(self) -> None:
+        for name in ("centres", "spreads", "shares"):
+            object.__setattr__(self, name, tuple(float(value) for value in getattr(self, name)))
+
+    def _parts(self) -> tuple[Array, list[Normal]]:
+        """Fractions, and the normal populations."""
+        shares = np.array(self.shares or (1.0,) * len(self.centres))
+        populations = zip(self.centres, self.spreads, strict=True)
+        return shares / shares.sum(), [Normal(1.0 / (3.0 * spread), centre) for centre, spread in populations]
+
+    @property
+    def support(self) -> tuple[float, float]:
+        ends = [part.support for part in self._parts()[1]]
+        return min(low for low, _ in ends), max(high for _, high in ends)
+
+    def faults(self) -> list[tuple[str, str]]:
+        faults = Distribution.faults(self)
+        for name in ("spreads", "shares"):
+            if len(getattr(self, name)) not in (len(self.centres), 0 if name == "shares" else -1):
+                faults.append((name, f"must be as many as centres ({len(self.centres)})"))
+        if len(self.centres) < 1:
+            faults.append(("centres", "must name a population at least"))
+        return faults
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of z."""
+        _, first, second = self.raw_moments(2)
+        return float(np.sqrt(second - first**2))
+
+    def raw_moments(self, order: int) -> Array:
+        shares, parts = self._parts()
+        return np.asarray(shares @ np.array([part.raw_moments(order) for part in parts]))
+
+    def partial_moments(self, z: Array) -> tuple[Array, Array, Array]:
+        shares, parts = self._parts()
+        of_parts = [part.partial_moments(z) for part in parts]
+        mass, first, second = (sum(s * m[k] for s, m in zip(shares, of_parts, strict=True)) for k in range(3))
+        return np.asarray(mass), np.asarray(first), np.asarray(second)
+
+    def quantile(self, probability: Array) -> Array:
+        """By bisection between the quantiles of the populations."""
+        ends = [part.quantile(probability) for part in self._parts()[1]]
+        low, high = np.min(ends, axis=0), np.max(ends, axis=0)
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            below = self.partial_moments(middle)[0] < probability
+            low, high = np.where(below, middle, low), np.where(below, high, middle)
+        return np.asarray(0.5 * (low + high))
+
+
 # Rayleigh input: the eccentricity of a centre that is off in two directions.
 
 

@@ -188,6 +188,7 @@ def evaluate(
     encoding: str | None = None,
     delimiter: str | None = None,
     decimal: str | None = None,
+    shape: str | None = None,
 ) -> pd.DataFrame:
     """Every variable, output and limit margin of a problem at designs, one per row.
 
@@ -215,7 +216,7 @@ def evaluate(
     report_lines(tell, "note", problem.effect_notes())
     statement = problem.declaration.model_statement
     report_lines(tell, "model", [statement] if statement else ())
-    table, place = readable(designs, tables.ReadOptions(encoding, delimiter, decimal))
+    table, place = readable(designs, tables.ReadOptions(encoding, delimiter, decimal, shape))
     full = designs_in(problem, table, place, notes.extend)
     report_lines(tell, READ, notes)
     computing = evaluation(problem, full, configuration.toml(), quality)
@@ -241,6 +242,7 @@ def simulate(
     encoding: str | None = None,
     delimiter: str | None = None,
     decimal: str | None = None,
+    shape: str | None = None,
 ) -> pd.DataFrame:
     """A model's inputs and predictions, one operating point per row.
 
@@ -270,7 +272,7 @@ def simulate(
     if rows is not None:
         columns = list(rows.names.values())
     else:
-        table, place = readable(inputs, tables.ReadOptions(encoding, delimiter, decimal))
+        table, place = readable(inputs, tables.ReadOptions(encoding, delimiter, decimal, shape))
         points = inputs_in(simulation, table, place, model_settings.columns, understood.extend, notes.extend)
         rows, columns, index = rows_of(points), list(map(str, points)), points.index
     report_lines(tell, READ, understood)
@@ -468,6 +470,7 @@ def gap(
     encoding: str | None = None,
     delimiter: str | None = None,
     decimal: str | None = None,
+    shape: str | None = None,
 ) -> Gap:
     """Where model and measurement disagree, which effect is missing, and the corrected model.
 
@@ -484,7 +487,7 @@ def gap(
     tables_given = raw(at_hand(source))
     where = executing(tables_given, settings, workers, dask, faults)
     plan, plan_faults = gap_plan(tables_given, settings)
-    table, form_faults, place = opened(data, tables.ReadOptions(encoding, delimiter, decimal))
+    table, form_faults, place = opened(data, tables.ReadOptions(encoding, delimiter, decimal, shape))
     file = None if isinstance(data, pd.DataFrame) else Path(data)
     measurements, data_faults = checked_table(plan, table, form_faults, place, file)
     raise_all([*plan_faults, *faults, *data_faults])

@@ -158,6 +158,7 @@ class Dialect:
     decimal: Annotated[
         str | None, typer.Option(help='Decimal sign of the table: "." or ",".', show_default="detected")
     ] = None
+    shape: Annotated[str | None, typer.Option(help="wide, long or transposed.", show_default="detected")] = None
 
 
 def expand_option_groups(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -383,14 +384,15 @@ def check(config: Config, *, asked: Asked) -> None:
 
 @command("template")
 def template(
-    kind: Annotated[str, typer.Argument(help="designs, units, stack, gap or costs.")],
+    kind: Annotated[str, typer.Argument(help="designs, units, stack, gap, costs or qdas.")],
     out: Annotated[Path | None, typer.Option("--out", help="The file.", show_default="the terminal")] = None,
     config: Annotated[Path | None, typer.Option(help="Whose designs, costs or units.")] = None,
+    run: Annotated[Path | None, typer.Option("--run", help="Whose limits, for qdas.")] = None,
 ) -> None:
     """Write a filled-in table or configuration of the form that a command reads."""
     from .commands.template import written
 
-    text = written(kind, config)
+    text = written(kind, config, run)
     if out is None:
         typer.echo(text, nl=False)
         return

@@ -83,15 +83,18 @@ them."""
 OUTSIDE = {
     "built_to.run": "text",
     "cell.joints_deg": "list of lists of numbers",
-    **dict.fromkeys(("costs.decimal", "costs.delimiter", "costs.encoding", "costs.file"), "text"),
+    **dict.fromkeys(("costs.decimal", "costs.delimiter", "costs.encoding", "costs.file", "costs.shape"), "text"),
     "free.NAME": "number or text with a unit",
     "measured.characteristic": "text",
     "measured.decimal": "text",
     "measured.delimiter": "text",
     "measured.encoding": "text",
+    "measured.shape": "text",
+    **dict.fromkeys((f"measured.gauge.{key}" for key in ("file", "characteristic", "encoding", "shape")), "text"),
+    "measured.gauge.reference": "number in the unit of its owner",
     "measured.file": "text or list of texts",
     "noise.NAME": "number or text with a unit",
-    **dict.fromkeys((f"part[].costs.{key}" for key in ("decimal", "delimiter", "encoding", "file")), "text"),
+    **dict.fromkeys((f"part[].costs.{key}" for key in ("decimal", "delimiter", "encoding", "file", "shape")), "text"),
     "vary.NAME": "list or table",
 }
 """Keys that are read before sections are made, or by whatever name they bear, and their types."""

@@ -1,5 +1,6 @@
 """Inference from measured parts on the process that made them."""
 
+from .gauge_studies import GaugeStudy, gauge_study
 from .knowledge import (
     Aim,
     Knowledge,
@@ -16,21 +17,26 @@ from .knowledge import (
     norm_of,
 )
 from .samples import PartSample, read_sample
+from .subpopulations import Subpopulations, subpopulations
 
 __all__ = [
     "Aim",
+    "GaugeStudy",
     "Knowledge",
     "Level",
     "Norm",
     "PartSample",
     "Prior",
     "Processes",
+    "Subpopulations",
     "Surplus",
     "Ways",
     "calibrated",
     "draw_cumulants",
     "fraction_within_limits",
+    "gauge_study",
     "knowledge_of",
     "norm_of",
     "read_sample",
+    "subpopulations",
 ]

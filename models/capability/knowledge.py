@@ -1,4 +1,6 @@
-"""Inference from a sample of parts on the process: scatter, mean, and their uncertainty."""
+"""What is known of processes from their samples: scatter, mean, and their uncertainty; the norm of
+tolerances in an assured allocation; choices among sampled processes; the confidence that sums conform.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +14,7 @@ from scipy.special import ndtr, ndtri
 
 from ...section import Array
 from ..propagation.moments import cornish_fisher
+from .subpopulations import Scatter
 
 MIN_SAMPLE_PARTS = 5
 """Parts from which a sample is used; the posterior mean of a variance needs 4 of them."""
@@ -125,10 +128,13 @@ def _factor(df: float, confidence: float) -> float:
     return df / float(scipy.stats.chi2.ppf(1.0 - confidence, df))
 
 
-def knowledge_of(values: Array, prior: Prior | None = None, gauge: Gauge | None = None) -> Knowledge:
+def knowledge_of(
+    values: Array, prior: Prior | None = None, gauge: Gauge | None = None, scatter: Scatter | None = None
+) -> Knowledge:
     """The posterior of a process from measured `values` (n,) of a characteristic.
 
-    The variance of a gauge is subtracted, and the upper limit is that of the difference. Raises
+    The variance of a gauge is subtracted, and the upper limit is that of the difference. `scatter`
+    is that of parts of several groups, in place of the sample's variance. Raises
     ValueError for fewer than `MIN_SAMPLE_PARTS` values, values that are all equal, a gauge that scatters
     at least as much as the measurements, and a prior that they contradict.
     """
@@ -136,6 +142,9 @@ def knowledge_of(values: Array, prior: Prior | None = None, gauge: Gauge | None 
     if n < MIN_SAMPLE_PARTS:
         raise ValueError(f"has {n} values; at least {MIN_SAMPLE_PARTS} are needed")
     observed, mean = float(np.var(values, ddof=1)), float(np.mean(values))
+    df, n_mean = n - 1.0, float(n)
+    if scatter is not None:
+        observed, df, n_mean = scatter.variance, scatter.df, scatter.n
     if observed <= 0.0:
         raise ValueError(f"has {n} equal values: the resolution of the gauge is too coarse to show a scatter")
     variance = observed if gauge is None else observed - gauge.sigma**2
@@ -144,13 +153,13 @@ def knowledge_of(values: Array, prior: Prior | None = None, gauge: Gauge | None 
             f"has a standard deviation of {np.sqrt(observed):.4g}, its gauge alone one of {gauge.sigma:.4g}: "
             "the gauge is unfit for these parts"
         )
-    df, parts = n - 1.0, 0.0
+    parts = 0.0
     difference = None if gauge is None else Difference(observed, df, gauge.sigma**2, gauge.df)
     if prior is not None:
         _check_prior(variance, df, prior)
         variance = (prior.parts * prior.sigma**2 + df * variance) / (prior.parts + df)
         df, parts = df + prior.parts, prior.parts
-    return Knowledge(mean, float(np.sqrt(variance)), float(n), df, parts, difference)
+    return Knowledge(mean, float(np.sqrt(variance)), n_mean, df, parts, difference)
 
 
 def _check_prior(variance: float, df: float, prior: Prior) -> None:

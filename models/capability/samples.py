@@ -1,9 +1,12 @@
-"""Reads a `measured` table: the posterior of a process or a machine from measured parts."""
+"""Measured parts of a characteristic: indices of capability, tests for departures from one stable normal
+process, and the `measured` table of a part or machine, which states them.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -11,8 +14,10 @@ import scipy
 
 from ...section import POSITIVE, Array, Range, Section
 from ...units import converted, fits, unit_hint
-from ..inputs import Normal
+from ..inputs import Distribution, Mixture, Normal
+from .gauge_studies import gauge_study
 from .knowledge import Gauge, Knowledge, Prior, knowledge_of
+from .subpopulations import RANDOM, Subpopulations, subpopulations
 
 # Capability and performance indices of a characteristic, with confidence limits.
 
@@ -58,7 +63,9 @@ def capability(values: Array, lower: float | None, upper: float | None) -> dict[
 
 
 LEVEL = 0.01
-"""Probability of a false finding in a sample of a stable normal process, all tests together."""
+"""Probability of a false finding in a sample of a stable normal process: that named groups differ in
+their means, and all other tests together.
+"""
 MIN_TESTED_PARTS = 8
 """Number of values from which the shape of a distribution can be tested."""
 
@@ -74,30 +81,42 @@ class Finding:
     probability: float
 
 
-def findings(values: Array, lots: Sequence[str] = ()) -> list[Finding]:
+def findings(values: Array, groups: Mapping[str, Sequence[str]] = MappingProxyType({})) -> list[Finding]:
     """Departures of `values` (n,), in the order of production, beyond chance (Holm's procedure).
 
-    `lots` (n,) name the lot of each value, empty where none is known: then lots are detected by
-    consecutive values that are more alike than by chance (von Neumann's ratio).
+    `groups` name the lot, cavity, machine or operator of each value, each (n,); without them lots
+    are detected by consecutive values that are more alike than by chance (von Neumann's ratio).
 
     Reference: Holm (1979), Scandinavian J. Statistics 6(2), 65-70; Grubbs (1969), Technometrics
     11(1), 1-21; Shapiro and Wilk (1965), Biometrika 52(3-4), 591-611; Brown and Forsythe (1974),
     J. American Statistical Association 69(346), 364-367; von Neumann (1941), Annals of Mathematical
     Statistics 12(4), 367-395.
     """
-    tests = [_drift(values), _outlier(values), *_lots(values, lots)]
+    tests = [_drift(values), _outlier(values), *_groups(values, groups)]
     if len(values) >= MIN_TESTED_PARTS:
         tests.append(_shape(values))
-    significant: list[Finding] = []
-    for at, finding in enumerate(sorted(tests, key=lambda finding: finding.probability)):
-        if finding.probability > LEVEL / (len(tests) - at):
-            break
-        significant.append(finding)
+    named = [test for test in tests if groups and test.kind == "lots"]
+    significant = [*_beyond_chance(named), *_beyond_chance([test for test in tests if test not in named])]
+    significant.sort(key=lambda finding: finding.probability)
     if any(test.kind == "outlier" for test in significant):  # the shape is tested without it
         remaining = np.delete(values, np.argmax(np.abs(values - values.mean())))
         if len(remaining) >= MIN_TESTED_PARTS and _shape(remaining).probability > LEVEL:
             significant = [test for test in significant if test.kind != "shape"]
+    differing = [
+        one for one in subpopulations(values, groups) if one.probability in {t.probability for t in significant}
+    ]
+    flat = bool(differing) and float(scipy.stats.kurtosis(values)) < 0.0  # quantiles of a normal law are further out
+    tested = differing and flat and len(values) >= MIN_TESTED_PARTS
+    if tested and _shape(differing[0].centred(values)).probability > LEVEL:
+        significant = [test for test in significant if test.kind != "shape"]  # each group is normal
     return significant
+
+
+def _beyond_chance(tests: list[Finding]) -> list[Finding]:
+    """The findings that are no chance, by Holm's procedure."""
+    ordered = sorted(tests, key=lambda finding: finding.probability)
+    chances = (finding.probability > LEVEL / (len(tests) - at) for at, finding in enumerate(ordered))
+    return ordered[: next((at for at, chance in enumerate(chances) if chance), len(ordered))]
 
 
 def distribution_type(departures: Sequence[Finding]) -> str:
@@ -122,18 +141,16 @@ def _drift(values: Array) -> Finding:
     return Finding("drift", f"drifts by {total:.3g} from the first part to the last", float(trend.pvalue))
 
 
-def _lots(values: Array, lots: Sequence[str]) -> list[Finding]:
-    groups = [values[[at for at, lot in enumerate(lots) if lot == name]] for name in dict.fromkeys(lots)]
-    groups = [group for group in groups if len(group) > 1]
-    if len(groups) < 2:
-        return [_succession(values)] if len(values) >= MIN_TESTED_PARTS else []
-    spread = float(np.ptp([group.mean() for group in groups]))
-    of_means = float(scipy.stats.f_oneway(*groups).pvalue)
-    of_scatter = float(scipy.stats.levene(*groups, center="median").pvalue)
-    return [
-        Finding("lots", f"has lots whose means differ by up to {spread:.3g}", of_means),
-        Finding("scatter", "has lots that scatter differently", of_scatter),
-    ]
+def _groups(values: Array, groups: Mapping[str, Sequence[str]]) -> list[Finding]:
+    """Means and scatter of lots, cavities, machines; without any, the succession of the values."""
+    tests = []
+    for one in subpopulations(values, groups):
+        tests.append(Finding("lots", one.text(), one.probability))
+        several = [values[one.group == at] for at in np.flatnonzero(one.counts > 1.0)]
+        if len(several) > 1:
+            p = float(scipy.stats.levene(*several, center="median").pvalue)
+            tests.append(Finding("scatter", f"has {one.plural} that scatter differently", p))
+    return tests or ([_succession(values)] if len(values) >= MIN_TESTED_PARTS else [])
 
 
 def _succession(values: Array) -> Finding:
@@ -192,6 +209,7 @@ class PartSample:
     `knowledge` is the posterior of the process, `made_to` the half-width that the parts were made
     to (0 where it is not known), `offset` the deviation of the mean of all later parts. `limits`
     are deviations as well, None where there is none or a natural one: a coaxiality ends at 0.
+    `subpopulations` are the groups that differ, where the allocation is for parts of all of them.
     """
 
     deviations: Array
@@ -204,6 +222,8 @@ class PartSample:
     assumed: Mapping[str, str] = field(default_factory=dict)
     limits: tuple[float | None, float | None] = (None, None)
     mid: float = 0.0
+    subpopulations: Subpopulations | None = None
+    unit: str = ""
 
     @property
     def one_sided(self) -> bool:
@@ -216,9 +236,17 @@ class PartSample:
         return self.knowledge.mean + (self.mid if self.one_sided else 0.0)
 
     @property
-    def distribution(self) -> Normal:
-        """Distribution of deviations over the half-width, with the sample's standard deviation."""
-        return Normal(cp=self.made_to / (3.0 * self.knowledge.std))
+    def distribution(self) -> Distribution:
+        """Distribution of deviations over the half-width, with the sample's standard deviation: normal,
+        or a mixture of the cavities, machines or operators that differ.
+        """
+        groups = self.subpopulations
+        if groups is None or groups.kind in RANDOM or not self.made_to:
+            return Normal(cp=self.made_to / (3.0 * self.knowledge.std))
+        shares, centres, within = groups.mixture()
+        size = float(np.hypot(within, np.sqrt(np.dot(shares, np.square(centres)))))
+        scale = self.knowledge.std / size / self.made_to
+        return Mixture(tuple(scale * centre for centre in centres), (scale * within,) * len(shares), shares)
 
     @property
     def type(self) -> str:
@@ -227,7 +255,35 @@ class PartSample:
 
     def departures(self, owner: str) -> tuple[str, ...]:
         """Departures from a single stable normal process; `owner` names what was measured."""
-        return tuple(f"{owner}, measured: {f.text} (by chance: {f.probability:.2g})" for f in self.findings)
+        notes = tuple(f"{owner}, measured: {f.text} (by chance: {f.probability:.2g})" for f in self.findings)
+        return notes + ((f"{owner}, measured: {text}",) if (text := self.correction_text()) else ())
+
+    def correction_text(self) -> str:
+        """What Cpk comes to where the group that is furthest off is corrected, and where all are."""
+        groups = self.subpopulations
+        if groups is None or "Cpk" not in self.indices:
+            return ""
+        at, off = groups.furthest()
+        one = self.deviations - off * (groups.group == at)
+        now, then, every = (
+            capability(values, *self.limits)["Cpk"].value
+            for values in (self.deviations, one, groups.centred(self.deviations))
+        )
+        name = f"{groups.kind} {groups.names[at]}"
+        text = f"{name} is {abs(off):.3g} {self.unit} {'high' if off > 0.0 else 'low'}: correcting it gives"
+        more = f" (all {groups.plural}: {every:.2f})" if every > then else ""
+        return f"{text} Cpk {then:.2f}{more} instead of {now:.2f}"
+
+    def corrected(self) -> PartSample:
+        """The sample with all groups set to one mean; as it is where none differ."""
+        groups, known = self.subpopulations, self.knowledge
+        if groups is None:
+            return self
+        scatter = groups.corrected()
+        gauge = 0.0 if known.difference is None else known.difference.gauge
+        std = float(np.sqrt(max(scatter.variance - gauge, 1e-3 * scatter.variance)))
+        process = Knowledge(known.mean, std, scatter.n, scatter.df + known.prior_parts, known.prior_parts)
+        return replace(self, knowledge=process, subpopulations=None, deviations=groups.centred(self.deviations))
 
     def statement(self, unit: str) -> str:
         """The sample and its capability, in one line."""
@@ -255,9 +311,9 @@ def read_sample(
     """
     section = owner.section("measured")
     stated_unit = _unit(section, unit)
-    numbers, lots = section.numbers("values"), section.take("lots") or []
+    numbers, groups, subgroups = section.numbers("values"), _groupings(section), section.take("subgroups")
     mean = section.text("mean", MEANS)
-    gauge = _gauge(section, stated_unit or unit, unit)
+    gauge, of_gauge = _gauge(section, stated_unit or unit, unit)
     made_to = _read_production_tolerance(section, stated_unit or unit, unit, t, follows)
     of_file = section.number("nominal", stated_unit or unit)
     single = _single_limit(section, stated_unit or unit, unit)
@@ -281,8 +337,15 @@ def read_sample(
     if one_sided and mean == "corrected":
         section.fault("mean", CORRECTED)
         return None
+    selected = _subgroups(section, subgroups, groups, deviations)
+    if selected is None:
+        return None
+    deviations, groups, differing = selected
     try:
-        knowledge = knowledge_of(deviations, prior, gauge)
+        scatter = None if differing is None else differing.as_found()
+        if differing is not None and subgroups == "corrected":
+            scatter, deviations, differing = differing.corrected(), differing.centred(deviations), None
+        knowledge = knowledge_of(deviations, prior, gauge, scatter)
     except ValueError as error:
         section.fault("values", str(error))
         return None
@@ -293,13 +356,58 @@ def read_sample(
         knowledge=knowledge,
         made_to=made_to,
         offset=0.0 if mean == "corrected" else knowledge.mean,
-        findings=tuple(findings(deviations, [str(lot) for lot in lots])),
+        findings=tuple(findings(deviations, groups if subgroups != "corrected" else {})),
         indices=capability(deviations, *limits),
         stated=dict(owner.take("measured")),
-        assumed={} if mean else {"measured.mean": AS_FOUND if one_sided else SAME_MEAN},
+        assumed=({} if mean else {"measured.mean": AS_FOUND if one_sided else SAME_MEAN}) | of_gauge,
         limits=limits,
         mid=mid,
+        subpopulations=differing,
+        unit=unit,
     )
+
+
+SUBGROUPS = ("as_found", "corrected")
+"""What later parts are: of all groups as they are, or of groups that are set to one mean."""
+
+
+def _groupings(section: Section) -> dict[str, list[str]]:
+    """The lot, cavity, machine or operator of each value, by what the groups are."""
+    stated = {"lot": section.take("lots") or []} | dict(section.take("groups") or {})
+    return {kind: [str(label) for label in labels] for kind, labels in stated.items() if labels}
+
+
+def _subgroups(
+    section: Section, wanted: Any, groups: dict[str, list[str]], values: Array
+) -> tuple[Array, dict[str, list[str]], Subpopulations | None] | None:
+    """The values that later parts are like, their groups, and the groups among them that differ;
+    None after a fault.
+
+    `wanted` is one of `SUBGROUPS`, or one group alone, { cavity = "3" }.
+    """
+    if any(len(labels) != len(values) for labels in groups.values()):
+        section.fault("groups", f"must name a group of each of the {len(values)} values")
+        return None
+    if isinstance(wanted, dict) and len(wanted) == 1:
+        ((kind, name),) = wanted.items()
+        names = list(dict.fromkeys(groups.get(kind, ())))
+        if str(name) not in names:
+            known = f"{kind} {', '.join(names[:20])}" if names else ", ".join(groups) or "no groups"
+            section.fault("subgroups", f"names {kind} {name}, and the measured parts have {known}")
+            return None
+        kept = np.array([label == str(name) for label in groups[kind]])
+        return values[kept], {k: [n for n, here in zip(v, kept, strict=True) if here] for k, v in groups.items()}, None
+    if wanted not in (None, *SUBGROUPS):
+        section.fault("subgroups", f'must be "as_found", "corrected" or one group, {{ cavity = "3" }}, got {wanted}')
+        return None
+    varied = bool(groups) and float(np.ptp(values)) > 0.0
+    significant = {f.probability for f in findings(values, groups) if f.kind == "lots"} if varied else set()
+    found = [one for one in subpopulations(values, groups) if one.probability in significant]
+    differing = min(found, key=lambda one: one.probability, default=None)
+    if wanted == "corrected" and differing is None:
+        section.fault("subgroups", "must be as_found: the measured parts name no groups that differ beyond chance")
+        return None
+    return values, groups, differing
 
 
 def _are_plausible_deviations(section: Section, unit: str, deviations: Array, made_to: float) -> bool:
@@ -387,18 +495,43 @@ def _read_production_tolerance(
     return t if follows else 0.0
 
 
-def _gauge(section: Section, stated_unit: str, unit: str) -> Gauge | None:
+def _gauge(section: Section, stated_unit: str, unit: str) -> tuple[Gauge | None, dict[str, str]]:
+    """The gauge, and what a study of it says, by the key of the assumption."""
     if "gauge" not in section:
-        return None
+        return None, {}
     table = section.section("gauge")
+    if "values" in table:
+        return _studied_gauge(table, stated_unit, unit)
     sigma = table.number("sigma", stated_unit, POSITIVE)
     df = table.number("df", within=Range(low=1.0))
     if "sigma" not in table:
         table.fault("sigma", "is missing: the standard deviation of repeated measurements of a part")
     table.finish()
     if sigma is None:
-        return None
-    return Gauge(float(converted(sigma, stated_unit, unit)), np.inf if df is None else df)
+        return None, {}
+    return Gauge(float(converted(sigma, stated_unit, unit)), np.inf if df is None else df), {}
+
+
+def _studied_gauge(table: Section, stated_unit: str, unit: str) -> tuple[Gauge | None, dict[str, str]]:
+    """The gauge by repeated measurements of parts."""
+    of_study = _unit(table, stated_unit) or unit
+    values, reference = table.numbers("values"), table.number("reference", of_study)
+    parts, operators = ([str(label) for label in table.take(key) or ()] for key in ("parts", "operators"))
+    table.accept(("characteristic",))
+    for key in ("sigma", "df"):
+        if key in table:
+            table.fault(key, "is stated in addition to a gauge study: keep only one of them")
+    table.finish()
+    if values is None:
+        return None, {}
+    measured = np.asarray(converted(np.array(values), of_study, unit), dtype=float)
+    known = None if reference is None else float(converted(reference, of_study, unit))
+    try:
+        study = gauge_study(measured, parts, operators, known)
+    except ValueError as error:
+        table.fault("values", str(error))
+        return None, {}
+    return study.gauge, {"measured.gauge": study.statement(unit)}
 
 
 def _prior(section: Section, made_to: float, unit: str) -> Prior | None:

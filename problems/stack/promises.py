@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...errors import Fault
-from ...models.capability import Aim, Knowledge, Level, Norm, Processes, Ways, calibrated, norm_of
+from ...models.capability import Aim, Knowledge, Level, Norm, PartSample, Processes, Ways, calibrated, norm_of
 from ...models.stack import (
     AsMade,
     Law,
@@ -708,8 +708,8 @@ def least_cost_at_limits(stack: Stack, levels: Mapping[str, float]) -> Stack:
     return type(stack)(replace(stack.given, objectives=("cost",), limits=limits))
 
 
-def with_knowledge(stack: Stack, known: Mapping[str, Knowledge]) -> Stack:
-    """The stack with other knowledge of the processes of some measured parts, means included."""
+def with_knowledge(stack: Stack, known: Mapping[str, Knowledge] | Mapping[str, PartSample]) -> Stack:
+    """The stack with other knowledge of the processes, or samples, of some measured parts, means included."""
     definition = stack.definition
     parts = tuple(_part(part, known[part.name]) if part.name in known else part for part in definition.parts)
     mechanisms = tuple(_mechanism(mechanism, definition.parts, parts) for mechanism in definition.mechanisms)
@@ -717,10 +717,10 @@ def with_knowledge(stack: Stack, known: Mapping[str, Knowledge]) -> Stack:
     return type(stack)(replace(stack.given, definition=anew))
 
 
-def _part(part: Part, known: Knowledge) -> Part:
+def _part(part: Part, known: Knowledge | PartSample) -> Part:
     assert part.sample is not None
-    offset = known.mean if part.sample.offset else 0.0
-    sample = replace(part.sample, knowledge=known, offset=offset)
+    sample = known if isinstance(known, PartSample) else replace(part.sample, knowledge=known)
+    sample = replace(sample, offset=sample.knowledge.mean if part.sample.offset else 0.0)
     return replace(part, sample=sample, distribution=sample.distribution)
 
 

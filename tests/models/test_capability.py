@@ -75,7 +75,7 @@ def test_indices_and_their_limits_cover() -> None:
 
 def test_a_stable_process_is_left_in_peace() -> None:
     rng = np.random.default_rng(8)
-    said = [bool(findings(rng.normal(size=30), [str(at // 10) for at in range(30)]))
+    said = [bool(findings(rng.normal(size=30), {"lot": [str(at // 10) for at in range(30)]}))
             for _ in range(1000)]  # fmt: skip
     assert np.mean(said) <= 0.02
 
@@ -110,7 +110,7 @@ def test_departures_are_named(kind: str, letter: str) -> None:
         "shape": np.exp(1.2 * z),
         "scatter": z * np.array([0.3, 1.0, 3.0])[group],
     }[kind]
-    found = findings(values, lots)
+    found = findings(values, {"lot": lots})
     assert kind in [one.kind for one in found], found
     if kind != "scatter":
         assert distribution_type(found) == letter

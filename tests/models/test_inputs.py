@@ -17,6 +17,7 @@ from tolevo.models.inputs import (
     Beta,
     Distribution,
     Empirical,
+    Mixture,
     Normal,
     Rayleigh,
     SkewNormal,
@@ -54,6 +55,8 @@ CASES = [
     Rayleigh(2.0),
     Empirical((0.3, -0.8, 0.1, 0.15, -0.2, 1.2)),
     Empirical((-1.0, 1.0)),
+    Mixture((-0.5, 0.4, 0.8), (0.1, 0.2, 0.05), (1.0, 2.0, 1.0)),
+    Mixture((0.3,), (0.2,)),
 ]
 
 
@@ -81,8 +84,29 @@ def reference(distribution: Distribution) -> Any:
             edges = np.sort(values)
             heights = 1.0 / (len(edges) - 1) / np.diff(edges)
             return stats.rv_histogram((heights, edges), density=True)
+        case Mixture(centres, spreads, shares):
+            weights = np.array(shares or [1.0] * len(centres))
+            return NormalMixture(weights / weights.sum(), stats.norm(np.array(centres), np.array(spreads)))
         case _:
             return stats.uniform(-1.0, 2.0)
+
+
+class NormalMixture(stats.rv_continuous):
+    """Normal laws with weights, as a law of scipy, whose quantiles come from its own root finder."""
+
+    def __init__(self, weights: Any, laws: Any) -> None:
+        super().__init__(name="mixture")
+        self.weights, self.laws = weights, laws
+
+    def _pdf(self, x: Any, *_: Any) -> Any:
+        return self.laws.pdf(np.asarray(x)[..., None]) @ self.weights
+
+    def _cdf(self, x: Any, *_: Any) -> Any:
+        return self.laws.cdf(np.asarray(x)[..., None]) @ self.weights
+
+    def _stats(self, *_: Any, **__: Any) -> Any:
+        mean = self.laws.mean() @ self.weights
+        return mean, (self.laws.var() + self.laws.mean() ** 2) @ self.weights - mean**2, None, None
 
 
 def integral(distribution: Distribution, order: int, upper: float) -> float:
@@ -104,6 +128,8 @@ def integral(distribution: Distribution, order: int, upper: float) -> float:
             corners += [origin + scale * k / skew for k in (-9, -3, 0, 3, 9)]
         case Empirical(values):
             corners += values
+        case Mixture(centres, spreads):
+            corners += [c + k * s for c, s in zip(centres, spreads, strict=True) for k in (-8, -5, -2, 0, 2, 5, 8)]
     corners += [low, high]
     beyond = 0.3 * (high - low)  # what the support leaves out counts in the eighth moment
     return over(lambda u: u**order * law.pdf(u), low - beyond, min(upper, high + beyond), corners)

@@ -16,8 +16,9 @@ from ..files import csv_text
 from ..models.measurable import Column, MeasurableModel, Role
 from ..problems.tolerance_problem import ToleranceProblem
 from ..registry import load
+from .review.configuration import drawing_text
 
-KINDS = ("designs", "units", "stack", "gap", "costs")
+KINDS = ("designs", "units", "stack", "gap", "costs", "qdas")
 UNITS = 20
 """Units of a batch in the template."""
 COSTS = 3
@@ -123,10 +124,19 @@ DEFAULT = "rv40e_backlash.toml"
 """The configuration whose variables fill a template where none is named."""
 
 
-def written(kind: str, config: Path | None = None) -> str:
-    """The text of a template. Raises InputError where the kind is not known."""
+def written(kind: str, config: Path | None = None, run: Path | None = None) -> str:
+    """The text of a template, "qdas" of the allocation of a run. Raises InputError where the kind is
+    not known.
+    """
     if kind not in KINDS:
         raise refuse("KIND", f'must be one of {", ".join(KINDS)}, got "{kind}"{nearest(kind, KINDS)}')
+    if (kind == "qdas") != (run is not None):
+        text = (
+            "is missing: the directory of the run whose limits are written" if run is None else "belongs to qdas alone"
+        )
+        raise refuse("--run", text)
+    if run is not None:
+        return drawing_text(run)
     configuration = read(config or Path(str(files("tolevo.configs"))) / DEFAULT)
     if configuration.problem is None:
         raise refuse("--config", "needs a problem: a model alone has no variables")

@@ -1,6 +1,6 @@
-"""The rows of a cost file: prices by variable or part, and what is wrong with them.
+"""What files state in the place of a configuration: prices by variable or part, and measured parts.
 
-The columns: `variable` or `part`, `process` (of a process or machine) where there are any, `t` or
+The columns of a cost file: `variable` or `part`, `process` (of a process or machine) where there are any, `t` or
 `grade`, and `cost`; units in the header, `t [um]`, `cost [EUR]`.
 """
 
@@ -26,7 +26,7 @@ from ..units import converted, dimension, fits, split_unit, to_unit
 
 COLUMNS = ("variable", "part", "process", "t", "grade", "cost")
 _HEADER = re.compile(r"^\s*(\w+?)\s*(?:\[([^\]]*)\]|\(([^)]*)\))?\s*$")
-OPTIONS = ("encoding", "delimiter", "decimal")
+OPTIONS = ("encoding", "delimiter", "decimal", "shape")
 """Keys of a table that names a file: what is not to be detected of it."""
 Raw = dict[str, Any]
 
@@ -50,7 +50,7 @@ class Filled:
 
 
 def options_in(table: Raw, sizes: Mapping[str, tuple[float, str]] | None = None) -> tables.ReadOptions:
-    """Encoding, delimiter and decimal sign that a table states for its file; they are taken from it."""
+    """Encoding, delimiter, decimal sign and shape that a table states for its file; they are taken from it."""
     stated = {key: table.pop(key, None) for key in OPTIONS}
     texts = {key: value if value is None else str(value) for key, value in stated.items()}
     return tables.ReadOptions(**texts, where=tables.KEYS, sizes=sizes or {})
@@ -411,11 +411,15 @@ def fill_files(table: Raw, folder: Path, faults: list[Fault]) -> Filled:
 def fill_measured(filled: Filled, folder: Path, faults: list[Fault]) -> None:
     """Put the values of every file of measured parts in its place; faults are added to `faults`.
 
-    Lots, nominal and half the distance of the limits (`made_to`) of a Q-DAS file are taken over
-    where the configuration does not state them, and the limit where only one is none of nature.
+    Lots and other groups, nominal and half the distance of the limits (`made_to`) of a file are
+    taken over where the configuration does not state them, and the limit where only one is none of
+    nature. A file of a gauge study is read in the same way.
     """
     for owner_place, owner, part in _owners(filled.table):
         measured = owner.get("measured")
+        if isinstance(measured, dict) and isinstance(measured.get("gauge"), dict) and "file" in measured["gauge"]:
+            place = f"{owner_place}.measured.gauge.file"
+            measured["gauge"] = _gauge_study(measured["gauge"], measured, part, folder, place, faults)
         if isinstance(measured, dict) and "file" in measured:
             place = f"{owner_place}.measured.file"
             names = measured.pop("file")
@@ -431,11 +435,30 @@ def fill_measured(filled: Filled, folder: Path, faults: list[Fault]) -> None:
             contents = [_read(folder / name, wanted, options, place, faults) for name in names]
             read = [(values, name) for values, name in zip(contents, names, strict=True) if values is not None]
             filled.notes += [note for values, _ in read for note in values.pop("notes", ())]
-            sample = join_characteristics([values for values, _ in read], [name for _, name in read], place, faults)
+            samples = [values for values, _ in read]
+            if "made_to" in measured:  # limits of the drawing may have changed since
+                samples = [{k: v for k, v in one.items() if k not in ("made_to", "lower", "upper")} for one in samples]
+            sample = join_characteristics(samples, [name for _, name in read], place, faults)
             if len(faults) > before:
                 measured["values"] = None  # no further faults are reported for them
                 continue
             owner["measured"] = sample | measured
+
+
+def _gauge_study(gauge: Raw, measured: Raw, part: Raw, folder: Path, place: str, faults: list[Fault]) -> Raw:
+    """The table of a gauge with the measurements of its study, their parts and operators."""
+    name, options = gauge.pop("file"), options_in(gauge, _sizes(measured, part, str(part.get("unit", ""))))
+    wanted = gauge.get("characteristic", measured.get("characteristic"))
+    read = None
+    if isinstance(name, str):
+        read = _read(folder / name, wanted, options, place, faults)
+    else:
+        faults.append(Fault(place, f"must be the name of a file, got {name}"))
+    if read is None:
+        return {**gauge, "values": None}
+    groups: Raw = read.get("groups", {})
+    study = {"values": read["values"], "parts": read.get("parts", []), "operators": groups.get("operator", [])}
+    return study | {key: read[key] for key in ("unit",) if key in read} | gauge
 
 
 def _sizes(measured: Raw, part: Raw, unit: str) -> dict[str, tuple[float, str]]:
@@ -483,6 +506,8 @@ def join_characteristics(characteristics: list[Raw], names: Sequence[str], place
     """The values of several files of one characteristic, in their order, a file without
     lots being one lot. Files of different revisions of the drawing, or units, are a fault.
     """
+    for characteristic in characteristics:
+        characteristic.pop("parts", None)  # parts come again in a gauge study alone
     if len(characteristics) < 2:
         return characteristics[0] if characteristics else {}
     for key, what in REVISED.items():
@@ -502,19 +527,23 @@ def join_characteristics(characteristics: list[Raw], names: Sequence[str], place
     whole["lots"] = []
     for characteristic, name in zip(characteristics, names, strict=True):
         whole["lots"] += characteristic.get("lots") or [Path(name).stem] * len(characteristic["values"])
-    return whole
+    kinds = set.intersection(*(set(part.get("groups", ())) for part in characteristics))
+    whole["groups"] = {kind: [n for part in characteristics for n in part["groups"][kind]] for kind in sorted(kinds)}
+    return {key: value for key, value in whole.items() if key != "groups" or value}
 
 
 @dataclass(frozen=True)
 class MeasuredFile:
     """A file of measured parts, opened once: the labels of its characteristics, the label by every
-    name that a characteristic may be requested by, and the values by label.
+    name that a characteristic may be requested by, and the values by label; `numbers` are the labels
+    by the numbers of part and characteristic in a Q-DAS file.
     """
 
     place: str
     labels: tuple[str, ...]
     names: Mapping[str, str]
     values: Callable[[str], Raw]
+    numbers: Mapping[tuple[str, str], str] = field(default_factory=dict)
 
     def characteristic(self, wanted: Any) -> Raw:
         """The characteristic that is wanted, or the only one; raises InputError without it."""
@@ -531,13 +560,23 @@ def opened_parts(path: Path, options: tables.ReadOptions) -> MeasuredFile:
     labels = table.columns.names
     if len(labels) > 1:
         labels = [name for name in labels if name in table.units or _measures(table.frame[name])]
+        measured = [name for name in labels if name in table.units or not tables.group_of(name)]
+        labels = measured or labels
 
     def values(name: str) -> Raw:
-        numbers, unit = _numbers(table, name, path.name), table.units.get(name, "")
+        numbers, lines = _numbers(table, name, path.name)
+        unit = table.units.get(name, "")
         notes = [note for note in table.lines(path.name)[2:] if "hold no number" not in note]
         if missing := len(table.columns) - len(numbers):
             notes.append(f"{path.name}: {missing} of {len(table.columns)} values of {name} are missing, and left out")
-        return {"values": numbers, "notes": notes} | ({"unit": unit} if unit else {})
+        stated = {"values": numbers, "notes": notes} | ({"unit": unit} if unit else {})
+        labels = table.cells.loc[lines]
+        groups = {kind: column for column in map(str, labels) if column != name and (kind := tables.group_of(column))}
+        named = {kind: labels[column].astype(str).tolist() for kind, column in groups.items()}
+        stated |= {"parts": named.pop("part")} if "part" in named else {}
+        specification = table.specifications.get(name)
+        limits = {} if specification is None else _limits_of(specification)
+        return stated | _groups_of(named) | limits
 
     return MeasuredFile(path.name, tuple(labels), names, values)
 
@@ -548,20 +587,39 @@ def _measures(column: pd.Series[Any]) -> bool:
     return bool(np.any(np.isfinite(values)) and not np.all(np.diff(values) == 1.0))
 
 
-def _numbers(table: tables.Table, name: str, place: str) -> list[float]:
-    """The numbers of a column; cells that are empty, or mark a missing value, are left out.
+def _groups_of(named: dict[str, list[str]]) -> Raw:
+    """The lots of values, and their other groups, without those that name one thing alone."""
+    named = {kind: labels for kind, labels in named.items() if len(set(labels)) > 1}
+    lots = {"lots": named.pop("lot")} if "lot" in named else {}
+    return lots | ({"groups": named} if named else {})
+
+
+def _limits_of(stated: tables.Specification) -> Raw:
+    """Nominal size, half the distance of the limits, and the limit where only one is none of nature."""
+    known: Raw = {} if stated.nominal is None else {"nominal": stated.nominal}
+    ends = {"lower": stated.lower, "upper": stated.upper}
+    limits = {side: end for side, end in ends.items() if end is not None and side != stated.natural}
+    if stated.lower is not None and stated.upper is not None and limits:
+        known["made_to"] = 0.5 * (stated.upper - stated.lower)
+    return known | (limits if len(limits) == 1 else {})
+
+
+def _numbers(table: tables.Table, name: str, place: str) -> tuple[list[float], list[int]]:
+    """The numbers of a column and their lines; cells that are empty, or mark a missing value, are
+    left out.
 
     Raises InputError with a fault for every cell that holds anything else.
     """
-    numbers, bad = [], {}
+    numbers, lines, bad = [], [], {}
     for line, cell, value in zip(table.columns.lines, table.cells[name], table.frame[name], strict=True):
         number = number_in(value) if isinstance(value, str) else math.nan if pd.isna(value) else float(value)
         if math.isfinite(number):
             numbers.append(number)
+            lines.append(line)
         elif not (pd.isna(cell) or tables.is_missing(str(cell).strip())):
             bad[line] = f'must be a finite number, or empty where there is none, got "{cell}"'
     raise_all(tables.cell_faults(place, table.headers.get(name, name), bad))
-    return numbers
+    return numbers, lines
 
 
 def _open_aqdef(path: Path, options: tables.ReadOptions) -> MeasuredFile:
@@ -570,29 +628,23 @@ def _open_aqdef(path: Path, options: tables.ReadOptions) -> MeasuredFile:
     keys = [(key, name) for name, c in known.items() for key in {c.number, c.name, c.label, name} if key]
     count = Counter(key for key, _ in keys)
     names = {key: name for key, name in keys if count[key] == 1 or key == name}
-    return MeasuredFile(path.name, tuple(known), names, lambda name: _values(known[name], path.name))
+    numbers = {(c.part_number, c.number): name for name, c in known.items() if c.number}
+    return MeasuredFile(path.name, tuple(known), names, lambda name: _values(known[name], path.name), numbers)
 
 
 def _values(characteristic: tables.Characteristic, place: str) -> Raw:
     """What a Q-DAS file says of a characteristic."""
-    cells = zip(characteristic.values, characteristic.batches, strict=True)
-    rows = [(value, lot) for value, lot in cells if value is not None]
-    values: Raw = {"values": [float(value) for value, _ in rows], "characteristic": characteristic.label}
-    if missing := len(characteristic.values) - len(rows):
+    kept = [at for at, value in enumerate(characteristic.values) if value is not None]
+    numbers = [float(characteristic.values[at] or 0.0) for at in kept]
+    values: Raw = {"values": numbers, "characteristic": characteristic.label}
+    if missing := len(characteristic.values) - len(kept):
         what = f"values of {characteristic.label} are missing or not valid (K0002), and left out"
         values["notes"] = [f"{place}: {missing} of {len(characteristic.values)} {what}"]
-    if any(lot for _, lot in rows):
-        values["lots"] = [lot for _, lot in rows]
+    groups = {"lot": characteristic.batches} | characteristic.groups
+    values |= _groups_of({kind: [labels[at] for at in kept] for kind, labels in groups.items()})
     if characteristic.unit:
         values["unit"] = characteristic.unit
-    if characteristic.nominal is not None:
-        values["nominal"] = characteristic.nominal
-    ends = {"lower": characteristic.lower, "upper": characteristic.upper}
-    natural = [side for side, key in (("lower", "K2120"), ("upper", "K2121")) if characteristic.keys.get(key) == "2"]
-    limits = {side: end for side, end in ends.items() if end is not None and side not in natural}
-    if characteristic.lower is not None and characteristic.upper is not None and limits:
-        values["made_to"] = 0.5 * (characteristic.upper - characteristic.lower)
-    return values | (limits if len(limits) == 1 else {})
+    return values | _limits_of(characteristic.specification)
 
 
 def _choose_characteristic(place: str, wanted: Any, names: dict[str, str], labels: list[str]) -> str:

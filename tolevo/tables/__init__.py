@@ -4,7 +4,7 @@ at all.
 The index of a table is the line number in its file (the row number in a Parquet file, from 1).
 """
 
-from .aqdef import Characteristic, names_of_characteristics, read_aqdef
+from .aqdef import Characteristic, aqdef_text, names_of_characteristics, read_aqdef
 from .header import ColumnUse, Fitted, Tell, discard_lines, drop_unused, fit_columns
 from .reading import (
     PARQUET,
@@ -18,7 +18,8 @@ from .reading import (
     table_of,
     write,
 )
-from .record import AS_DETECTED, KEYS, NO_OPTIONS, Dialect, ReadOptions, Table
+from .record import AS_DETECTED, KEYS, NO_OPTIONS, Dialect, ReadOptions, Specification, Table
+from .shapes import group_of
 from .signs import is_missing
 
 __all__ = [
@@ -32,13 +33,16 @@ __all__ = [
     "Dialect",
     "Fitted",
     "ReadOptions",
+    "Specification",
     "Table",
     "Tell",
+    "aqdef_text",
     "cell_faults",
     "columns_of",
     "discard_lines",
     "drop_unused",
     "fit_columns",
+    "group_of",
     "is_missing",
     "names_of_characteristics",
     "open_or_raise",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -13,7 +14,8 @@ from .. import files
 from ..errors import Fault, InputError, raise_all, refuse
 from ..units import shorten_text
 from .header import known_unit
-from .record import Columns, Dialect, ReadOptions, Table
+from .record import Columns, Dialect, ReadOptions, Specification, Table
+from .shapes import specification
 from .signs import moment
 from .text import decode_text
 
@@ -31,6 +33,8 @@ BETWEEN, WITHIN = "\x0f", "\x14"
 COMPACT = ("K0001", "K0002", "K0004", "K0005", "K0006", "K0007", "K0008", "K0010", "K0011", "K0012")
 COUNTS = ("K0020", "K0021", "", *COMPACT[1:])
 """What stands in a compact line of a characteristic of values, and of one of counts."""
+GROUPS = {"K0053": "order", "K0007": "cavity", "K0008": "operator", "K0010": "machine", "K0012": "gauge"}
+"""What values are grouped by; 0 stands for none."""
 ATTRIBUTIVE = ("1", "5", "6")
 FIRST = ("K0001", "K0021")
 """Keys that begin a value."""
@@ -198,7 +202,8 @@ class Characteristic:
     """One characteristic of one part.
 
     `values` are in `unit`, None where a value is missing or its attribute says that it is not
-    valid; `attributes` (K0002), `times` (K0004) and `batches` (K0006) belong to them. `lower`
+    valid; `attributes` (K0002), `times` (K0004), `batches` (K0006) and `groups` by cavity, machine,
+    operator, gauge and order (K0007 and others) belong to them. `lower`
     and `upper` are limits, None where there is none. `attributive` characteristics count: their
     values are the numbers of faults in samples of `sizes`.
     """
@@ -219,11 +224,45 @@ class Characteristic:
     sizes: list[int | None] = field(default_factory=list)
     keys: dict[str, str] = field(default_factory=dict)
     part_keys: dict[str, str] = field(default_factory=dict)
+    groups: dict[str, list[str]] = field(default_factory=dict)
+
+    @property
+    def specification(self) -> Specification:
+        """Nominal size and limits, and which of them is one of nature (K2120, K2121)."""
+        natural = next(
+            (side for side, key in (("lower", "K2120"), ("upper", "K2121")) if self.keys.get(key) == "2"), ""
+        )
+        return Specification(self.nominal, self.lower, self.upper, natural)
 
     @property
     def label(self) -> str:
         """What the characteristic is called."""
         return self.name or self.number
+
+
+def aqdef_text(characteristics: Sequence[Characteristic]) -> str:
+    """The text of a .dfq file that describes characteristics with their limits, without values."""
+    lines, numbers = [f"K0100 {len(characteristics)}"], list(dict.fromkeys(c.part_number for c in characteristics))
+    described: set[str] = set()
+    for at, c in sorted(enumerate(characteristics, 1), key=lambda pair: numbers.index(pair[1].part_number)):
+        if c.part_number not in described:
+            described.add(c.part_number)
+            part = numbers.index(c.part_number) + 1
+            lines += [f"K1001/{part} {c.part_number}", f"K1002/{part} {c.part}"]
+        natural = c.specification.natural
+        stated = {
+            "K2001": c.number,
+            "K2002": c.name,
+            "K2004": "0",
+            "K2101": c.nominal,
+            "K2110": c.lower,
+            "K2111": c.upper,
+        }
+        stated |= {"K2120": "2" if natural == "lower" else "1", "K2121": "2" if natural == "upper" else "1"}
+        lines += [
+            f"{key}/{at} {value}" for key, value in (stated | {"K2142": c.unit}).items() if value not in ("", None)
+        ]
+    return "\n".join(lines) + "\n"
 
 
 # `read_aqdef`: characteristics of a Q-DAS file (AQDEF), in key and in compact form.
@@ -233,8 +272,8 @@ SUFFIXES = (".dfq", ".dfd", ".dfx")
 PARTNERS = {".dfd": ".dfx", ".dfx": ".dfd"}
 INVALID = (255, 256)
 """Attributes (K0002) of values that are not valid."""
-LIMIT_TOLERANCE = 1e-9
-"""Relative distance of two statements of one limit at most."""
+LIMIT_KEYS = {"nominal": "K2101", "usl": "K2111", "lsl": "K2110", "upper": "K2113", "lower": "K2112"}
+"""Keys of nominal size, limits and deviations."""
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?")
 MAX_NUMBER_CHARACTERS = 60
 """Characters of a number at most, and of a cell that a fault repeats."""
@@ -314,56 +353,37 @@ def _characteristic(content: Content, index: int) -> Characteristic:
     part = content.common_parts | content.parts.get(raw.part, {})
     place = f"{content.place}: characteristic {index} ({keys.get('K2002', '')})"
     numbers = {
-        key: _number(keys.get(key, ""), f"{place}: {key}", content.faults)
-        for key in ("K2101", "K2110", "K2111", "K2112", "K2113")
+        role: math.nan if (value := _number(keys.get(key, ""), f"{place}: {key}", content.faults)) is None else value
+        for role, key in LIMIT_KEYS.items()
     }
+    for key, of_it in (("K2120", ("lsl", "lower")), ("K2121", ("usl", "upper"))):
+        if keys.get(key) == "0":  # there is no such limit
+            numbers |= dict.fromkeys(of_it, math.nan)
+    stated, wrong = specification(numbers, place, deviations=True)
+    content.faults += wrong
     characteristic = Characteristic(
         part=part.get("K1002") or part.get("K1001", ""),
         part_number=part.get("K1001", ""),
         name=keys.get("K2002", ""),
         number=keys.get("K2001", ""),
-        nominal=numbers["K2101"],
-        lower=_limit(numbers, "K2110", "K2112", keys.get("K2120"), place, content.faults),
-        upper=_limit(numbers, "K2111", "K2113", keys.get("K2121"), place, content.faults),
+        nominal=stated.nominal,
+        lower=stated.lower,
+        upper=stated.upper,
         unit=keys.get("K2142", ""),
         attributive=raw.attributive or keys.get("K2004") in ("1", "5", "6"),
         keys=keys,
         part_keys=part,
     )
-    low, high = characteristic.lower, characteristic.upper
-    if low is not None and high is not None and low > high:
-        content.faults.append(Fault(place, f"the lower limit {low:g} is above the upper limit {high:g}"))
     _fill(characteristic, raw, content, place)
     return characteristic
-
-
-def _limit(
-    numbers: dict[str, float | None], absolute: str, deviation: str, kind: str | None, place: str, faults: list[Fault]
-) -> float | None:
-    """A limit from its value or its deviation from the nominal; both must agree."""
-    stated, off, nominal = numbers[absolute], numbers[deviation], numbers["K2101"]
-    if kind == "0":
-        return None  # K2120, K2121: there is no such limit
-    if off is None:
-        return stated
-    if nominal is None:
-        if stated is None:
-            faults.append(Fault(f"{place}: {deviation}", "needs the nominal K2101"))
-        return stated
-    # Decimals of the file, not of a sum of doubles: 25 - 0.004.
-    by_deviation = round(nominal + off, 12)
-    if stated is not None and not math.isclose(stated, by_deviation, rel_tol=LIMIT_TOLERANCE, abs_tol=1e-12):
-        text = (
-            f"{absolute} is {stated:.10g}, but the nominal {nominal:.10g} with the deviation "
-            f"{deviation} {off:.10g} is {by_deviation:.10g}"
-        )
-        faults.append(Fault(place, text))
-    return by_deviation if stated is None else stated
 
 
 def _fill(characteristic: Characteristic, raw: Raw, content: Content, place: str) -> None:
     """Fill in the values with their attributes, sizes, batches and times."""
     formats: dict[str, int] = {}
+    for key, kind in GROUPS.items():
+        if len(names := {value.get(key, "0") for value in raw.values}) > 1 or not names <= {"0", ""}:
+            characteristic.groups[kind] = [value.get(key, "0") for value in raw.values]
     for line, value in zip(raw.lines, raw.values, strict=True):
         where = f"{content.place}: row {line}"
         key = "K0021" if characteristic.attributive else "K0001"

@@ -1,4 +1,6 @@
-"""Units in column names ("Spiel [arcmin]") and in rows of units."""
+"""The head of a table and its columns: names and units in them ("Spiel [arcmin]"), where they stand
+below a preamble and above the measurements, and the columns by the names of what reads them.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,7 +24,7 @@ _SPELLINGS = {
     "rpm": "U/min",
     "degC": "℃",
     "degF": "℉",
-    "deg": "度 °",
+    "deg": "度 ° Grad",
     "arcmin": "Bogenminuten Winkelminuten Bogenmin ′ ' 角分 分",
     "arcsec": "Bogensekunden Winkelsekunden Bogensek ″ '' \" 角秒",
     "mm": "毫米 ㎜ ミリ",
@@ -33,7 +36,7 @@ _SPELLINGS = {
 }
 """What measuring rooms write, by the name of the unit in the units module."""
 ALIASES = {spelling: unit for unit, spellings in _SPELLINGS.items() for spelling in spellings.split()}
-UNKNOWN = frozenset(["grad", "Grad", "GRAD", "min.", "分", "B", "d", "a", "l", "r", "h."])
+UNKNOWN = frozenset(["grad", "GRAD", "min.", "分", "B", "d", "a", "l", "r", "h."])
 """Words that are ambiguous: no unit is read from them."""
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*[\[(（［【〔](?P<unit>[^\[\]()（）［］【】]+)[\])）］】〕]\s*")
 _SLASH = re.compile(r"(?P<name>.*\S)\s+(?:/|in)\s*(?P<unit>\S+)")
@@ -97,13 +100,18 @@ SAMPLE = 400
 
 @dataclass(slots=True)
 class Layout:
-    """The rows of a table by kind: names, units, measurements; `faults` where that is ambiguous."""
+    """The rows of a table by kind: names, units, measurements, and those of nominal sizes, limits
+    and statistics, which are no measurements; `faults` where that is ambiguous. `blocks` are the
+    titles of tables with the same names, a title for each row of the body.
+    """
 
     header: Row = (0, [])
     units: Row | None = None
     body: list[Row] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     faults: list[Fault] = field(default_factory=list)
+    summaries: list[Row] = field(default_factory=list)
+    blocks: list[str] = field(default_factory=list)
 
 
 def find_layout(rows: list[Row], place: str) -> Layout:
@@ -121,7 +129,14 @@ def find_layout(rows: list[Row], place: str) -> Layout:
     layout.body = rows[(at if units is None else units) + 1 :]
     if at:
         layout.notes.append(f"{at} lines above the column names are left out: {_list_cells(rows[:at])}")
+    _join_blocks(layout, rows[at - 1 : at] if at else [], numeric, place)
     _drop_summaries(layout, numeric)
+    counted = sum(any(map(str.isdigit, row[0])) for _, row in layout.body)
+    if 2 * counted > len(layout.body):  # parts have numbers, statistics have names
+        for line, row in layout.body:
+            if _names_summary(row):
+                text = f'"{row[0]}" stands among the measurements; remove the row, or move it to their end'
+                layout.faults.append(Fault(f"{place}: row {line}", text))
     return layout
 
 
@@ -234,12 +249,51 @@ def _layout_without_names(rows: list[Row], count: int, place: str) -> Layout:
     return layout
 
 
+def _join_blocks(layout: Layout, above: list[Row], numeric: list[int], place: str) -> None:
+    """Join tables with the same names that stand one below the other, each below its title.
+
+    Names of another table are a fault: what stands below them is something else.
+    """
+    head, units, body = layout.header[1], (layout.units or (0, None))[1], layout.body
+    starts = [at for at, (_, row) in enumerate(body) if row == head]
+    if not starts:
+        for line, row in body[1:] if len(numeric) > 1 else ():
+            cells = [row[at] for at in numeric if at < len(row)]
+            if len(cells) == len(numeric) and not any(is_missing(c) or _is_measurement(c) for c in cells):
+                text = f'line {line} holds names of other columns ("{row[0]}", ...): give a file for each table'
+                layout.faults.append(Fault(place, text))
+                return
+        return
+    blocks, title, joined, taken = [0, *starts, len(body)], _title(above), [], []
+    for number, (first, end) in enumerate(pairwise(blocks), 1):
+        rows = [row for row in body[first:end] if row[1] not in (head, units)]
+        following: list[Row] = []
+        while rows and end < len(body) and len([cell for cell in rows[-1][1] if cell]) < min(3, len(_trim_row(head))):
+            if _is_measurement(rows[-1][1][-1]) and not _names_summary(rows[-1][1]):
+                break
+            following.insert(0, rows.pop())
+        while rows and _names_summary(rows[-1][1]):
+            layout.summaries.append(rows.pop())
+        joined += rows
+        taken += [title or f"block {number}"] * len(rows)
+        title = _title([row for row in following if not _names_summary(row[1])])
+    layout.body, layout.blocks = joined, taken
+    layout.notes.append(f"{len(blocks) - 1} blocks with the same column names are read as one table")
+
+
+def _title(rows: list[Row]) -> str:
+    """The title of a block: the last line above its names."""
+    return " ".join(cell for cell in rows[-1][1] if cell) if rows else ""
+
+
 def _drop_summaries(layout: Layout, numeric: list[int]) -> None:
     """Leave out rows of limits below the names, and of means or an end mark below the data."""
     body = layout.body
     first = next((at for at, row in enumerate(body) if not _names_summary(row[1])), len(body))
     end = next((at for at in range(len(body), first, -1) if not _names_summary(body[at - 1][1])), first)
     dropped, layout.body = body[:first] + body[end:], body[first:end]
+    layout.summaries += dropped
+    layout.blocks = layout.blocks[first:end]
     if dropped:
         layout.notes.append(f"{len(dropped)} rows that hold no measurement are left out: {_list_cells(dropped)}")
 
@@ -311,6 +365,7 @@ def fit_columns(
             names[name] = use.target
             cells[name], wrong = _mapped_cells(cells[name], table.units.get(name, ""), use, known)
             faults += [Fault(f'columns."{key}"', text) for text in wrong]
+    mapped = set(names)
     free = {name: unit for name, unit in known.items() if name not in names.values()}
     for wanted, unit in free.items():
         if (name := spelt.get(wanted)) is not None and name not in names:
@@ -327,12 +382,13 @@ def fit_columns(
     for name, target in names.items():
         if known.get(target) == "s":
             cells[name], interpretations, wrong = _clock(cells[name])
-            place_of = f"{place}: column {table.headers.get(name, name)}"
-            faults += [Fault(place_of, text) for text in wrong]
-            notes += [
-                f'"{table.headers.get(name, name)}" is read as {target}: {interpretation}'
-                for interpretation in interpretations
-            ]
+            heading = table.headers.get(name, name)
+            if wrong and name not in mapped:  # nobody asked for it
+                notes.append(f'"{heading}" is not used: {wrong[0]}')
+                names[name] = ""
+                continue
+            faults += [Fault(f"{place}: column {heading}", text) for text in wrong]
+            notes += [f'"{heading}" is read as {target}: {interpretation}' for interpretation in interpretations]
     kept = {names.get(str(n), str(n)): c for n, c in cells.items() if names.get(str(n), "-")}
     taken = [target for target in names.values() if target]
     for target in sorted({name for name in taken if taken.count(name) > 1}):

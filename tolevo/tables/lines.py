@@ -1,4 +1,6 @@
-"""The delimiter of a text file, by clevercsv and by a rule of this package, which must agree."""
+"""The lines of a text file as rows of cells: by a delimiter, on which clevercsv and a rule of this
+package must agree, by columns of fixed width, or all at once where the file is long.
+"""
 
 from __future__ import annotations
 
@@ -212,8 +214,6 @@ class Bulk:
         start = _line_start(self.text, first, self.breaks)
         end = _line_start(self.text, last + 1, self.breaks)
         body = self.text[start:end].encode()
-        if _has_empty_rows(body, self.delimiter.encode() * (count - 1)):
-            return None
         names = [str(at) for at in range(count)]
         try:
             table = arrow.read_csv(
@@ -227,16 +227,25 @@ class Bulk:
         if table.num_rows != last - first + 1:
             return None
         arrays = [column.combine_chunks() for column in table.columns]
-        wide = any(space in self.text for space in _WIDE_SPACES)
-        trimmed = pc.utf8_trim_whitespace if wide else pc.ascii_trim_whitespace
-        return [trimmed(array) for array in arrays]
+        hollow = pc.equal(arrays[0], "")
+        for array in arrays[1:]:
+            if not _any(hollow):
+                break
+            hollow = pc.and_(hollow, pc.equal(array, ""))
+        if _any(hollow):  # a row of delimiters alone
+            return None
+        if any(space in self.text for space in _WIDE_SPACES):
+            return [pc.utf8_trim_whitespace(array) for array in arrays]
+        padded = [_any(pc.starts_with(array, " ")) or _any(pc.ends_with(array, " ")) for array in arrays]
+        tabs = self.delimiter != "\t" and "\t" in self.text
+        return [pc.ascii_trim_whitespace(a) if tabs or pad else a for a, pad in zip(arrays, padded, strict=True)]
 
-    def ends(self) -> list[str]:
-        """Lines of both ends, those of the middle left out."""
+    def ends(self) -> list[tuple[int, str]]:
+        """Lines of both ends with their numbers, those of the middle left out."""
         head = self.text[: _line_start(self.text, ENDS + 1, self.breaks)].split("\n")[:-1]
         total = self.breaks + (not self.text.endswith("\n"))
         tail = self.text[_start_of_last_lines(self.text, ENDS) :].removesuffix("\n").split("\n")
-        return [*head, *([""] * (total - len(head) - len(tail))), *tail]
+        return [*enumerate(head, 1), *enumerate(tail, total - len(tail) + 1)]
 
 
 def bulk_of(text: str, delimiter: str, quote: str, skipped: int) -> Bulk | None:
@@ -253,16 +262,10 @@ def bulk_of(text: str, delimiter: str, quote: str, skipped: int) -> Bulk | None:
 
 def rows_of_ends(bulk: Bulk) -> list[Row]:
     """The rows of both ends by the number of their line."""
-    filled = [(at, line) for at, line in enumerate(bulk.ends(), 1) if line.strip()]
-    lines = [line for line in filled if line[0] > bulk.skipped]
+    lines = [(at, line) for at, line in bulk.ends() if line.strip() and at > bulk.skipped]
     reader = csv.reader((line for _, line in lines), delimiter=bulk.delimiter)
     rows = [(at, [*map(str.strip, row)]) for (at, _), row in zip(lines, reader, strict=False)]
     return [row for row in rows if any(row[1])]
-
-
-def _has_empty_rows(body: bytes, hollow: bytes) -> bool:
-    """Whether lines of bytes hold nothing, or nothing between their delimiters, `hollow`."""
-    return any(ending in body for ending in (b"\n\n", b"\n\r\n", b"\n%b\n" % hollow, b"\n%b\r" % hollow))
 
 
 def _line_start(text: str, line: int, total: int) -> int:
@@ -299,11 +302,14 @@ def prove_column(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None]
     if not any(probes):
         return Evidence(values=len(cells)), None
     unmarked = pc.if_else(pc.is_in(cells, _MARKS), pa.scalar(None, pa.string()), cells)
-    if _any(pc.match_substring_regex(unmarked, _LABEL)):
+    signed = {sign: pc.match_substring(unmarked, sign) for sign in (".", ",")}
+    bare = unmarked.filter(pc.invert(pc.or_(*signed.values())))
+    if _any(pc.match_substring_regex(bare, _LABEL)):
         return None
     count = len(unmarked) - unmarked.null_count
     evidence = Evidence(numbers=count, values=count)
-    plain = _without_signs(unmarked, [probe for probe in probes if probe is not None], evidence)
+    signs = [sign for sign, cells_with_it in signed.items() if _any(cells_with_it)]
+    plain = _without_signs(unmarked, signs, [probe for probe in probes if probe is not None], evidence)
     if plain is None:
         return None
     try:
@@ -314,9 +320,8 @@ def prove_column(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None]
     return (evidence, numbers) if np.isfinite(numbers).sum() == count else None
 
 
-def _without_signs(cells: pa.Array, probes: list[Notation], evidence: Evidence) -> pa.Array | None:
+def _without_signs(cells: pa.Array, signs: list[str], probes: list[Notation], evidence: Evidence) -> pa.Array | None:
     """The cells in plain notation, and what they prove; None where that is not plain to see."""
-    signs = [sign for sign in (".", ",") if _any(pc.match_substring(cells, sign))]
     if not signs:
         return cells
     if len(signs) == 1:
@@ -369,12 +374,98 @@ def rows_of_text(content: bytes, place: str, options: ReadOptions) -> tuple[list
     For a long file, the rows at both ends and the bulk of it.
     """
     text, encoding = decode_text(content, place, options.encoding)
+    if options.delimiter is None and (fixed := rows_of_fixed_width(text)) is not None:
+        return fixed, Dialect("fixed width", encoding), None
     form = separator(text[:100_000].splitlines(), place, options.separator)
     dialect = Dialect("csv", encoding, form.delimiter, quote=form.quote)
     bulk = bulk_of(text, form.delimiter, form.quote, form.skipped)
-    if bulk is not None:
-        return rows_of_ends(bulk), dialect, bulk
-    return rows_of(text, form, place), dialect, None
+    rows = rows_of(text, form, place) if bulk is None else rows_of_ends(bulk)
+    if not text.endswith("\n") and _is_cut_off(rows):
+        cut = (
+            f'ends within its last number, "{rows[-1][1][-1]}": export it again, or end its last line with a line break'
+        )
+        raise refuse(place, cut)
+    return rows, dialect, bulk
+
+
+def _is_cut_off(rows: list[Row]) -> bool:
+    """Whether the last cell has fewer decimals than all others of its column, which have equally many."""
+    if len(rows) < 4:
+        return False
+    column = [row[-1] for _, row in rows[-SAMPLE:] if len(row) == len(rows[-1][1]) and notation(row[-1])]
+    decimals = [
+        len(cell) - 1 - max(cell.rfind("."), cell.rfind(",")) if set(cell) & {".", ","} else 0 for cell in column
+    ]
+    return len(set(decimals[:-1])) == 1 and len(decimals) > 3 and decimals[-1] < decimals[0]
+
+
+_WORDS = re.compile(r"\S+(?: \S+)*")
+"""Words with single spaces between them: a heading of a table of fixed width."""
+_WORD = re.compile(r"\S+")
+Span = tuple[int, int]
+
+
+def rows_of_fixed_width(text: str) -> list[Row] | None:
+    """The rows of a table whose columns stand below each other; None where it is none, or where a
+    heading can be that of two columns.
+    """
+    lines = [(at, line.rstrip()) for at, line in enumerate(text.split("\n", 3 * SAMPLE)[: 3 * SAMPLE], 1)]
+    sample = [(at, line) for at, line in lines if line.strip()]
+    if len(sample) < 3 or any(sign in line for _, line in sample for sign in ";\t|"):
+        return None
+    lengths = Counter(len(line.split()) for _, line in sample[len(sample) // 2 :])
+    data = [at for at, (_, line) in enumerate(sample) if _is_data(line, lengths.most_common(1)[0][0])]
+    if len(data) < 2 or data[0] == 0 or not any("  " in sample[at][1] for at in [data[0] - 1, *data]):
+        return None
+    fields = _occupied([sample[at][1] for at in data])
+    first = data[0] - 1
+    spans = _headed_fields([match.span() for match in _WORDS.finditer(sample[first][1])], fields)
+    if spans is None or len(spans) < 2:
+        return None
+    every = [(at, line.rstrip()) for at, line in enumerate(text.split("\n"), 1) if line.strip()]
+    rows = []
+    for at, line in every:
+        tokens = list((_WORDS if at <= sample[first][0] else _WORD).finditer(line))
+        if at < sample[first][0]:
+            rows.append((at, [token[0] for token in tokens]))
+            continue
+        cells = [""] * len(spans)
+        for order, token in enumerate(tokens):
+            place = order if at == sample[first][0] else _nearest_span(token.span(), spans)
+            cells[place] = f"{cells[place]} {token[0]}".strip()
+        rows.append((at, cells))
+    return rows
+
+
+def _is_data(line: str, count: int) -> bool:
+    """Whether a line has the usual number of words, half of which are numbers or dates."""
+    words = line.split()
+    return len(words) == count > 1 and 2 * sum(notation(w) is not None or is_date(w) for w in words) >= count
+
+
+def _occupied(lines: list[str]) -> list[Span]:
+    """The stretches that no line leaves empty."""
+    filled = np.zeros(max(map(len, lines)) + 2, dtype=bool)
+    for line in lines:
+        filled[1 : len(line) + 1] |= np.array([character != " " for character in line])
+    edges = np.flatnonzero(np.diff(filled.astype(int)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _headed_fields(headings: list[Span], fields: list[Span]) -> list[Span] | None:
+    """The stretch of each heading: that of the fields below it; None where that is not clear."""
+    below: list[list[Span]] = [[] for _ in headings]
+    for field in fields:
+        below[_nearest_span(field, headings)].append(field)
+    if not headings or not all(below):
+        return None
+    return [(found[0][0], found[-1][1]) for found in below]
+
+
+def _nearest_span(span: Span, among: list[Span]) -> int:
+    """The stretch that overlaps a span most, or is the nearest."""
+    overlap = [min(span[1], end) - max(span[0], start) for start, end in among]
+    return int(np.argmax(overlap))
 
 
 def rows_of(text: str, form: Separator, place: str) -> list[Row]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -23,8 +24,9 @@ from ..units import converted, fits, shorten_text
 from .aqdef import SUFFIXES
 from .header import Layout, Row, find_layout, names_of, split_header, unit_of_cell
 from .lines import Bulk, Separator, prove_column, rows_of, rows_of_text
-from .record import AS_DETECTED, Columns, Dialect, ReadOptions, Table
-from .signs import Evidence, canonical, decide, evidence, is_label
+from .record import AS_DETECTED, LONG, Columns, Dialect, ReadOptions, Table
+from .shapes import specifications_of_rows, transposed_rows, wide_of_long
+from .signs import Evidence, Exact, canonical, canonical_number, decide, evidence, is_label, is_missing
 
 SHOWN = 100
 """Bad rows of a table, or bad cells of one column, that are listed; the rest is counted."""
@@ -34,8 +36,19 @@ def assemble_table(
     rows: list[Row], dialect: Dialect, place: str, options: ReadOptions, bulk: Bulk | None = None
 ) -> tuple[Table | None, list[Fault]]:
     """The table in the rows of a file, which are not empty; for a long file, in its bulk."""
-    layout = find_layout(rows, place)
+    turned = transposed_rows(rows, options.shape, place)
+    layout = find_layout(rows if turned is None else turned, place)
+    if bulk is not None and (turned is not None or _has_blocks(bulk, layout.header[0])):
+        separator = Separator(dialect.delimiter, dialect.quote, bulk.skipped)
+        return assemble_table(rows_of(bulk.text, separator, place), dialect, place, options)
+    if turned is not None:
+        layout.notes.append("read as: a column per part; the number of a row is that of its column")
     header, body = _trim_layout(layout)
+    if layout.blocks and len(set(layout.blocks)) > 1 and "block" not in header:
+        header = [*header, "block"]
+        body = [(at, [*row, title]) for (at, row), title in zip(body, layout.blocks, strict=True)]
+    if dialect.kind == "csv" and dialect.delimiter != " ":
+        body = _fill_short_rows(header, body, layout)
     faults = [*layout.faults, *_form_faults(header, body, place)]
     whole = [row for row in body if len(row[1]) == len(header)] if faults else body
     lines = [at for at, _ in whole]
@@ -50,13 +63,83 @@ def assemble_table(
     cells_of: dict[str, Any] = {}
     for name, cells in zip(header, columns, strict=True):
         cells_of.setdefault(name, cells)
+    cells_of, percent = _without_percent_signs(cells_of)
     proofs, numbers = _proofs(cells_of)
     delimiter = dialect.delimiter if dialect.kind == "csv" else ""
     signs, doubts = decide(
         proofs, options.decimal, delimiter, place, partial(_is_near_nominal, options, _units(layout, header))
     )
     plain = {n: _canonical_cells(cells, proofs[n], signs.get(n)) for n, cells in cells_of.items()}
-    return _table(layout, dialect, header, plain, proofs, signs, lines, numbers), faults + doubts
+    table = _table(layout, dialect, header, plain, proofs, signs, lines, numbers)
+    names = names_of(header)
+    contradicted = [n for n in percent if table.units.get(names[n], "%") != "%"]
+    faults += [Fault(f"{place}: column {n}", "has cells in %, and another unit in its name") for n in contradicted]
+    table = replace(table, units=dict(table.units) | {names[n]: "%" for n in percent})
+
+    def number(name: str, cell: str) -> float:
+        text = canonical_number(cell, signs.get(next(n for n in header if names[n] == name)) or ".")
+        return float(text or cell) if text or isinstance(cell, Exact) else math.nan
+
+    summaries = [row for _, row in layout.summaries]
+    stated, wrong = specifications_of_rows(summaries, [names[n] for n in header], number, place)
+    wide, of_shape = (
+        wide_of_long(replace(table, specifications=stated), place, options.shape) if not faults else (table, [])
+    )
+    return wide, faults + doubts + wrong + of_shape
+
+
+def _has_blocks(bulk: Bulk, line: int) -> bool:
+    """Whether the line of the column names comes again in a long file."""
+    text = bulk.text.split("\n", line)[line - 1].strip("\r")
+    return bool(text) and bulk.text.count(f"\n{text}") > (1 if line > 1 else 0)
+
+
+def _fill_short_rows(header: list[str], body: list[Row], layout: Layout) -> list[Row]:
+    """Rows whose last cells are left away because they are empty, filled up.
+
+    That is certain where no row of the file ends in an empty cell, and where every cell that is
+    there fits its column: numbers in the range of the column, text where it has text.
+    """
+    count = len(header)
+    whole = [row for _, row in body if len(row) == count]
+    short = [(at, row) for at, row in body if 1 < len(row) < count]
+    if not short or len(whole) < 2 or any(not row[-1] for row in whole) or short[-1][0] == body[-1][0]:
+        return body
+    columns = list(zip(*whole, strict=True))
+    ranges = [_range(cells) for cells in columns]
+    for _, row in short:
+        for cell, limits in zip(row, ranges, strict=False):
+            value = _range([cell])
+            if cell and not is_missing(cell) and (value is None) != (limits is None):
+                return body
+            if value is not None and limits is not None and not limits[0] <= value[0] <= limits[1]:
+                return body
+    layout.notes.append(f"{len(short)} short rows have no cells at their end: empty (the first is row {short[0][0]})")
+    return [(at, row + [""] * (count - len(row)) if 1 < len(row) < count else row) for at, row in body]
+
+
+def _range(cells: Sequence[str]) -> tuple[float, float] | None:
+    """The range of numbers in cells, widened by itself on both sides; None where they are no numbers."""
+    numbers = [float(text) for cell in cells if (text := canonical_number(cell, ",") or canonical_number(cell, "."))]
+    if not numbers:
+        return None
+    low, high = min(numbers), max(numbers)
+    return 2.0 * low - high, 2.0 * high - low
+
+
+_PERCENT = re.compile(r"[+\-−]?[\d.,]+ ?%")
+
+
+def _without_percent_signs(cells_of: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """The columns with percent signs taken off their numbers, and the names of those that had them."""
+    named = [
+        name
+        for name, cells in cells_of.items()
+        if isinstance(cells, list)
+        and any("%" in cell for cell in cells)
+        and all(is_missing(cell) or _PERCENT.fullmatch(cell) for cell in cells)
+    ]
+    return cells_of | {name: [cell.rstrip("% ") for cell in cells_of[name]] for name in named}, named
 
 
 def _proofs(cells_of: dict[str, Any]) -> tuple[dict[str, Evidence], dict[str, NDArray[Any]]]:
@@ -165,11 +248,12 @@ def _form_faults(header: list[str], body: list[Row], place: str) -> list[Fault]:
             faults.append(Fault(place, f"column {name} appears {header.count(name)} times"))
     if not body:
         faults.append(Fault(place, "has no rows below its column names"))
-    wrong = [(at, len(row)) for at, row in body if len(row) != len(header)]
     text = f"{len(header)} cells expected, as many as there are column names, got"
-    faults += [Fault(f"{place}: row {at}", f"{text} {count}") for at, count in wrong[:SHOWN]]
-    if len(wrong) > SHOWN:
-        faults.append(Fault(place, f"{len(wrong) - SHOWN} more rows of another length"))
+    wrong = [(at, len(row)) for at, row in body if len(row) != len(header)]
+    for kind in dict.fromkeys(count for _, count in wrong):
+        rows = [at for at, count in wrong if count == kind]
+        more = "" if len(rows) == 1 else f" ({len(rows)} rows, of which this is the first)"
+        faults.append(Fault(f"{place}: row {rows[0]}", f"{text} {kind}{more}"))
     return faults
 
 
@@ -198,15 +282,20 @@ XLS_SIGNATURE = b"\xd0\xcf\x11\xe0"
 
 
 def read_table(
-    path: str | Path, encoding: str | None = None, delimiter: str | None = None, decimal: str | None = None
+    path: str | Path,
+    encoding: str | None = None,
+    delimiter: str | None = None,
+    decimal: str | None = None,
+    shape: str | None = None,
 ) -> Table:
-    """The table in a file: CSV in any dialect, XLSX or Parquet.
+    """The table in a file: CSV in any dialect, XLSX or Parquet, with a column per characteristic
+    (`shape` "wide"), a row per characteristic ("long") or a column per part ("transposed").
 
     What is not stated is detected. Raises InputError with every fault; for an ambiguous
     file it names the option that decides.
     """
     path = Path(path)
-    return open_or_raise(path, path.name, ReadOptions(encoding, delimiter, decimal))
+    return open_or_raise(path, path.name, ReadOptions(encoding, delimiter, decimal, shape))
 
 
 def open_or_raise(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> Table:
@@ -238,7 +327,9 @@ def _open_by_suffix(path: Path, place: str, options: ReadOptions) -> tuple[Table
             return table_of_aqdef(path, place, options)
         content = _content(path, place)
         if suffix in PARQUET or content[:4] == b"PAR1":
-            return _from_parquet(content, place)
+            table, faults = _from_parquet(content, place)
+            wide, of_shape = wide_of_long(table, place, options.shape) if options.shape == LONG else (table, [])
+            return wide, faults + of_shape
         if suffix in WORKBOOKS or content[:4] == b"PK\x03\x04":
             from .workbook import rows_of_workbook
 

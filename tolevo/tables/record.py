@@ -1,4 +1,4 @@
-"""What the user states about a file, so that nothing has to be detected."""
+"""What the user states about a file, and what is read of it: cells, units, limits, notes."""
 
 from __future__ import annotations
 
@@ -24,17 +24,19 @@ KNOWN = (",", ";", "\t", "|", " ")
 NAMES = {",": "comma", ";": "semicolon", "\t": "tab", "|": "pipe", " ": "space", "": "none"}
 
 
+SHAPES = LONG, WIDE, TRANSPOSED = ("long", "wide", "transposed")
+"""A row per characteristic and part, a column per characteristic, a column per part."""
 OF_COMMANDS, KEYS, NONE = "options", "keys", "none"
 """Where the user states encoding, delimiter and decimal sign: options of a command, keys of the table
 of a configuration that names the file, or nowhere, so that the file has to be written otherwise.
 """
-_OPTION = re.compile(r"--(encoding|delimiter|decimal)(?: ([.,]))?")
+_OPTION = re.compile(r"--(encoding|delimiter|decimal|shape)(?: ([.,]))?")
 _REMEDY = re.compile(r"[:;,]? state (?:another )?--.*")
 
 
 @dataclass(frozen=True, slots=True)
 class ReadOptions:
-    """Encoding, delimiter and decimal sign of a text file; None where it is to be detected.
+    """Encoding, delimiter, decimal sign and shape of a file; None where it is to be detected.
 
     `sizes` are nominal sizes and their units by the name of a column, that of "" counts for every
     column: where "68,001" can be 68.001 or 68001, the value near the nominal is meant.
@@ -43,6 +45,7 @@ class ReadOptions:
     encoding: str | None = None
     delimiter: str | None = None
     decimal: str | None = None
+    shape: str | None = None
     where: str = OF_COMMANDS
     sizes: Mapping[str, tuple[float, str]] = field(default_factory=dict)
 
@@ -72,6 +75,8 @@ class ReadOptions:
             wrong.append(Fault("--delimiter", text))
         if self.decimal is not None and self.decimal not in (".", ","):
             wrong.append(Fault("--decimal", f'must be "." or ",", got "{self.decimal}"'))
+        if self.shape is not None and self.shape not in SHAPES:
+            wrong.append(Fault("--shape", f'must be one of {", ".join(SHAPES)}, got "{self.shape}"'))
         return wrong
 
 
@@ -161,7 +166,19 @@ def _objects(cells: Any) -> NDArray[Any]:
     return np.asarray(cells.to_numpy(zero_copy_only=False), dtype=object)
 
 
-# A table as it was read: cells, units, dialect, and notes on them.
+# A table as it was read: cells, units, limits, dialect, and notes on them.
+
+
+@dataclass(frozen=True, slots=True)
+class Specification:
+    """Nominal size and limits of a characteristic as its file states them, None where it does not;
+    `natural` is "lower" where the lower limit is one of nature.
+    """
+
+    nominal: float | None = None
+    lower: float | None = None
+    upper: float | None = None
+    natural: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +216,8 @@ class Table:
     `cells` are as in the file, with numbers in plain notation (decimal point, no thousands), by the
     line numbers of the file, and `frame` holds numbers; `units` are those that names or a row of
     units state; `numeric` names the columns of numbers, `headers` maps a name to how the file
-    spells it, unit included; `values` are the numbers of columns that were read at once.
+    spells it, unit included; `values` are the numbers of columns that were read at once;
+    `specifications` are nominal sizes and limits by column.
     """
 
     columns: Columns
@@ -209,6 +227,7 @@ class Table:
     numeric: tuple[str, ...] = ()
     headers: Mapping[str, str] = field(default_factory=dict)
     values: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    specifications: Mapping[str, Specification] = field(default_factory=dict)
 
     @cached_property
     def cells(self) -> pd.DataFrame:

@@ -1,4 +1,6 @@
-"""Cells that are not values: marks for missing or invalid measurements, dates, summary rows."""
+"""Cells and what they can be: numbers by their decimal signs, dates and times, marks for missing values,
+names of summary rows.
+"""
 
 from __future__ import annotations
 
@@ -22,17 +24,33 @@ MISSING = frozenset(
 ) | {"", "k. a.", "n. a.", "n. b.", "n. i. o.", "over range", "no data", "not measured"}
 """Marks for a value that is missing or not valid, in lower case."""
 
+_MONTHS = "jan feb mar|mär apr may|mai jun jul aug sep oct|okt nov dec|dez".split()
+"""The first letters of months, in English and German."""
+_MONTH = rf"(?:{'|'.join(_MONTHS)})[a-zä]{{0,6}}"
 _DATE = re.compile(
     r"\d{4}[-./]\d{1,2}[-./]\d{1,2}(?:[ T]\d.*)?|\d{1,2}[-./]\d{1,2}[-./]\d{2,4}(?:[ T/]\d.*)?"
     r"|\d{1,2}:\d{2}(?::\d{2}(?:[.,]\d+)?)?(?: ?[AaPp][Mm])?"
+    rf"|\d{{1,2}}[-. ]+{_MONTH}[-. ]+\d{{2,4}}(?:[ T]+\d.*)?|{_MONTH}\.? \d{{1,2}},? \d{{4}}(?:[ T]+\d.*)?",
+    re.IGNORECASE,
 )
+LIMITS = {
+    "nominal": "nominal nom nominalvalue soll sollwert sollmaß sollmass nennmaß nennmass nennwert target theo",
+    "upper": "uppertol uppertolerance upperdeviation tol+ +tol tolerance+ ot oberetoleranz obtol oberesabmaß "
+    "obereabweichung plustol otol",
+    "lower": "lowertol lowertolerance lowerdeviation tol- -tol tolerance- ut unteretoleranz untol unteresabmaß "
+    "untereabweichung minustol utol",
+    "usl": "usl upperlimit upperspec upperspecificationlimit og ogw otg obergrenze oberergrenzwert obereregrenze",
+    "lsl": "lsl lowerlimit lowerspec lowerspecificationlimit ug ugw utg untergrenze unterergrenzwert untereregrenze",
+}
+"""What nominal sizes, tolerances and limits are called, without blanks and points."""
 SUMMARY = frozenset(
     "mittelwert mittel mw summe min max min. max. minimum maximum mean average avg std stdev "
     "stabw stabw. sigma range spannweite total sum count anzahl median cp cpk xq x-quer xquer "
-    "nennmaß nennmass nennwert sollwert soll nominal ot ut otg utg og ug usl lsl toleranz "
-    "tolerance ende end eof moyenne écart-type 平均 平均值 平均値 合计 合計 最大 最小 "
-    "最大值 最小值 标准差 公差 上限 下限".split()
-)
+    "toleranz tolerance ende end eof moyenne écart-type 平均 平均值 平均値 合计 合計 最大 最小 "
+    "最大值 最小值 标准差 公差 上限 下限 pp ppk cpu cpl cg cgk variance varianz s(n-1) 6s 6sigma n stddev "
+    "standardabweichung standarddeviation sd meanvalue mittelwerte maximalwert minimalwert statistics "
+    "statistik endofreport endofdata s r".split()
+) | {word.casefold() for words in LIMITS.values() for word in words.split()}
 """Names of rows at the top or the bottom of a table that are not measurements, in lower case."""
 
 
@@ -48,7 +66,8 @@ def is_date(cell: str) -> bool:
 
 def is_summary(cell: str) -> bool:
     """Whether a cell names a row that is not a measurement: a mean, a limit, the end."""
-    return cell.lower().rstrip(":") in SUMMARY
+    word = re.sub(r"[\s._/]", "", cell.casefold())
+    return word.rstrip(":") in SUMMARY or (":" in word and word.partition(":")[0] in SUMMARY)
 
 
 # How one cell writes a number: which of its signs are decimal, which group thousands.
@@ -310,12 +329,15 @@ _HOURS = (
 _CLOCK = rf"(?:[/ .T]+{_HOURS})?"
 _YEAR = r"(?P<y>\d{4}|\d\d)"
 POINTS, SLASHES, TURNED, ISO = ("day.month.year", "month/day/year", "day/month/year", "year-month-day")
+NAMED, NAMED_FIRST = "day month year", "month day, year"
 OF_DAY = "hour:minute"
 _FORMS = {
     POINTS: re.compile(rf"(?P<d>\d{{1,2}})\.(?P<m>\d{{1,2}})\.{_YEAR}{_CLOCK}"),
     SLASHES: re.compile(rf"(?P<m>\d{{1,2}})/(?P<d>\d{{1,2}})/{_YEAR}{_CLOCK}"),
     TURNED: re.compile(rf"(?P<d>\d{{1,2}})/(?P<m>\d{{1,2}})/{_YEAR}{_CLOCK}"),
     ISO: re.compile(rf"(?P<y>\d{{4}})[-/](?P<m>\d{{1,2}})[-/](?P<d>\d{{1,2}}){_CLOCK}"),
+    NAMED: re.compile(rf"(?P<d>\d{{1,2}})[-. ]+(?P<m>{_MONTH})[-. ]+{_YEAR}{_CLOCK}", re.IGNORECASE),
+    NAMED_FIRST: re.compile(rf"(?P<m>{_MONTH})\.? (?P<d>\d{{1,2}}),? {_YEAR}{_CLOCK}", re.IGNORECASE),
     OF_DAY: re.compile(rf"(?P<y>1900)?(?P<m>)(?P<d>){_HOURS}"),
 }
 ZONED = ", with the zone"
@@ -340,13 +362,21 @@ def _parse_time(text: str, forms: Sequence[str]) -> tuple[datetime, float, str]:
             fraction = (match["fraction"] or "").ljust(12, "0")
             if match["half"]:
                 hour = hour % 12 + 12 * (match["half"] in "Pp") if 1 <= hour <= 12 else 24
-            day, micro = (int(match["m"] or 1), int(match["d"] or 1)), int(fraction[:6])
+            micro = int(fraction[:6])
             try:
+                day = _month(match["m"] or "1"), int(match["d"] or 1)
                 time = datetime(year, *day, hour, minute, second, micro, _zone(match["zone"]))
             except ValueError:
                 continue
             return time, 1e-12 * int(fraction[6:]), name + (ZONED if match["zone"] else "")
     raise ValueError(f'"{text[:60]}" is not a time such as 31.12.2026/08:00:00 or 2026-12-31T08:00:00Z')
+
+
+def _month(text: str) -> int:
+    """The number of a month, by number or name."""
+    if text.isdecimal():
+        return int(text)
+    return 1 + next(at for at, names in enumerate(_MONTHS) if text[:3].lower() in names.split("|"))
 
 
 def _zone(text: str | None) -> timezone | None:

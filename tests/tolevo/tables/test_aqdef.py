@@ -120,7 +120,7 @@ def test_no_limit_where_the_file_says_so(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("K2142/1", "K2113/1 0,030\nK2142/1", "K2111 is 25.021, but the nominal 25 with"),
+        ("K2142/1", "K2113/1 0,030\nK2142/1", "its upper limit is 25.021, but the nominal 25 with"),
         ("K2110/1 25,000", "K2110/1 25,030", "the lower limit 25.03 is above the upper limit"),
         ("K2002/2 Rundlauf\n", "K2002/2 Rundlauf\nK2002/2 Planlauf\n", '"Rundlauf" above'),
         ("K2001/2 20\nK2002/2 Rundlauf", "K2001/2 10\nK2002/2 Ø Bohrung", "is described twice"),

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+import hashlib
+import itertools
 import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -74,7 +76,7 @@ def reopen_run(run: Path, parts: Sequence[Path], since: Sequence[Path], options:
     if before is None:
         raise InputError(faults)
     design = _design(before, allocated)
-    owners = _owners(table, before, design)
+    owners = written_owners(table, _owners(table, before, design))
     sizes = {label: (size, owner.unit) for owner in owners if (size := owner.nominal) for label in owner.names}
     options = replace(options, sizes=sizes)
     notes: list[str] = []
@@ -167,7 +169,8 @@ class Owner:
     """A part of a stack or a variable that is measured: its table, unit and half-width.
 
     `follows` means that its scatter follows the tolerance, `shifts` that its mean may be that of
-    the sample, `chosen` that it is made on machines or processes to choose from.
+    the sample, `chosen` that it is made on machines or processes to choose from. `written` is the
+    characteristic of its limits, mid +- t, that `tolevo template qdas` writes.
     """
 
     name: str
@@ -177,6 +180,10 @@ class Owner:
     follows: bool = True
     shifts: bool = True
     chosen: bool = False
+
+    mid: float = 0.0
+    natural: str = ""
+    written: tables.Characteristic | None = None
 
     @property
     def nominal(self) -> float:
@@ -208,8 +215,10 @@ def _owners(table: Table, problem: ToleranceProblem, design: dict[str, float]) -
                 part,
                 design.get(f"{part['name']}_t", float(part.get("tolerance") or 0.0)),
                 chosen="machine" in part or "process" in part,
+                mid=known.mid,
+                natural={-1: "lower", 1: "upper"}.get(known.natural, ""),
             )
-            for part in table["part"]
+            for part, known in zip(table["part"], problem.definition.parts, strict=True)
         ]
     stated, owners = table.get("variables", {}), []
     for v in problem.variables:
@@ -218,10 +227,42 @@ def _owners(table: Table, problem: ToleranceProblem, design: dict[str, float]) -
             table_of_variable = stated.get(v.name, {})
             mid = problem.settings.variables[v.name].mid
             t = problem.fixed.get(v.name, design.get(v.name, 0.0))
-            owners.append(
-                Owner(v.name, v.unit, table_of_variable, t, follows, mid is not None, "machine" in table_of_variable)
-            )
+            shifts, chosen = mid is not None, "machine" in table_of_variable
+            owners.append(Owner(v.name, v.unit, table_of_variable, t, follows, shifts, chosen, mid or 0.0))
     return owners
+
+
+def written_owners(table: Table, owners: Sequence[Owner]) -> list[Owner]:
+    """The owners with the characteristics of their limits: numbers of the drawing, or their place.
+
+    Parts without a drawing are of one that is named after their limits, so that another allocation
+    has another one.
+    """
+    limits = [(o.name, round(o.nominal + o.mid - o.t, 12), round(o.nominal + o.mid + o.t, 12)) for o in owners]
+    digest = hashlib.sha256(repr(limits).encode()).hexdigest()[:8]
+    title = str(table.get("name") or "allocation")
+    stated = {str(o.table.get("characteristic")) for o in owners}
+    places = iter(number for at in itertools.count(1) if (number := str(at)) not in stated)
+    anew = []
+    for owner, (name, lower, upper) in zip(owners, limits, strict=True):
+        number = str(owner.table.get("characteristic") or next(places))
+        drawing = str(owner.table.get("drawing") or table.get("drawing") or digest)
+        natural = {"K2120": "2"} if owner.natural == "lower" else {"K2121": "2"} if owner.natural else {}
+        ends = owner.nominal, lower, upper, owner.unit
+        anew.append(replace(owner, written=tables.Characteristic(title, drawing, name, number, *ends, keys=natural)))
+    return anew
+
+
+def drawing_text(run: Path) -> str:
+    """The allocation of the run in a directory as a Q-DAS file. Raises InputError with every fault."""
+    faults: list[Fault] = []
+    table, allocated = _run(run, faults)
+    problem = None if table is None else _problem(table, faults, promises=False)
+    raise_all(faults)
+    assert table is not None
+    assert problem is not None
+    owners = written_owners(table, _owners(table, problem, _design(problem, allocated)))
+    return tables.aqdef_text([owner.written for owner in owners if owner.written is not None])
 
 
 def _open_files(paths: Sequence[Path], options: tables.ReadOptions, faults: list[Fault]) -> list[MeasuredFile]:
@@ -245,6 +286,10 @@ def _replace_samples(
         if (measured := _measured_table(owner, files, faults, notes)) is not None
     }
     for file in files:
+        for name in file.labels:
+            if len(both := [owner.name for owner in owners if _refers_to_owner(file, owner, name)]) > 1:
+                text = f"{name} is {' and '.join(both)}, by its name and by its number: correct one of them"
+                faults.append(Fault(file.place, text))
         if unused := [name for name in file.labels if not any(_refers_to_owner(file, owner, name) for owner in owners)]:
             notes.append(f"{file.place}: not used: {', '.join(unused)}")
     if not anew and not faults:
@@ -261,6 +306,9 @@ def _replace_samples(
 
 def _refers_to_owner(file: MeasuredFile, owner: Owner, name: str) -> bool:
     """Whether a characteristic of a file is that of an owner."""
+    written = owner.written
+    if written is not None and file.numbers.get((written.part_number, written.number)) == name:
+        return True
     return any(label in owner.names for label, characteristic in file.names.items() if characteristic == name)
 
 
@@ -308,7 +356,7 @@ def _with_sample_means(table: Table, shifting: Collection[str]) -> Table:
     return anew | {"variables": {name: with_mean(name, owner_table) for name, owner_table in variables.items()}}
 
 
-def _problem(table: Table, faults: list[Fault]) -> ToleranceProblem | None:
+def _problem(table: Table, faults: list[Fault], promises: bool = True) -> ToleranceProblem | None:
     """The problem of some tables, in reach of its limits or not; None where it has faults."""
     try:
         problem = read_table(copy.deepcopy(table), [], reachable=False).problem
@@ -318,7 +366,8 @@ def _problem(table: Table, faults: list[Fault]) -> ToleranceProblem | None:
             faults.append(Fault("RUN", "is the run of a problem that makes no promises"))
         faults += [fault for fault in error.faults if fault not in (*faults, *unknown)]
         return None
-    assert isinstance(problem, (Stack, WithPromise))
+    assert problem is not None
+    assert not promises or isinstance(problem, (Stack, WithPromise))
     return problem
 
 

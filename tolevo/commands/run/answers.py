@@ -16,6 +16,7 @@ from ...algorithms.run import Progress, Run
 from ...algorithms.settings import Budget
 from ...problems.limits import Limit
 from ...problems.settings import Bound
+from ...problems.stack import Stack
 from ...problems.tolerance_problem import ToleranceProblem, Variant, designs_of
 from ...records import Axis, RunResult
 from ...section import Array
@@ -584,9 +585,14 @@ def add_capability(result: RunResult, problem: ToleranceProblem) -> RunResult:
     """The result with what is known of measured parts, where there are some."""
     if not problem.samples():
         return result
-    from .promise import capability_table
+    from .promise import capability_table, worth_of_corrections
 
-    return replace(result, capability=capability_table(problem))
+    result = replace(result, capability=capability_table(problem))
+    worth = worth_of_corrections(problem, result.front, chosen_point(result)) if isinstance(problem, Stack) else ""
+    if not worth:
+        return result
+    answers = dict(result.answers) | {"corrections": worth}
+    return replace(result, summary=dict(result.summary) | {"answers": answers})
 
 
 def _rounded_design(result: RunResult, problem: ToleranceProblem, point: int) -> Array | None:

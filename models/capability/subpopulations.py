@@ -1,0 +1,133 @@
+"""Sub-populations of measured parts: cavities, machines, operators, lots that differ in their mean.
+
+With n values in k groups of n_i about their means, MSW = sum (x - mean_i)^2/(n - k) is the variance
+within the groups and MSB = sum n_i (mean_i - mean)^2/(k - 1) that of n_0 parts between them,
+n_0 = (n - sum n_i^2/n)/(k - 1). Cavities, machines and operators make later parts as well (fixed
+groups); later lots are others (random groups), so that their scatter is known from k of them alone.
+
+Reference: Searle, Casella & McCulloch (1992), Variance Components, sections 3.6 and 4.4;
+Satterthwaite (1946), Biometrics Bulletin 2(6), 110-114.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from ...section import Array, Integers
+
+RANDOM = ("lot", "order")
+"""Groups of which later parts have others; all other groups make later parts too."""
+LEAST_DF = 4.0
+"""Degrees of freedom of few lots at least, as of five of them: the posterior mean of a variance needs them."""
+PLURALS = {"cavity": "cavities", "lot": "lots"}
+
+
+@dataclass(frozen=True, slots=True)
+class Scatter:
+    """A variance of parts, its degrees of freedom, and the number of parts that the mean is known by."""
+
+    variance: float
+    df: float
+    n: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Subpopulations:
+    """Groups of measured parts: names (k,), numbers of parts and means (k,), and mean squares within
+    and between them; `group` (n,) is the place of each value's group.
+    """
+
+    kind: str
+    names: tuple[str, ...]
+    group: Integers
+    counts: Array
+    means: Array
+    within: float
+    between: float
+    probability: float
+
+    @classmethod
+    def of(cls, kind: str, labels: Sequence[str], values: Array) -> Subpopulations | None:
+        """The groups that `labels` (n,) name; None where there is one, or no group of two parts."""
+        names, group = np.unique(np.asarray(labels, dtype=str), return_inverse=True)
+        n, k = len(values), len(names)
+        if not 1 < k < n:
+            return None
+        counts = np.bincount(group).astype(float)
+        means = np.bincount(group, values) / counts
+        within = float(np.sum((values - means[group]) ** 2)) / (n - k)
+        between = float(np.sum(counts * (means - np.mean(values)) ** 2)) / (k - 1)
+        if within <= 0.0:
+            return None
+        p = float(scipy.stats.f.sf(between / within, k - 1, n - k))
+        return cls(kind, tuple(map(str, names)), group, counts, means, within, between, p)
+
+    @property
+    def df(self) -> tuple[int, int]:
+        """Degrees of freedom between the groups, and within them."""
+        return len(self.names) - 1, len(self.group) - len(self.names)
+
+    @property
+    def plural(self) -> str:
+        """What several of them are called."""
+        return PLURALS.get(self.kind, f"{self.kind}s")
+
+    @property
+    def between_variance(self) -> float:
+        """Variance of the means of the groups, without the share of the scatter within them."""
+        n = len(self.group)
+        n_0 = (n - float(np.sum(self.counts**2)) / n) / self.df[0]
+        return max(self.between - self.within, 0.0) / n_0
+
+    def as_found(self) -> Scatter:
+        """The scatter of later parts from the same cavities, or from other lots."""
+        n, (of_groups, of_parts) = len(self.group), self.df
+        if self.kind in RANDOM:
+            n_0 = (n - float(np.sum(self.counts**2)) / n) / of_groups
+            total = self.between_variance + self.within
+            error = (self.between / n_0) ** 2 / of_groups + ((1.0 - 1.0 / n_0) * self.within) ** 2 / of_parts
+            df = min(max(total**2 / error, LEAST_DF), n - 1.0)
+            return Scatter(total, df, n * min(total / self.between, 1.0))
+        total = (of_groups * self.between + of_parts * self.within) / (n - 1)
+        surplus = max(of_groups * (self.between / self.within - 1.0), 0.0)  # noncentrality of the sum of squares
+        return Scatter(total, (n - 1 + surplus) ** 2 / (n - 1 + 2.0 * surplus), n * total / self.within)
+
+    def corrected(self) -> Scatter:
+        """The scatter of later parts where every group is set to the same mean."""
+        return Scatter(self.within, float(self.df[1]), float(len(self.group)))
+
+    def centred(self, values: Array) -> Array:
+        """The values (n,) with the mean of every group moved to that of all."""
+        return np.asarray(values - self.means[self.group] + np.mean(values))
+
+    def furthest(self) -> tuple[int, float]:
+        """The group that is furthest from the others, and how far its mean is above theirs."""
+        total = float(np.sum(self.counts * self.means))
+        others = (total - self.counts * self.means) / (len(self.group) - self.counts)
+        at = int(np.argmax(np.abs(self.means - others)))
+        return at, float(self.means[at] - others[at])
+
+    def mixture(self) -> tuple[tuple[float, ...], tuple[float, ...], float]:
+        """Fractions and centres of the groups about the mean of all, and the scatter within them."""
+        shares = self.counts / len(self.group)
+        return tuple(shares.tolist()), tuple((self.means - shares @ self.means).tolist()), float(np.sqrt(self.within))
+
+    def text(self) -> str:
+        """How the groups differ."""
+        at, off = self.furthest()
+        scatter = f"s = {np.sqrt(self.within):.3g} within and {np.sqrt(self.between_variance):.3g} between them"
+        return (
+            f"has {self.plural} whose means differ by up to {np.ptp(self.means):.3g} ({self.kind} {self.names[at]} is "
+            f"{abs(off):.3g} {'above' if off > 0.0 else 'below'} the others; {scatter}, {self.df[1]} and {self.df[0]} "
+            "degrees of freedom)"
+        )
+
+
+def subpopulations(values: Array, groups: Mapping[str, Sequence[str]]) -> list[Subpopulations]:
+    """Every grouping of values (n,) that has several groups."""
+    found = [Subpopulations.of(kind, labels, values) for kind, labels in groups.items()]
+    return [one for one in found if one is not None]

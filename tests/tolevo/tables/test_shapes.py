@@ -1,0 +1,222 @@
+"""Tables of measuring machines in their shapes, each in four dialects: values, limits and parts must be right."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tolevo
+from tolevo import tables
+
+PARTS = 12
+NAMES = ("Bohrung Ø D1", "Breite L2", "Lage P3")
+NOMINAL, LOWER, UPPER = (25.0, 40.0, 0.0), (25.0, 39.95, 0.0), (25.021, 40.05, 0.08)
+VALUES = np.random.default_rng(44).normal((25.0104, 39.9873, 0.0412), (0.0035, 0.0081, 0.0077), (PARTS, 3)).round(4)
+Cells = list[list[str]]
+DIALECTS = {
+    "German": (";", ",", "cp1252", "\r\n"),
+    "tabs": ("\t", ".", "utf-8", "\n"),
+    "bars": ("|", ",", "utf-16", "\r\n"),
+    "commas": (",", ".", "utf-8-sig", "\n"),
+}
+
+
+def number(value: float, places: int = 4) -> str:
+    return f"{value:.{places}f}"
+
+
+def calypso() -> Cells:
+    head = ["planid", "partnb", "id", "type", "actual", "nominal", "uppertol", "lowertol", "deviation", "exceed"]
+    rows = [
+        ["HOUSING-7", str(part + 1), name, "len", number(VALUES[part, at]), number(NOMINAL[at]),
+         number(UPPER[at] - NOMINAL[at]), number(LOWER[at] - NOMINAL[at]), number(VALUES[part, at] - NOMINAL[at]), ""]
+        for part in range(PARTS) for at, name in enumerate(NAMES)
+    ]  # fmt: skip
+    return [head, *rows]
+
+
+def gom() -> Cells:
+    head = ["Teil", "Element", "Nennwert", "Istwert", "Tol -", "Tol +", "Abw."]
+    order = [(part, at) for at in range(3) for part in range(PARTS)]
+    return [head] + [
+        [str(part + 1), NAMES[at], number(NOMINAL[at]), number(VALUES[part, at]), number(LOWER[at] - NOMINAL[at]),
+         number(UPPER[at] - NOMINAL[at]), number(VALUES[part, at] - NOMINAL[at])]
+        for part, at in order
+    ]  # fmt: skip
+
+
+def limits_per_row() -> Cells:
+    """No part is named: the k-th value of each characteristic is of the k-th part."""
+    head = ["Merkmal", "Einheit", "Messwert", "Sollwert", "UGW", "OGW"]
+    return [head] + [
+        [name, "mm", number(VALUES[part, at]), number(NOMINAL[at]), number(LOWER[at]), number(UPPER[at])]
+        for part in range(PARTS) for at, name in enumerate(NAMES)
+    ]  # fmt: skip
+
+
+def transposed() -> Cells:
+    head = ["Merkmal", "Einheit", "Nennmaß", "OT", "UT", *(f"Teil {part + 1}" for part in range(PARTS)), "Mittelwert"]
+    return [["Messprotokoll"], head] + [
+        [name, "mm", number(NOMINAL[at]), number(UPPER[at] - NOMINAL[at]), number(LOWER[at] - NOMINAL[at]),
+         *(number(value) for value in VALUES[:, at]), number(VALUES[:, at].mean())]
+        for at, name in enumerate(NAMES)
+    ]  # fmt: skip
+
+
+def numbered() -> Cells:
+    return [["Feature", *(str(part + 1) for part in range(PARTS))]] + [
+        [name, *(number(value) for value in VALUES[:, at])] for at, name in enumerate(NAMES)
+    ]
+
+
+def wide() -> Cells:
+    return [["Teil", *(f"{name} [mm]" for name in NAMES)]] + [
+        [str(part + 1), *(number(value) for value in VALUES[part])] for part in range(PARTS)
+    ]
+
+
+def with_limits() -> Cells:
+    head, *rows = wide()
+    above = [("Nennmaß", NOMINAL), ("OGW", UPPER), ("UGW", LOWER)]
+    below = [("Mittelwert", VALUES.mean(axis=0)), ("s", VALUES.std(axis=0)), ("Cpk", (1.0, 1.1, 0.9))]
+    lines = [[[what, *(number(v) for v in values)] for what, values in some] for some in (above, below)]
+    return [["Zeiss"], ["Plan", "7"], head, *lines[0], *rows, *lines[1]]
+
+
+def short() -> Cells:
+    """The last cells of two rows are not measured, and left away."""
+    rows = wide()
+    return [row[:-1] if at in (4, 9) else row for at, row in enumerate(rows)]
+
+
+def blocks() -> Cells:
+    head, *rows = wide()
+    half = PARTS // 2
+    mean = ["Mittelwert", *("25.0",) * 3]
+    return [["Nest 1"], head, *rows[:half], mean, ["Nest 2"], head, *rows[half:], mean]
+
+
+SHAPES: dict[str, Callable[[], Cells]] = {
+    "Calypso": calypso, "GOM": gom, "limits in a row": limits_per_row, "transposed": transposed, "numbered": numbered,
+    "wide": wide, "with limits": with_limits, "short rows": short, "blocks": blocks,
+}  # fmt: skip
+LIMITED = ("Calypso", "GOM", "limits in a row", "transposed", "with limits")
+
+
+def written(rows: Cells, dialect: str) -> bytes:
+    delimiter, decimal, encoding, end = DIALECTS[dialect]
+    lines = [delimiter.join(c.replace(".", decimal) if c[-1:].isdigit() else c for c in row) for row in rows]
+    return (end.join(lines) + end).encode(encoding)
+
+
+def fixed_width(dialect: str) -> bytes:
+    _, decimal, encoding, end = DIALECTS[dialect]
+    head = f"{'Teil Nr':>8}{NAMES[0]:>16}{NAMES[1]:>14}{NAMES[2]:>12}"
+    rows = [f"{part + 1:>8}" + "".join(f"{number(v):>{w}}" for v, w in zip(VALUES[part], (16, 14, 12), strict=True))
+            for part in range(PARTS)]  # fmt: skip
+    text = end.join(["Protokoll 7", "", head, *rows, f"{'Mean':>8}{25.0:>16.4f}{40.0:>14.4f}{0.04:>12.4f}"]) + end
+    return text.replace(".", decimal).encode(encoding)
+
+
+def assert_right(table: tables.Table, shape: str) -> None:
+    frame = table.frame
+    expected = VALUES.copy()
+    if shape == "short rows":
+        expected[[3, 8], 2] = np.nan
+    np.testing.assert_array_equal(frame[list(NAMES)].to_numpy(dtype=float), expected)
+    if shape in LIMITED:
+        for at, name in enumerate(NAMES):
+            stated = table.specifications[name]
+            assert (stated.nominal, stated.lower, stated.upper) == (NOMINAL[at], LOWER[at], UPPER[at])
+    if shape != "limits in a row":
+        column = next(name for name in frame if name not in NAMES and tables.group_of(str(name)) == "part")
+        assert [str(part).removeprefix("Teil ") for part in frame[column]] == [str(at + 1) for at in range(PARTS)]
+    if shape == "blocks":
+        assert frame["block"].tolist() == ["Nest 1"] * 6 + ["Nest 2"] * 6
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("shape", [*SHAPES, "fixed width"])
+def test_a_shape_in_a_dialect_is_read_right(tmp_path: Path, shape: str, dialect: str) -> None:
+    content = fixed_width(dialect) if shape == "fixed width" else written(SHAPES[shape](), dialect)
+    (tmp_path / "t.txt").write_bytes(content)
+    assert_right(tolevo.read_table(tmp_path / "t.txt"), shape)
+
+
+def test_the_shape_is_said_and_can_be_stated(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_bytes(written(calypso(), "German"))
+    assert "read as: a row per characteristic" in tolevo.read_table(tmp_path / "t.csv").notes
+    as_it_stands = tolevo.read_table(tmp_path / "t.csv", shape="wide").frame
+    assert len(as_it_stands) == 3 * PARTS
+    assert list(as_it_stands)[4] == "actual"
+    (tmp_path / "u.csv").write_text("Maß;A;B\nD1;1,5;1,6\nL2;2,5;2,6\n", encoding="utf-8")
+    assert tolevo.read_table(tmp_path / "u.csv", shape="transposed").frame["L2"].tolist() == [2.5, 2.6]
+    with pytest.raises(tolevo.ConfigurationError, match=r"--shape: must be one of long, wide, transposed"):
+        tolevo.read_table(tmp_path / "u.csv", shape="tall")
+    with pytest.raises(tolevo.ConfigurationError, match="it needs a column of characteristics"):
+        tolevo.read_table(tmp_path / "u.csv", shape="long")
+
+
+HEAD = "part;feature;actual;nominal;uppertol;lowertol\n"
+FAULTS = {
+    "two nominals": (f"{HEAD}1;A;10,1;10;0,2;-0,2\n2;A;10,1;10,5;0,2;-0,2\n", "A: has two nominal sizes: 10 and 10.5"),
+    "inverted": ("part;id;actual;usl;lsl\n1;A;10,1;9,5;10,5\n2;A;10,2;9,5;10,5\n", "limit 10.5 is above the upper"),
+    "unsigned": (f"{HEAD}1;A;10,1;10;0,2;0,1\n2;A;10,1;10;0,2;0,1\n", r"write their signs, \+0.01 or -0.01"),
+    "two units": ("part;id;unit;actual;nominal\n1;A;mm;1,5;1\n2;A;um;1,6;1\n", "has several units: mm and um"),
+    "misread": ("part;id;actual;nominal;dev\n1;A;1,5;1;0,1\n2;A;1,6;1;0,6\n", "1 deviations are not actual less"),
+    "no deviation": (f"{HEAD}1;A;10,1;10;10,2;9,8\n2;A;10,1;10;10,2;9,8\n", "name it a limit"),
+    "no parts": ("id;actual;nominal\nA;1,5;1\nA;1,6;1\nB;2,5;2\n", "B has 1 values, A 2, and no column names"),
+    "other names": ("Teil;D1;L2\n1;2,5;3,5\n2;2,6;3,6\nTeil;D3;L4\n1;4,5;5,5\n", "line 4 holds names of other columns"),
+    "kinds of rows": ("a;b;c\n" + "1;2;3\n" * 9 + "1;2;3;4\n" * 4 + "1;2;3\n" * 9, r"row 11: 3 .* got 4 \(4 rows, of"),
+    "statistics": ("Teil;D\n" + "1;2,5\n" * 6 + "Cpk;1,3\n7;7,5\n", '"Cpk" stands among the measurements'),
+    "cut off": ("Teil;D\n1;10,123\n2;10,125\n3;10,124\n4;10,1", 'ends within its last number, "10,1"'),
+    "a column is missing": ("Merkmal;Teil 1;Teil 2;Teil 3\nD1;1,5;1,6;1,7\nL2;2,5;2,6\n", "row 3: 4 cells expected"),
+    "a cell is missing": ("a;b;c\n1;20,5;3\n1;3\n1;20,6;3\n1;20,7;3\n", "row 3: 3 cells expected"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_what_is_wrong_or_has_two_readings_is_a_fault(tmp_path: Path, name: str) -> None:
+    content, words = FAULTS[name]
+    (tmp_path / "t.csv").write_text(content, encoding="utf-8")
+    with pytest.raises(tolevo.ConfigurationError, match=words):
+        tolevo.read_table(tmp_path / "t.csv")
+
+
+def test_every_fault_of_a_long_table_at_once(tmp_path: Path) -> None:
+    text = "part;id;actual;nominal;usl;lsl\n1;A;10,1;10;9,5;10,5\n2;A;10,2;11;9,5;10,5\n1;B;1,5;1;2;0\n2;B;1,6;1;2;0\n"
+    (tmp_path / "t.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(tolevo.ConfigurationError) as caught:
+        tolevo.read_table(tmp_path / "t.csv")
+    assert len(caught.value.faults) == 2
+
+
+@pytest.mark.parametrize(
+    ("lowers", "lower"), [("-0,05", 9.95), ("0,05", 9.95), ("+0,01", 10.01), ("0", 10.0)]
+)  # fmt: skip
+def test_lower_tolerances_by_their_signs(tmp_path: Path, lowers: str, lower: float) -> None:
+    rows = "".join(f"{part};A;10,02;10;0,05;{lowers}\n" for part in range(3))
+    (tmp_path / "t.csv").write_text(HEAD + rows, encoding="utf-8")
+    assert tolevo.read_table(tmp_path / "t.csv").specifications["A"].lower == pytest.approx(lower, abs=1e-12)
+
+
+def test_percentages_are_numbers_with_a_unit(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("Teil;Anteil;Rest [mm]\n1;12,5 %;1,5\n2;13 %;1,6\n", encoding="utf-8")
+    table = tolevo.read_table(tmp_path / "t.csv")
+    assert table.frame["Anteil"].tolist() == [12.5, 13.0]
+    assert table.units == {"Anteil": "%", "Rest": "mm"}
+
+
+def test_a_long_table_of_many_rows_is_read_as_a_short_one(tmp_path: Path) -> None:
+    rng, count = np.random.default_rng(3), 4_000
+    values = rng.normal(10.0, 0.01, (count, 5)).round(4)
+    lines = [f"{part};F{at};{values[part, at]:.4f};10.0;0.05;-0.05\n" for part in range(count) for at in range(5)]
+    (tmp_path / "t.csv").write_text(HEAD + "".join(lines), encoding="utf-8")
+    begin = time.process_time()
+    frame = tolevo.read_table(tmp_path / "t.csv").frame
+    assert time.process_time() - begin < 3.0
+    np.testing.assert_array_equal(frame[[f"F{at}" for at in range(5)]].to_numpy(dtype=float), values)

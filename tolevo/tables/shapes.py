@@ -1,0 +1,343 @@
+"""Shapes of tables: a row per characteristic (long), a column per part (transposed), a column per
+characteristic (wide), with the nominal sizes and limits that stand beside the measurements.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, TypeAlias
+
+import numpy as np
+import pandas as pd
+
+from ..errors import Fault, raise_all
+from ..units import converted, fits
+from .header import Row, known_unit, split_header
+from .record import LONG, WIDE, Columns, Specification, Table
+from .signs import LIMITS, is_missing, is_summary
+
+_WORDS = {
+    "characteristic": "id feature featurename characteristic characteristicname dimension dim dimensionname merkmal "
+    "merkmalname merkmalsname merkmalsbezeichnung bezeichnung name element elementname prüfmerkmal messgröße label",
+    "property": "property axis ax achse eigenschaft",
+    "value": "actual ist istwert istmaß istmass measured meas messwert value wert measuredvalue actualvalue "
+    "measurement",
+    **LIMITS,
+    "deviation": "deviation dev abw abweichung",
+    "part": "part partnb partno partnumber partid teil teilnr teilenr teilnummer teilenummer serial serialnumber "
+    "serialno sn serialnr seriennr seriennummer werkstück werkstücknr piece sample stück stücknr bauteil probe",
+    "unit": "unit units einheit einheiten",
+}
+"""What columns and rows of measuring machines are called, by what they are, without blanks and points."""
+_GROUP_WORDS = {
+    "part": _WORDS["part"],
+    "lot": "lot lotno batch batchno charge chargennr los serie series auftrag order",
+    "cavity": "cavity cavityno nest nestnr kavität kavitaet kav formnest",
+    "machine": "machine machineno maschine maschinennr",
+    "operator": "operator prüfer pruefer bediener appraiser inspector",
+    "gauge": "gauge gage prüfmittel messmittel",
+    "block": "block",
+}
+_GROUPS = {word.casefold(): kind for kind, words in _GROUP_WORDS.items() for word in words.split()}
+ROLES = {word.casefold(): role for role, words in _WORDS.items() for word in words.split()}
+SPECIFIED = tuple(LIMITS)
+_NUMBERED = re.compile(r"(?P<stem>.*?)[ _#.\-]*(?P<number>\d+)")
+MAGNITUDE = "-"
+"""How the name of a column of lower tolerances begins that hold no sign: "-TOL"."""
+
+
+def role_of(name: str) -> str:
+    """What a column or row of this name is, "" where the name says nothing."""
+    return ROLES.get(re.sub(r"[\s._:/]", "", split_header(name)[0]).casefold(), "")
+
+
+def group_of(name: str) -> str:
+    """What the labels of a column of this name group parts by, "" where they group none."""
+    return _GROUPS.get(re.sub(r"[\s._:/]", "", name).casefold(), "")
+
+
+def transposed_rows(rows: Sequence[Row], shape: str | None, place: str) -> list[Row] | None:
+    """The rows of a table with a column per part, turned; None where it has another shape.
+
+    It is recognised where its first line names characteristics in the first column and numbered
+    parts in the others, "Merkmal;Nennmaß;Teil 1;Teil 2". The line numbers are those of the columns.
+    Raises InputError where lines have different numbers of cells.
+    """
+    at = next((at for at, (_, row) in enumerate(rows[:60]) if _heads_parts(row)), None)
+    if shape in (LONG, WIDE) or (at is None and shape is None):
+        return None
+    body = [row for _, row in rows[at or 0 :]]
+    while len(body) > 2 and is_summary(body[-1][0]):
+        body.pop()
+    wrong = [(line, len(row)) for line, row in rows[at or 0 :][: len(body)] if len(row) != len(body[0])]
+    text = f"{len(body[0])} cells expected, as many as there are parts, got"
+    raise_all(Fault(f"{place}: row {line}", f"{text} {count}") for line, count in wrong)
+    turned = [list(cells) for cells in zip(*body, strict=True)]
+    if (unit := next((row for row in turned if role_of(row[0]) == "unit"), None)) is not None:
+        turned.remove(unit)
+        names = zip(turned[0], unit, strict=True)
+        turned[0] = [f"{name} [{stated}]" if known_unit(stated) else name for name, stated in names]
+    turned[0][0] = "part"
+    return [(number, row) for number, row in enumerate(turned, 1) if any(row)]
+
+
+def _heads_parts(row: list[str]) -> bool:
+    """Whether a line is one of names whose columns are parts."""
+    if role_of(row[0]) != "characteristic":
+        return False
+    parts = [cell for cell in row[1:] if cell and not role_of(cell) and not is_summary(cell)]
+    numbered = [match for cell in parts if (match := _NUMBERED.fullmatch(cell))]
+    stems = {match["stem"].casefold().strip() for match in numbered}
+    named = not stems or stems == {""} or role_of(next(iter(stems))) == "part"
+    return len(parts) > 1 and len(numbered) == len(parts) and len(stems) == 1 and named
+
+
+# A row per characteristic, turned into a column per characteristic.
+
+
+_Long: TypeAlias = dict[str, str]
+"""The columns of a long table by what they are."""
+
+
+def long_columns(table: Table) -> _Long | None:
+    """The columns of a table that has a row per characteristic; None where it has none."""
+    roles: dict[str, str] = {}
+    for name in table.columns.names:
+        role = role_of(name)
+        if role in ("characteristic", "value") and role in roles and role_of(roles[role]) == role:
+            continue  # "id" before "name": the first counts
+        if role:
+            roles.setdefault(role, name)
+    if "characteristic" not in roles and "property" in roles:
+        roles["characteristic"] = roles.pop("property")
+    return roles if {"characteristic", "value"} <= set(roles) else None
+
+
+def is_long(table: Table, long: _Long) -> bool:
+    """Whether the columns are those of a row per characteristic for sure: with limits beside the
+    values, or with characteristics that come again.
+    """
+    if long["value"] not in table.numeric or long["characteristic"] in table.values:
+        return False
+    if "upper" in long or "usl" in long:
+        return True
+    return "nominal" in long and bool(table.cells[long["characteristic"]].duplicated().any())
+
+
+def wide_of_long(table: Table, place: str, shape: str | None) -> tuple[Table, list[Fault]]:
+    """The table with a column per characteristic; as it is where it has that shape already.
+
+    Rows belong together by their part; without one, the k-th value of every characteristic is of
+    the k-th part. Nominal sizes and limits are in `specifications`.
+    """
+    long = long_columns(table) if shape in (None, LONG) else None
+    if long is None or (shape is None and not is_long(table, long)):
+        needed = "a column of characteristics (feature, Merkmal) and one of values (actual, Istwert)"
+        wrong = [] if shape != LONG else [Fault("shape", f"{place} is no long table: it needs {needed}")]
+        return table, wrong
+    cells = table.cells
+    names = cells[long["characteristic"]].astype(str).str.strip()
+    if "property" in long:
+        names = names + " " + cells[long["property"]].astype(str).str.strip()
+    part = cells[long["part"]].astype(str) if "part" in long else pd.Series("", index=cells.index)
+    block = cells["block"].astype(str) if "block" in cells else pd.Series("", index=cells.index)
+    faults: list[Fault] = []
+    if "part" not in long:
+        counts = names.value_counts()
+        if "block" in cells and not pd.DataFrame({"n": names, "b": block}).duplicated().any():
+            part = block
+        elif counts.min() < counts.max():
+            few, many = counts.idxmin(), counts.idxmax()
+            text = f"{few} has {counts.min()} values, {many} {counts.max()}, and no column names their parts"
+            faults.append(Fault(place, f"{text}: add a column part"))
+    keys = pd.DataFrame({"part": part, "name": names})
+    keys["turn"] = keys.groupby(["part", "name"], sort=False).cumcount()
+    row_of = keys.groupby(["part", "turn"], sort=False).ngroup().to_numpy()
+    column_of, labels = pd.factorize(names)
+    first = np.unique(row_of, return_index=True)[1]
+    held = np.full((len(labels), len(first)), "", dtype=object)
+    held[column_of, row_of] = cells[long["value"]].to_numpy(dtype=object)
+    numbers = np.full(held.shape, np.nan)
+    numbers[column_of, row_of] = pd.to_numeric(cells[long["value"]], errors="coerce")
+    used = set(long.values())
+    columns: dict[str, Any] = {long["part"]: part.iloc[first].tolist()} if "part" in long else {}
+    unused = []
+    for name in (name for name in cells if name not in used):
+        texts = cells[name].astype(str).to_numpy()
+        if (texts == texts[first][row_of]).all():
+            columns[str(name)] = texts[first].tolist()
+        else:
+            unused.append(str(name))
+    columns |= {str(label): row.tolist() for label, row in zip(labels, held, strict=True)}
+    units, of_units = _units_of(table, long, names, place)
+    specifications, of_limits = _specifications(table, long, names, units, place)
+    lines = np.asarray(table.columns.lines)[first].tolist()
+    values = {str(n): row for n, row in zip(labels, numbers, strict=True) if not np.isnan(row).any()}
+    notes = [*table.notes, "read as: a row per characteristic"]
+    notes += [f"not used: {', '.join(unused)}"] if unused else []
+    if "part" not in long and part is not block:
+        notes.append("no column names the parts: the k-th value of each characteristic is of the k-th part")
+    wide = replace(
+        table,
+        columns=Columns(columns, lines),
+        units=units,
+        notes=tuple(notes),
+        numeric=tuple(map(str, labels)),
+        headers={name: name for name in columns},
+        values=values,
+        specifications=specifications,
+    )
+    wide.__dict__.pop("cells", None)
+    return wide, faults + of_units + of_limits
+
+
+def _units_of(table: Table, long: _Long, names: pd.Series[Any], place: str) -> tuple[dict[str, str], list[Fault]]:
+    """The unit of each characteristic, from a column of units or the heading of the values."""
+    of_values = table.units.get(long["value"], "")
+    if "unit" not in long:
+        return ({str(name): of_values for name in names.unique()} if of_values else {}), []
+    units, faults = {}, []
+    for name, cells in table.cells[long["unit"]].groupby(names, sort=False):
+        stated = [unit for unit in dict.fromkeys(cells.astype(str)) if not is_missing(unit)]
+        known = {known_unit(unit) for unit in stated} - {None}
+        if len(known) > 1 or (of_values and known and known != {of_values}):
+            listed = " and ".join([*([of_values] if of_values else []), *stated])
+            faults.append(Fault(f"{place}: {name}", f"has several units: {listed}"))
+        elif known:
+            units[str(name)] = str(known.pop())
+    return units, faults
+
+
+def _specifications(
+    table: Table, long: _Long, names: pd.Series[Any], units: Mapping[str, str], place: str
+) -> tuple[dict[str, Specification], list[Fault]]:
+    """Nominal size and limits of each characteristic; one that has two of them is a fault."""
+    roles = [role for role in SPECIFIED if role in long]
+    numbers = {role: pd.to_numeric(table.cells[long[role]], errors="coerce") for role in roles}
+    faults = _wrong_deviations(table, long, numbers, place)
+    stated: dict[str, dict[str, float]] = {}
+    for role in roles:
+        grouped = numbers[role].groupby(names, sort=False)
+        for name, (low, high) in grouped.agg(["min", "max"]).iterrows():
+            if low != high and not np.isnan(low):
+                what = {"nominal": "nominal sizes", "lower": "lower limits", "lsl": "lower limits"}.get(role)
+                text = f"has two {what or 'upper limits'}: {low:.10g} and {high:.10g}"
+                text += "; give a file for each, or state --shape wide"
+                faults.append(Fault(f"{place}: {name}", text))
+            elif not np.isnan(low):
+                stated.setdefault(str(name), {})[role] = float(low)
+    lower = long.get("lower", "")
+    cells = [] if not lower else [str(cell) for cell in table.cells[lower]]
+    sign, doubt = _sign_of_lower(table.headers.get(lower, lower), cells, numbers)
+    if doubt:
+        faults.append(Fault(f"{place}: column {lower}", doubt))
+    specifications = {}
+    for name, values in stated.items():
+        own = units.get(name, "")
+        wrong = [long[r] for r in values if (u := table.units.get(long[r], "")) and own and not _is_unit(u, own)]
+        faults += [
+            Fault(f"{place}: column {column}", f'is in "{table.units[column]}", {name} in "{own}"') for column in wrong
+        ]
+        values["lower"] = sign * values["lower"] if "lower" in values else np.nan
+        specifications[name], faults_of_limits = specification(values, f"{place}: {name}")
+        faults += faults_of_limits
+        if (
+            specifications[name].lower == specifications[name].nominal == 0.0
+            and not (pd.to_numeric(table.cells[long["value"]][names == name], errors="coerce") < 0.0).any()
+        ):
+            specifications[name] = replace(specifications[name], natural="lower")
+    return specifications, faults
+
+
+def _is_unit(unit: str, own: str) -> bool:
+    return unit == own or (fits(unit, own) and float(converted(1.0, unit, own)) == 1.0)
+
+
+def _wrong_deviations(table: Table, long: _Long, numbers: Mapping[str, pd.Series[Any]], place: str) -> list[Fault]:
+    """A fault where deviations in the file are not values less nominal sizes: columns are misread."""
+    if not {"nominal", "deviation"} <= set(long):
+        return []
+    value, deviation = (pd.to_numeric(table.cells[long[role]], errors="coerce") for role in ("value", "deviation"))
+    off = (value - numbers["nominal"] - deviation).abs()
+    wrong = off > 1e-3 * numbers["nominal"].abs() + 2e-3 * deviation.abs() + 1e-3
+    if not wrong.any():
+        return []
+    at = wrong.idxmax()
+    text = f"{wrong.sum()} deviations are not {long['value']} less {long['nominal']}: the first in row {at}"
+    return [Fault(place, text)]
+
+
+def _sign_of_lower(heading: str, cells: Sequence[str], numbers: Mapping[str, pd.Series[Any]]) -> tuple[float, str]:
+    """1 where lower tolerances are signed (-0.05), -1 where they are magnitudes (0.05), and why that
+    cannot be determined.
+    """
+    lower = numbers.get("lower", pd.Series(dtype=float)).dropna()
+    if lower.empty or not (lower > 0.0).any():
+        return (-1.0, _UNSIGNED) if heading.startswith(MAGNITUDE) and (lower < 0.0).any() else (1.0, "")
+    if heading.startswith(MAGNITUDE):
+        return (-1.0, _UNSIGNED) if (lower < 0.0).any() else (-1.0, "")
+    if (lower < 0.0).any() or any(cell.startswith("+") for cell in cells):
+        return 1.0, ""
+    upper = numbers.get("upper", lower).reindex(lower.index)
+    if (upper <= lower)[lower > 0.0].any():
+        return -1.0, ""  # as signs the limits would be the wrong way round
+    return 1.0, _UNSIGNED
+
+
+_UNSIGNED = "its lower tolerances can be above the nominal size or below it: write their signs, +0.01 or -0.01"
+
+
+def specification(
+    values: Mapping[str, float], place: str, deviations: bool = False
+) -> tuple[Specification, list[Fault]]:
+    """The nominal size and limits of a characteristic from what is stated of them, NaN or left out
+    where it is not; a limit and its deviation from the nominal must agree.
+
+    Unless they are `deviations` for sure, tolerances of the size of the nominal are limits: a fault.
+    """
+    nominal, upper, lower, usl, lsl = (values.get(role, np.nan) for role in SPECIFIED)
+    faults, ends = [], []
+    for what, limit, off in (("lower", lsl, lower), ("upper", usl, upper)):
+        by_deviation = round(nominal + off, 12) if np.isfinite(nominal + off) else np.nan  # decimals of the file
+        if np.isfinite(off) and np.isnan(nominal) and np.isnan(limit):
+            faults.append(Fault(place, f"its {what} tolerance {off:.10g} needs a nominal size"))
+        elif not deviations and nominal and abs(off) > 0.5 * abs(nominal):
+            text = f"its {what} tolerance {off:.10g} is no deviation from {nominal:.10g}: name it a limit (USL, LSL)"
+            faults.append(Fault(place, text))
+        if abs(limit - by_deviation) > 1e-9 * abs(limit) + 1e-12:
+            text = f"its {what} limit is {limit:.10g}, but the nominal {nominal:.10g} with the deviation {off:.10g}"
+            faults.append(Fault(place, f"{text} is {by_deviation:.10g}"))
+        end = by_deviation if np.isnan(limit) else limit
+        ends.append(None if np.isnan(end) else float(end))
+    if ends[0] is not None and ends[1] is not None and ends[0] > ends[1]:
+        faults.append(Fault(place, f"the lower limit {ends[0]:g} is above the upper limit {ends[1]:g}"))
+    return Specification(None if np.isnan(nominal) else float(nominal), ends[0], ends[1]), faults
+
+
+def specifications_of_rows(
+    rows: Sequence[list[str]], names: Sequence[str], numbers: Any, place: str
+) -> tuple[dict[str, Specification], list[Fault]]:
+    """Nominal sizes and limits that stand in rows of a wide table, "Nennmaß;25,0", by column.
+
+    `numbers(name, cell)` is the number in a cell of a column, NaN where there is none.
+    """
+    specifications, faults = {}, []
+    for at, name in enumerate(names):
+        stated = {
+            role: value
+            for row in rows
+            if (role := role_of(next((cell for cell in row if cell), ""))) in SPECIFIED and at < len(row)
+            if not np.isnan(value := numbers(name, row[at]))
+        }
+        if stated:
+            if (lower := stated.get("lower", 0.0)) > 0.0 and "lsl" not in stated:
+                signed = any(role_of(row[0]) == "lower" and row[at].startswith("+") for row in rows)
+                if stated.get("upper", np.inf) <= lower:
+                    stated["lower"] = -lower  # as a sign the limits would be the wrong way round
+                elif not signed:
+                    faults.append(Fault(f"{place}: column {name}", _UNSIGNED))
+            specifications[name], wrong = specification(stated, f"{place}: column {name}")
+            faults += wrong
+    return specifications, faults
