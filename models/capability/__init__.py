@@ -1,6 +1,5 @@
 """Inference from measured parts on the process that made them."""
 
-from .gauge_studies import GaugeStudy, gauge_study
 from .knowledge import (
     Aim,
     Knowledge,
@@ -21,7 +20,6 @@ from .subpopulations import Subpopulations, subpopulations
 
 __all__ = [
     "Aim",
-    "GaugeStudy",
     "Knowledge",
     "Level",
     "Norm",
@@ -34,7 +32,6 @@ __all__ = [
     "calibrated",
     "draw_cumulants",
     "fraction_within_limits",
-    "gauge_study",
     "knowledge_of",
     "norm_of",
     "read_sample",

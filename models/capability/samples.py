@@ -15,7 +15,6 @@ import scipy
 from ...section import POSITIVE, Array, Range, Section
 from ...units import converted, fits, unit_hint
 from ..inputs import Distribution, Mixture, Normal
-from .gauge_studies import gauge_study
 from .knowledge import Gauge, Knowledge, Prior, knowledge_of
 from .subpopulations import RANDOM, Subpopulations, subpopulations
 
@@ -524,6 +523,8 @@ def _studied_gauge(table: Section, stated_unit: str, unit: str) -> tuple[Gauge |
     table.finish()
     if values is None:
         return None, {}
+    from .gauge_studies import gauge_study  # only few configurations have one
+
     measured = np.asarray(converted(np.array(values), of_study, unit), dtype=float)
     known = None if reference is None else float(converted(reference, of_study, unit))
     try:

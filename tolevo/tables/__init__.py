@@ -4,7 +4,9 @@ at all.
 The index of a table is the line number in its file (the row number in a Parquet file, from 1).
 """
 
-from .aqdef import Characteristic, aqdef_text, names_of_characteristics, read_aqdef
+from typing import TYPE_CHECKING
+
+from ..lazy import lazily
 from .header import ColumnUse, Fitted, Tell, discard_lines, drop_unused, fit_columns
 from .reading import (
     PARQUET,
@@ -21,6 +23,9 @@ from .reading import (
 from .record import AS_DETECTED, KEYS, NO_OPTIONS, Dialect, ReadOptions, Specification, Table
 from .shapes import group_of
 from .signs import is_missing
+
+if TYPE_CHECKING:
+    from .aqdef import Characteristic, aqdef_text, names_of_characteristics, read_aqdef
 
 __all__ = [
     "AS_DETECTED",
@@ -53,3 +58,8 @@ __all__ = [
     "table_of",
     "write",
 ]
+
+_OF_AQDEF = ("Characteristic", "aqdef_text", "names_of_characteristics", "read_aqdef")
+
+if not TYPE_CHECKING:  # files of Q-DAS are rare: their module is loaded at the first use of it
+    __getattr__ = lazily(__name__, dict.fromkeys(_OF_AQDEF, ".aqdef"))

@@ -19,7 +19,7 @@ from .shapes import specification
 from .signs import moment
 from .text import decode_text
 
-__all__ = ["SUFFIXES", "Characteristic", "names_of_characteristics", "read_aqdef"]
+__all__ = ["Characteristic", "names_of_characteristics", "read_aqdef"]
 
 # Lines of a Q-DAS file: keys of parts, characteristics and values, and compact lines of values.
 #
@@ -268,7 +268,6 @@ def aqdef_text(characteristics: Sequence[Characteristic]) -> str:
 # `read_aqdef`: characteristics of a Q-DAS file (AQDEF), in key and in compact form.
 
 
-SUFFIXES = (".dfq", ".dfd", ".dfx")
 PARTNERS = {".dfd": ".dfx", ".dfx": ".dfd"}
 INVALID = (255, 256)
 """Attributes (K0002) of values that are not valid."""

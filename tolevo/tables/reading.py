@@ -21,10 +21,9 @@ from ..errors import Fault, InputError, nearest, raise_all, refuse
 from ..files import clear_parts, csv_text, restore_cell, write_bytes, write_text
 from ..section import is_forced
 from ..units import converted, fits, shorten_text
-from .aqdef import SUFFIXES
 from .header import Layout, Row, find_layout, names_of, split_header, unit_of_cell
 from .lines import Bulk, Separator, prove_column, rows_of, rows_of_text
-from .record import AS_DETECTED, LONG, Columns, Dialect, ReadOptions, Table
+from .record import AQDEF_SUFFIXES, AS_DETECTED, LONG, Columns, Dialect, ReadOptions, Table
 from .shapes import specifications_of_rows, transposed_rows, wide_of_long
 from .signs import Evidence, Exact, canonical, canonical_number, decide, evidence, is_label, is_missing
 
@@ -321,7 +320,7 @@ def _open_by_suffix(path: Path, place: str, options: ReadOptions) -> tuple[Table
         return None, faults
     try:
         suffix = path.suffix.lower()
-        if suffix in SUFFIXES:
+        if suffix in AQDEF_SUFFIXES:
             from .aqdef import table_of_aqdef
 
             return table_of_aqdef(path, place, options)

@@ -80,6 +80,8 @@ class ReadOptions:
         return wrong
 
 
+AQDEF_SUFFIXES = (".dfq", ".dfd", ".dfx")
+"""Ends of the names of files in the format of Q-DAS."""
 AS_DETECTED = ReadOptions()
 NO_OPTIONS = ReadOptions(where=NONE)
 """For a file of which nothing can be stated."""
