@@ -475,6 +475,7 @@ def _read(section: Section, length_unit: str, requirements: Sequence[Requirement
     sensitivities = read_sensitivities(section, unit, requirements)
     distribution = read_distribution(section, Normal())
     labels = _labels(section)
+    section.accept(("measured",))  # known, though it is not read where the zone has a fault
     if unit is None:
         section.accept(("nominal", "t_max", "cost", *KEYS))
         return None

@@ -201,6 +201,14 @@ def test_faults(measured: str, words: str, tmp_path: Path) -> None:
     assert words in faults(tmp_path, measured)
 
 
+def test_measured_parts_are_known_where_the_zone_is_missing(tmp_path: Path) -> None:
+    text = STACK.format(measured=WHOLE).replace("t_min = 2.0\nt_max = 40.0\n", "", 1)
+    (tmp_path / "c.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        read(tmp_path / "c.toml")
+    assert [fault.place for fault in caught.value.faults] == ["part[0]"]
+
+
 def test_departures_of_the_sample_are_warned_of(tmp_path: Path) -> None:
     drifting = (VALUES + np.linspace(0.0, 20.0, 25)).round(3).tolist()
     problem = built(tmp_path, f"values = {drifting}\nmade_to = 25.0")
