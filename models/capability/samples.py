@@ -72,12 +72,13 @@ MIN_TESTED_PARTS = 8
 @dataclass(frozen=True, slots=True)
 class Finding:
     """A departure: its kind (`drift`, `lots`, `scatter`, `outlier`, `shape`), a description, and
-    the probability of a departure as large by chance.
+    the probability of a departure as large by chance; `groups` are those whose means differ.
     """
 
     kind: str
     text: str
     probability: float
+    groups: Subpopulations | None = None
 
 
 def findings(values: Array, groups: Mapping[str, Sequence[str]] = MappingProxyType({})) -> list[Finding]:
@@ -101,9 +102,7 @@ def findings(values: Array, groups: Mapping[str, Sequence[str]] = MappingProxyTy
         remaining = np.delete(values, np.argmax(np.abs(values - values.mean())))
         if len(remaining) >= MIN_TESTED_PARTS and _shape(remaining).probability > LEVEL:
             significant = [test for test in significant if test.kind != "shape"]
-    differing = [
-        one for one in subpopulations(values, groups) if one.probability in {t.probability for t in significant}
-    ]
+    differing = [test.groups for test in tests if test.groups is not None and test in significant]
     flat = bool(differing) and float(scipy.stats.kurtosis(values)) < 0.0  # quantiles of a normal law are further out
     tested = differing and flat and len(values) >= MIN_TESTED_PARTS
     if tested and _shape(differing[0].centred(values)).probability > LEVEL:
@@ -144,7 +143,7 @@ def _groups(values: Array, groups: Mapping[str, Sequence[str]]) -> list[Finding]
     """Means and scatter of lots, cavities, machines; without any, the succession of the values."""
     tests = []
     for one in subpopulations(values, groups):
-        tests.append(Finding("lots", one.text(), one.probability))
+        tests.append(Finding("lots", one.text(), one.probability, one))
         several = [values[one.group == at] for at in np.flatnonzero(one.counts > 1.0)]
         if len(several) > 1:
             p = float(scipy.stats.levene(*several, center="median").pvalue)
@@ -400,9 +399,8 @@ def _subgroups(
         section.fault("subgroups", f'must be "as_found", "corrected" or one group, {{ cavity = "3" }}, got {wanted}')
         return None
     varied = bool(groups) and float(np.ptp(values)) > 0.0
-    significant = {f.probability for f in findings(values, groups) if f.kind == "lots"} if varied else set()
-    found = [one for one in subpopulations(values, groups) if one.probability in significant]
-    differing = min(found, key=lambda one: one.probability, default=None)
+    found = findings(values, groups) if varied else []
+    differing = next((finding.groups for finding in found if finding.groups is not None), None)
     if wanted == "corrected" and differing is None:
         section.fault("subgroups", "must be as_found: the measured parts name no groups that differ beyond chance")
         return None

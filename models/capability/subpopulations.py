@@ -77,18 +77,21 @@ class Subpopulations:
         return PLURALS.get(self.kind, f"{self.kind}s")
 
     @property
+    def parts_between(self) -> float:
+        """n_0, the number of parts of a group in the mean square between the groups."""
+        n = len(self.group)
+        return (n - float(np.sum(self.counts**2)) / n) / self.df[0]
+
+    @property
     def between_variance(self) -> float:
         """Variance of the means of the groups, without the share of the scatter within them."""
-        n = len(self.group)
-        n_0 = (n - float(np.sum(self.counts**2)) / n) / self.df[0]
-        return max(self.between - self.within, 0.0) / n_0
+        return max(self.between - self.within, 0.0) / self.parts_between
 
     def as_found(self) -> Scatter:
         """The scatter of later parts from the same cavities, or from other lots."""
         n, (of_groups, of_parts) = len(self.group), self.df
         if self.kind in RANDOM:
-            n_0 = (n - float(np.sum(self.counts**2)) / n) / of_groups
-            total = self.between_variance + self.within
+            n_0, total = self.parts_between, self.between_variance + self.within
             error = (self.between / n_0) ** 2 / of_groups + ((1.0 - 1.0 / n_0) * self.within) ** 2 / of_parts
             df = min(max(total**2 / error, LEAST_DF), n - 1.0)
             return Scatter(total, df, n * min(total / self.between, 1.0))

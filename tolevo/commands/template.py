@@ -16,7 +16,6 @@ from ..files import csv_text
 from ..models.measurable import Column, MeasurableModel, Role
 from ..problems.tolerance_problem import ToleranceProblem
 from ..registry import load
-from .review.configuration import drawing_text
 
 KINDS = ("designs", "units", "stack", "gap", "costs", "qdas")
 UNITS = 20
@@ -136,6 +135,8 @@ def written(kind: str, config: Path | None = None, run: Path | None = None) -> s
         )
         raise refuse("--run", text)
     if run is not None:
+        from .review.configuration import drawing_text
+
         return drawing_text(run)
     configuration = read(config or Path(str(files("tolevo.configs"))) / DEFAULT)
     if configuration.problem is None:

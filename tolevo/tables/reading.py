@@ -75,8 +75,8 @@ def assemble_table(
     faults += [Fault(f"{place}: column {n}", "has cells in %, and another unit in its name") for n in contradicted]
     table = replace(table, units=dict(table.units) | {names[n]: "%" for n in percent})
 
-    def number(name: str, cell: str) -> float:
-        text = canonical_number(cell, signs.get(next(n for n in header if names[n] == name)) or ".")
+    def number(at: int, cell: str) -> float:
+        text = canonical_number(cell, signs.get(header[at]) or ".")
         return float(text or cell) if text or isinstance(cell, Exact) else math.nan
 
     summaries = [row for _, row in layout.summaries]

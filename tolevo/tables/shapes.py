@@ -5,7 +5,7 @@ characteristic (wide), with the nominal sizes and limits that stand beside the m
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeAlias
 
@@ -50,12 +50,17 @@ MAGNITUDE = "-"
 
 def role_of(name: str) -> str:
     """What a column or row of this name is, "" where the name says nothing."""
-    return ROLES.get(re.sub(r"[\s._:/]", "", split_header(name)[0]).casefold(), "")
+    return ROLES.get(_bare(split_header(name)[0]), "")
 
 
 def group_of(name: str) -> str:
     """What the labels of a column of this name group parts by, "" where they group none."""
-    return _GROUPS.get(re.sub(r"[\s._:/]", "", name).casefold(), "")
+    return _GROUPS.get(_bare(name), "")
+
+
+def _bare(name: str) -> str:
+    """A name in lower case, without blanks and points."""
+    return re.sub(r"[\s._:/]", "", name).casefold()
 
 
 def transposed_rows(rows: Sequence[Row], shape: str | None, place: str) -> list[Row] | None:
@@ -189,7 +194,6 @@ def wide_of_long(table: Table, place: str, shape: str | None) -> tuple[Table, li
         values=values,
         specifications=specifications,
     )
-    wide.__dict__.pop("cells", None)
     return wide, faults + of_units + of_limits
 
 
@@ -317,11 +321,11 @@ def specification(
 
 
 def specifications_of_rows(
-    rows: Sequence[list[str]], names: Sequence[str], numbers: Any, place: str
+    rows: Sequence[list[str]], names: Sequence[str], number: Callable[[int, str], float], place: str
 ) -> tuple[dict[str, Specification], list[Fault]]:
     """Nominal sizes and limits that stand in rows of a wide table, "Nennmaß;25,0", by column.
 
-    `numbers(name, cell)` is the number in a cell of a column, NaN where there is none.
+    `number(at, cell)` is the number in a cell of the column at that place, NaN where there is none.
     """
     specifications, faults = {}, []
     for at, name in enumerate(names):
@@ -329,7 +333,7 @@ def specifications_of_rows(
             role: value
             for row in rows
             if (role := role_of(next((cell for cell in row if cell), ""))) in SPECIFIED and at < len(row)
-            if not np.isnan(value := numbers(name, row[at]))
+            if not np.isnan(value := number(at, row[at]))
         }
         if stated:
             if (lower := stated.get("lower", 0.0)) > 0.0 and "lsl" not in stated:

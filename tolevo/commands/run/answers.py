@@ -16,7 +16,6 @@ from ...algorithms.run import Progress, Run
 from ...algorithms.settings import Budget
 from ...problems.limits import Limit
 from ...problems.settings import Bound
-from ...problems.stack import Stack
 from ...problems.tolerance_problem import ToleranceProblem, Variant, designs_of
 from ...records import Axis, RunResult
 from ...section import Array
@@ -25,7 +24,14 @@ from .changes import step_words, words
 from .decide import Decisions
 from .plan import MAX_LIMIT_DISTANCE, RunPlan, chosen_point, shown_point
 from .prices import PERCENT, points_at_limit
-from .promise import cheapest_at, cheapest_design, promised_limits
+from .promise import (
+    capability_table,
+    cheapest_at,
+    cheapest_design,
+    promise_outcome,
+    promised_limits,
+    worth_of_corrections,
+)
 from .proofs import EXACT, ProvenFront, are_informative_bounds, distance_words, exact_table, percent
 from .references import gain_column
 
@@ -585,10 +591,8 @@ def add_capability(result: RunResult, problem: ToleranceProblem) -> RunResult:
     """The result with what is known of measured parts, where there are some."""
     if not problem.samples():
         return result
-    from .promise import capability_table, worth_of_corrections
-
     result = replace(result, capability=capability_table(problem))
-    worth = worth_of_corrections(problem, result.front, chosen_point(result)) if isinstance(problem, Stack) else ""
+    worth = worth_of_corrections(problem, result.front, chosen_point(result))
     if not worth:
         return result
     answers = dict(result.answers) | {"corrections": worth}
@@ -611,8 +615,6 @@ def add_promise(result: RunResult, problem: ToleranceProblem) -> RunResult:
     """The result with its promise at the knee or at the only point, where a promise is made."""
     if not promised_limits(problem):
         return result
-    from .promise import promise_outcome  # its statistics take long to import
-
     point = chosen_point(result)
     outcome = promise_outcome(problem, result.front, point, _rounded_design(result, problem, point))
     if outcome is None:

@@ -116,23 +116,25 @@ def capability_table(problem: ToleranceProblem) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=list(KNOWN))
 
 
-def worth_of_corrections(stack: Stack, front: pd.DataFrame, point: int) -> str:
-    """What the least cost falls by where the cavities or machines of a part are set to one mean;
-    empty where none differ, or that lowers no cost.
+def worth_of_corrections(problem: ToleranceProblem, front: pd.DataFrame, point: int) -> str:
+    """What the least cost falls by where the cavities or machines of a part of a stack are set to one
+    mean; empty where none differ, or that lowers no cost.
     """
-    differing = {
-        part.name: part.sample for part in stack.definition.parts if part.sample and part.sample.subpopulations
-    }
-    if not differing or front.empty or "cost" not in stack.objectives:
+    if not isinstance(problem, Stack):
         return ""
-    levels = {name: float(front[name].iloc[point]) for name in stack.objectives if name != "cost"}
-    cheapest = cheapest_at(stack, levels)
+    differing = {
+        part.name: part.sample for part in problem.definition.parts if part.sample and part.sample.subpopulations
+    }
+    if not differing or front.empty or "cost" not in problem.objectives:
+        return ""
+    levels = {name: float(front[name].iloc[point]) for name in problem.objectives if name != "cost"}
+    cheapest = cheapest_at(problem, levels)
     cost, sentences = cheapest_design(cheapest).cost, []
     for name, sample in differing.items():
         assert sample.subpopulations is not None
         worth = cost - cheapest_design(promises.with_knowledge(cheapest, {name: sample.corrected()})).cost
         if worth > 1e-6 * abs(cost):
-            money = f"{worth:.3g} {stack.settings.money.currency}".strip()
+            money = f"{worth:.3g} {problem.settings.money.currency}".strip()
             sentences.append(f"Setting all {sample.subpopulations.plural} of {name} to one mean is worth {money}.")
     return " ".join(sentences)
 
