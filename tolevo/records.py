@@ -250,6 +250,31 @@ class StudyResult:
 
 
 @dataclass(frozen=True, slots=True)
+class AnalysisResult:
+    """One finished analysis of a stack, without a search.
+
+    `requirements`, `contributions` and `histograms` are the tables of the files of these names,
+    `tolerances` has a row for each part: unit, nominal, middle and half-width of its zone. `summary` is
+    `summary.json`; `quick` the model of second order that the page calculates with, empty where no
+    requirement has one.
+    """
+
+    title: str
+    requirements: pd.DataFrame
+    contributions: pd.DataFrame
+    histograms: pd.DataFrame
+    tolerances: pd.DataFrame
+    summary: Mapping[str, Any]
+    quick: Mapping[str, Any]
+    configuration: str = field(default="", repr=False)
+
+
+def range_text(low: float, high: float) -> str:
+    """A range in words, as "-0.15 to 0.55"; empty where an end is not known."""
+    return "" if low != low or high != high else f"{low:.5g} to {high:.5g}"
+
+
+@dataclass(frozen=True, slots=True)
 class Compared:
     """A run among others: what it is called, its front and its references."""
 

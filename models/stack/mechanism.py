@@ -195,6 +195,23 @@ def worst_by_corners(mechanism: Mechanism, t: Tolerances) -> Array:
     return np.concatenate(worst)
 
 
+def extremes_of(mechanism: Mechanism, t: Array) -> tuple[float, float, str]:
+    """Least and greatest y within the tolerances t (p,) about the mid-limits, and how they were found.
+
+    "corners": exact for a linear requirement and for one that is monotone in each piece while the
+    others are held; of another formula the extremes of the corners and of points between.
+    """
+    if mechanism.formula is None or mechanism.formula.linear:
+        reach = float(np.abs(mechanism.sensitivities) @ t[mechanism.owners])
+        return mechanism.centre - reach, mechanism.centre + reach, "corners"
+    ends = [
+        (float(np.nanmin(y)), float(np.nanmax(y)))
+        for x in _corners(mechanism, t[None, :])
+        for y in (mechanism.gain * mechanism.formula.value(x),)
+    ]
+    return min(low for low, _ in ends), max(high for _, high in ends), "corners"
+
+
 def _corners(mechanism: Mechanism, t: Tolerances) -> Iterator[dict[str, Array]]:
     """Quantities (n, m) of the formula at `_points` of the tolerances t (n, p), in blocks of designs."""
     formula, mids, scale = mechanism.formula, mechanism.mids, mechanism.scale

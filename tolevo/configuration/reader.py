@@ -199,22 +199,26 @@ PROBLEM_ONLY = (
 
 
 def read(
-    source: Source, overrides: Sequence[str] = (), algorithm: AlgorithmSettings | None = None, seed: int | None = None
+    source: Source,
+    overrides: Sequence[str] = (),
+    algorithm: AlgorithmSettings | None = None,
+    seed: int | None = None,
+    reachable: bool = True,
 ) -> Configuration:
     """The configuration in a TOML file or dictionary, with `key=value` overrides applied.
 
-    An `algorithm` and a `seed` take the place of its own. Raises InputError with every fault.
+    An `algorithm` and a `seed` take the place of its own. Limits may be out of reach where they need
+    not be `reachable`. Raises InputError with every fault.
     """
     faults: list[Fault] = []
-    return read_tables(
-        replace_algorithm(override_source(source, overrides, faults), algorithm, seed), folder_of(source), faults
-    )
+    table = replace_algorithm(override_source(source, overrides, faults), algorithm, seed)
+    return read_tables(table, folder_of(source), faults, reachable)
 
 
-def read_tables(table: Table, folder: Path, faults: list[Fault]) -> Configuration:
+def read_tables(table: Table, folder: Path, faults: list[Fault], reachable: bool = True) -> Configuration:
     """`read_table` with the contents of the files that the tables name, relative to `folder`."""
     filled = fill_files(table, folder, faults)
-    return read_table(filled.table, faults, filled.notes, folder)
+    return read_table(filled.table, faults, filled.notes, folder, reachable)
 
 
 def read_table(

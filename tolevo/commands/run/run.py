@@ -286,7 +286,7 @@ def run(
     replaced (`overwrite`); RunError where the disk is full.
     """
     if not plan.problem.free:
-        raise refuse("problem", "every variable is fixed: there is nothing to optimise; use `tolevo evaluate`")
+        raise refuse("problem", "every variable is fixed: there is nothing to optimise; use `tolevo analyse` or `tolevo evaluate`")
     searchable(plan.problem, plan.algorithm)
     with own_folder(out, "run", resume, overwrite) as place, pinned():
         return _run(plan, place, workers, progress, resume)
