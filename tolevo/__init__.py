@@ -42,7 +42,19 @@ if TYPE_CHECKING:
     __version__: Final[str] = ""
 
 _ROOMS = {
-    ".api": ("analyse", "check", "evaluate", "gap", "read", "report", "reproduce", "run", "search", "simulate", "study"),
+    ".api": (
+        "analyse",
+        "check",
+        "evaluate",
+        "gap",
+        "read",
+        "report",
+        "reproduce",
+        "run",
+        "search",
+        "simulate",
+        "study",
+    ),
     ".errors": ("ConfigurationError",),
     ".results": ("Analysis", "Gap", "Reproduction", "Run", "Study"),
     ".tables": ("read_aqdef", "read_table"),

@@ -58,9 +58,10 @@ class RunResult:
     `choices`, `choice_sensitivity`, `allocation`, `contributions` and `exact_front` are the tables
     of the files of these names, None where there is none. `overlays` are fronts of other algorithms
     by label (`overlays.csv`). `unit_turn`, `population` and `assumptions_cost` are the tables of
-    the files of these names, of problems that know units; `requirements` and `drivers` of those
-    with several requirements. `prices`, `changes` and `relaxed` (the fronts whose limits are as loose
-    as those of a reference, under its `label`) are those of these names, and `tolerances` the records of
+    the files of these names, of problems that know units; `analysis` has the requirements of a stack at
+    its loosest and at its chosen tolerances, `requirements` and `drivers` are of those with several.
+    `prices`, `changes` and `relaxed` (the fronts whose limits are as loose as those of a reference, under
+    its `label`) are those of these names, and `tolerances` the records of
     `tolerances.json`: what a drawing and a price need to know of each variable. `promise`,
     `next_parts` are the tables of these names, of runs that promise a yield, `capability` that of
     runs with measured parts.
@@ -87,6 +88,7 @@ class RunResult:
     unit_turn: pd.DataFrame | None = None
     population: pd.DataFrame | None = None
     assumptions_cost: pd.DataFrame | None = None
+    analysis: pd.DataFrame | None = None
     requirements: pd.DataFrame | None = None
     drivers: pd.DataFrame | None = None
     prices: pd.DataFrame | None = None

@@ -72,7 +72,7 @@ class Analysis:
 def analyse(stack: Stack, design: Array) -> Analysis:
     """Every requirement of a stack at one full design (all variables,)."""
     made = stack.parts_as_made(design[None, :])
-    yields = stack.yields.outputs(made, searching=False, needed=False)
+    yields = stack.yields.percentages(made)
     rows, contributions, histograms, notes, shifted = [], [], [], list[str](), dict[str, float]()
     for measured in stack.measured:
         sample = _sampled_values(stack, measured, made)
@@ -210,7 +210,9 @@ def _contributions(measured: Measured, made: Tolerances) -> pd.DataFrame:
 
 def _rough_parts(measured: Measured) -> list[int]:
     mechanism = measured.mechanism
-    return sorted({owner for name, owner in zip(mechanism.names, mechanism.owner, strict=True) if name in mechanism.rough})
+    return sorted(
+        {owner for name, owner in zip(mechanism.names, mechanism.owner, strict=True) if name in mechanism.rough}
+    )
 
 
 LEVELS, WITHIN_LEVEL = 64, 256
@@ -299,7 +301,6 @@ def _is_open(stack: Stack, part: Part) -> bool:
     return f"{part.name}_t" not in stack.fixed or (part.alternatives and f"{part.name}_process" not in stack.fixed)
 
 
-
 # The model of second order that a page calculates with: what if a tolerance, a nominal, a Cp changes.
 
 
@@ -354,15 +355,13 @@ def _second_derivatives(mechanism: Mechanism, acting: Integers) -> Array:
         return none
     assert mechanism.formula is not None
     size = np.maximum(np.abs(mechanism.mids), 1.0) * STEP
+    moves = np.zeros((len(mechanism.mids), 2, len(acting)))
+    for column, piece in enumerate(acting):
+        moves[piece, :, column] = size[piece], -size[piece]
+    x = {name: mechanism.mids[i] + moves[i] for i, name in enumerate(mechanism.names)}
+    gradient = mechanism.formula.gradient(x)
     for row, piece in enumerate(acting):
-        if mechanism.names[piece] not in mechanism.formula.names:
-            continue
-        ends = []
-        for side in (1.0, -1.0):
-            x = mechanism.mids.copy()
-            x[piece] += side * size[piece]
-            gradient = mechanism.formula.gradient(dict(zip(mechanism.names, x, strict=True)))
-            ends.append(np.array([float(gradient.get(mechanism.names[i], 0.0)) for i in acting]))
-        rise = (ends[0] - ends[1]) / (2.0 * size[piece])
-        none[row] = mechanism.gain * mechanism.scale[piece] * mechanism.scale[acting] * rise
+        if (slope := gradient.get(mechanism.names[piece])) is not None:
+            rise = np.subtract(*np.broadcast_to(slope, (2, len(acting)))) / (2.0 * size[acting])
+            none[row] = mechanism.gain * mechanism.scale[piece] * mechanism.scale[acting] * rise
     return 0.5 * (none + none.T)

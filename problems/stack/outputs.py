@@ -362,6 +362,12 @@ class Yields:
     required_outputs: frozenset[str]
     smooth: bool = False
     _conditioned: dict[tuple[tuple[int, ...], bool], Conditioned | None] = field(default_factory=dict, init=False)
+    _samples: dict[int, Sample] = field(default_factory=dict, init=False)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Everything but the samples, which another process draws again."""
+        drawn = ("reported", "searching", "_samples")
+        return {name: value for name, value in self.__dict__.items() if name not in drawn} | {"_samples": {}}
 
     def outputs(self, t: Tolerances, searching: bool, needed: bool) -> dict[str, Array]:
         """Half-widths and yields; NaN without limits.
@@ -372,6 +378,11 @@ class Yields:
         for measured in self.measured:
             if measured.requirement.method == "monte_carlo":
                 by_output |= self._half_width(measured, t, searching, needed)
+        return by_output | self.percentages(t, searching, needed)
+
+    def percentages(self, t: Tolerances, searching: bool = False, needed: bool = False) -> dict[str, Array]:
+        """The yields and their errors (n,) [percent]; NaN without limits."""
+        by_output: dict[str, Array] = {}
         for name, bounded in self._yields():
             by_output |= self._yield(name, bounded, t, searching, needed)
         return by_output
@@ -516,10 +527,12 @@ class Yields:
         return self.drawn(SEARCH_SAMPLES)
 
     def drawn(self, most: int) -> Sample:
-        """At most so many units; fewer are the first ones of more."""
-        rng = np.random.default_rng(self.settings.seed)
+        """At most so many units, drawn once; fewer are the first ones of more."""
         samples = min(most, self.settings.propagation.samples)
-        return Sample.draw(self.measured[0].mechanism, samples, rng)
+        if samples not in self._samples:
+            rng = np.random.default_rng(self.settings.seed)
+            self._samples[samples] = Sample.draw(self.measured[0].mechanism, samples, rng)
+        return self._samples[samples]
 
 
 def _error_of_count(percent: Array, units: int) -> Array:

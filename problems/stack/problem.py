@@ -517,6 +517,11 @@ class Stack(ToleranceProblem):
     def samples(self) -> tuple[tuple[str, str, PartSample], ...]:
         return samples_of(self.definition.parts)
 
+    def requirements_at(self, design: Array | None = None) -> pd.DataFrame | None:
+        from .analysis import analyse, analysed_design
+
+        return analyse(self, analysed_design(self)[0] if design is None else design).requirements
+
     def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
         return domain_remarks(self.measured, front)
 

@@ -113,6 +113,7 @@ KINDS: Mapping[str, Kind] = {
             "unit_turn.csv",
             "population.csv",
             "assumptions_cost.csv",
+            "analysis.csv",
             "requirements.csv",
             "drivers.csv",
             "prices.csv",

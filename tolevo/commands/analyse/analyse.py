@@ -12,23 +12,19 @@ import pandas as pd
 from ... import page_data
 from ...configuration.configuration import Configuration
 from ...directory import own_folder
-from ...errors import raise_all, refuse
+from ...errors import refuse
 from ...files import csv_text, write_text
 from ...page_data import as_json
 from ...problems.stack import Stack
 from ...records import AnalysisResult, range_text
 from ...section import Assumption
-from ...units import drawing_number
+from ...units import drawing_number, plain_number
 from .page import analysis_page
 
 LARGEST = 3
 """Contributions that the terminal names."""
 OPEN = "it is to be searched: analysed at the loosest tolerance that it may have"
-TABLES = {
-    "requirements": "requirements.csv",
-    "contributions": "contributions.csv",
-    "histograms": "histograms.csv",
-}
+TABLES = {"requirements": "requirements.csv", "contributions": "contributions.csv", "histograms": "histograms.csv"}
 """Tables of an analysis and their files."""
 
 
@@ -108,7 +104,9 @@ def lines_of(result: AnalysisResult) -> tuple[str, ...]:
     assumed = [str(name) for name in result.tolerances["part"][result.tolerances["searched"]]]
     joint = result.summary["joint_yield_percent"]
     together = [] if np.isnan(joint) else [f"all requirements together: {joint:.6g} % of the units"]
-    loosest = [f"analysed at their loosest tolerance, as they are to be searched: {', '.join(assumed)}"] if assumed else []
+    loosest = (
+        [f"analysed at their loosest tolerance, as they are to be searched: {', '.join(assumed)}"] if assumed else []
+    )
     return (*(verdict_of(row) for row in rows), *table.splitlines(), *largest, *together, *loosest)
 
 
@@ -121,7 +119,7 @@ def _short_row(row: dict[str, Any]) -> dict[str, str]:
         "mean +- 3 sigma": range_text(row["rss_least"], row["rss_greatest"]),
         "Cpk": _number(row["cpk"], 3),
         "yield %": _number(row["yield_percent"], 7),
-        "ppm outside": _number(row["ppm"], 4),
+        "ppm outside": "-" if np.isnan(row["ppm"]) else plain_number(row["ppm"]),
     }
 
 
@@ -143,7 +141,8 @@ def verdict_of(row: dict[str, Any]) -> str:
     if worst and statistical:
         kept = "kept in the worst case and by mean +- 3 sigma"
     elif worst or statistical:
-        kept = f"kept {'in the worst case, not by mean +- 3 sigma' if worst else 'by mean +- 3 sigma, not in the worst case'}"
+        ways = ("in the worst case", "by mean +- 3 sigma")
+        kept = "kept {}, not {}".format(*(ways if worst else ways[::-1]))
     else:
         kept = "kept neither in the worst case nor by mean +- 3 sigma"
     return f"{name}, {limits} {row['unit']}".rstrip() + f": {kept}"
