@@ -137,10 +137,11 @@ def integral(distribution: Distribution, order: int, upper: float) -> float:
         case SkewNormal():
             skew, origin, scale = law.args
             corners += [origin + scale * k / skew for k in (-9, -3, 0, 3, 9)]
-        case Exponential(cp):
-            return stats.expon(scale=-1.0 / stats.norm.logsf(3.0 * cp))
+        case Exponential():
+            high *= 2.0
         case LogNormal(shape, cp):
-            return stats.lognorm(shape, scale=np.exp(-3.0 * cp * shape))
+            corners += list(np.exp(shape * (np.arange(-8, 19, 2) - 3.0 * cp)))
+            high = corners[-1]
         case Empirical(values):
             corners += values
         case Mixture(centres, spreads):
