@@ -87,8 +87,9 @@ class Part:
     what the configuration says about its zone, `assumed` what it leaves open. `sensitivities` are
     by the key of the requirement, those of formulas left out. `drawing` and `characteristic` are
     the numbers of its drawing and of the characteristic on it, `geometry` is the geometrical
-    characteristic (ISO 1101) that its zone is of; empty where none is stated. `machines` are those
-    that some of its processes use, `sample` is what measured parts say about its only one.
+    characteristic (ISO 1101) that its zone is of, `source` where its tolerance comes from; empty
+    where none is stated. `machines` are those that some of its processes use, `sample` is what
+    measured parts say about its only one.
     """
 
     name: str
@@ -106,6 +107,7 @@ class Part:
     drawing: str = ""
     characteristic: str = ""
     geometry: str = ""
+    source: str = ""
     machines: tuple[Offer, ...] = ()
     sample: PartSample | None = None
 

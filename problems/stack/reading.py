@@ -7,6 +7,7 @@ from typing import Any
 
 from ...errors import Fault, nearest
 from ...models.cost_reading import curve_table
+from ...models.costs import Reciprocal
 from ...models.input_reading import written
 from ...models.inputs import Normal
 from ...models.machine_offers import samples_of
@@ -253,7 +254,7 @@ def _part(part: Part) -> dict[str, Any]:
     if part.sensitivities:
         table["sensitivity"] = part.sensitivities.get("", dict(part.sensitivities))
     table |= written(part.distribution) if part.sample is None else {"measured": dict(part.sample.stated)}
-    labels = {"drawing": part.drawing, "characteristic": part.characteristic, "geometry": part.geometry}
+    labels = {key: getattr(part, key) for key in ("drawing", "characteristic", "geometry", "source")}
     table |= {key: value for key, value in labels.items() if value}
     if part.machines:
         processes = [{"name": p.name} | _range(p) for p in part.processes if p.machine is None]
@@ -272,7 +273,10 @@ def _part(part: Part) -> dict[str, Any]:
 
 
 def _range(process: Process) -> dict[str, Any]:
-    return {"t_min": process.low, "t_max": process.high} | _cost(process)
+    if process.low < process.high:
+        return {"t_min": process.low, "t_max": process.high} | _cost(process)
+    price = process.curve.a if isinstance(process.curve, Reciprocal) and process.curve.b == 0.0 else None
+    return {"tolerance": process.low} | ({"price": price} if price is not None else _cost(process))
 
 
 def _cost(process: Process) -> dict[str, Any]:
