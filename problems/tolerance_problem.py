@@ -613,9 +613,9 @@ class ToleranceProblem(Problem):
         return ()
 
     def requirements_at(self, design: Array | None = None) -> pd.DataFrame | None:
-        """The requirements at one full design (all variables,), by default the loosest, a row each: ends,
-        spread, capability and yield, in the columns of `requirements.csv` of an analysis. None where a
-        problem has no such table.
+        """The requirements at one full design (all variables,), by default as they are drawn now, a row
+        each: ends, spread, capability and yield, in the columns of `requirements.csv` of an analysis. None
+        where a problem has no such table.
         """
         return None
 

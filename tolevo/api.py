@@ -369,7 +369,8 @@ def analyse(
 
     `.requirements` has a row for each requirement (nominal, worst case, mean +- 3 standard
     deviations, capability, yield), `.contributions` one for each part of it. Parts that are to be
-    searched are analysed at their loosest tolerance, and limits need not be attainable. Raises
+    searched are analysed at the `tolerance` beside their range, else at their loosest, and limits need
+    not be attainable. Raises
     ConfigurationError with every fault.
     """
     from .commands.analyse.analyse import analysis_of, lines_of, write_analysis

@@ -291,10 +291,16 @@ def _notes(measured: Measured, row: dict[str, object], sample: Array) -> list[st
 def analysed_design(stack: Stack) -> tuple[Array, tuple[str, ...]]:
     """The design (all variables,) that an analysis is of, and the parts whose tolerance it assumes.
 
-    Fixed tolerances are as stated; a part that is to be searched has the loosest one that it may have.
+    Fixed tolerances are as stated; a part that is to be searched has the one that its drawing has now,
+    else the loosest one that it may have.
     """
-    searched = [part.name for part in stack.definition.parts if _is_open(stack, part)]
-    return stack.corner(tight=False), tuple(searched)
+    design, assumed = stack.corner(tight=False), []
+    for part in stack.definition.parts:
+        if part.present is not None:
+            design[stack.names.index(f"{part.name}_t")] = part.present
+        elif _is_open(stack, part):
+            assumed.append(part.name)
+    return design, tuple(assumed)
 
 
 def _is_open(stack: Stack, part: Part) -> bool:

@@ -89,7 +89,8 @@ class Part:
     the numbers of its drawing and of the characteristic on it, `geometry` is the geometrical
     characteristic (ISO 1101) that its zone is of, `source` where its tolerance comes from; empty
     where none is stated. `machines` are those that some of its processes use, `sample` is what
-    measured parts say about its only one.
+    measured parts say about its only one. `present` is the half-width of a part to be searched that the
+    drawing has now, None where it is not stated.
     """
 
     name: str
@@ -110,6 +111,7 @@ class Part:
     source: str = ""
     machines: tuple[Offer, ...] = ()
     sample: PartSample | None = None
+    present: float | None = None
 
     @property
     def natural(self) -> int:

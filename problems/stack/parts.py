@@ -235,7 +235,8 @@ def _unverified_note(key: str, grades: list[str]) -> dict[str, str]:
 
 KEYS = ("t_min", "tolerance", "limits", "grade", "fit", "general", "process", "machine")
 """The statements of a zone, by their first key; exactly one is given, except that machines may be
-given with processes, and with t_min and t_max, the limits of their inspection."""
+given with processes, and with t_min and t_max, the limits of their inspection, and that a tolerance
+beside t_min and t_max is the one that the drawing has now."""
 MADE = ({"process"}, {"machine"}, {"process", "machine"}, {"t_min", "machine"})
 REMEDY = (
     "t_min and t_max with a cost, [[part.process]] or [[part.machine]] tables, or a fixed "
@@ -255,6 +256,7 @@ class Tolerance:
     stated: dict[str, Any] = field(default_factory=dict)
     assumed: dict[str, str] = field(default_factory=dict)
     machines: tuple[Offer, ...] = ()
+    present: float | None = None
 
 
 def read_tolerance(section: Section, unit: str, nominal: float | None, fit: str = "") -> Tolerance | None:
@@ -269,6 +271,9 @@ def read_tolerance(section: Section, unit: str, nominal: float | None, fit: str 
     elif fit:
         section.fault(given[0], f"is a second statement in addition to {fit} of its [[fit]]: keep only one")
         return None
+    if given == ["t_min", "tolerance"]:
+        process, present = _process(section, unit, nominal), _present(section, unit, nominal)
+        return None if process is None else Tolerance((process,), present=present)
     if set(given) in MADE:
         return _alternatives(section, unit, nominal)
     if len(given) != 1:
@@ -317,6 +322,11 @@ def _half_width(section: Section, key: str, unit: str, nominal: float | None, wi
         section.fault(key, f"is {share:g} % of the nominal, which {what}: state the half-width in {unit}")
         return None
     return section.as_number(key, share * abs(nominal) / 100.0, unit, within)
+
+
+def _present(section: Section, unit: str, nominal: float | None) -> float | None:
+    """The half-width that the drawing has now; it may lie outside of the range that is searched."""
+    return _half_width(section, "tolerance", unit, nominal, POSITIVE)
 
 
 def _process(section: Section, unit: str, nominal: float | None, name: str = "") -> Process | None:
@@ -562,6 +572,7 @@ def _read(section: Section, length_unit: str, requirements: Sequence[Requirement
         assumed=assumed | zone.assumed,
         machines=zone.machines,
         sample=sample,
+        present=zone.present,
         **labels,
     )
 

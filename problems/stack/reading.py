@@ -269,7 +269,8 @@ def _part(part: Part) -> dict[str, Any]:
         return table | {"process": [{"name": p.name} | _range(p) for p in part.processes]}
     if part.fixed:
         return table | dict(part.stated) | _cost(part.processes[0])
-    return table | _range(part.processes[0])
+    present = {} if part.present is None else {"tolerance": part.present}
+    return table | _range(part.processes[0]) | present
 
 
 def _range(process: Process) -> dict[str, Any]:

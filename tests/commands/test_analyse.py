@@ -237,15 +237,15 @@ def test_every_fault_of_the_configuration_is_named(tmp_path: Path) -> None:
 def test_a_run_shows_the_requirements_before_and_after(tmp_path: Path) -> None:
     cost = {"model": "reciprocal", "a": 1.0, "b": 0.1}
     parts = [
-        {"name": "shaft", "nominal": 3.0, "t_min": 0.01, "t_max": 0.2, "cost": cost},
+        {"name": "shaft", "nominal": 3.0, "t_min": 0.01, "t_max": 0.2, "tolerance": 0.3, "cost": cost},
         {"name": "ring", "nominal": 1.0, "t_min": 0.01, "t_max": 0.2, "cost": cost},
     ]
     requirement = {"unit": "mm", "formula": "shaft - ring", "lower": 1.9, "upper": 2.1}
     source = {"problem": "stack", "requirement": requirement, "part": parts, "objectives": {"minimise": ["cost"]}}
     run = tolevo.run(source | {"limits": {"yield_percent": 99.73}})
     table = run.record.analysis
-    assert table["tolerances"].tolist() == ["loosest allowed", "chosen, rounded"]
-    assert table["worst_case_greatest"].iloc[0] == pytest.approx(2.4)
+    assert table["tolerances"].tolist() == ["before: as drawn, else loosest", "chosen, rounded"]
+    assert table["worst_case_greatest"].iloc[0] == pytest.approx(2.5)
     allocated = run.allocation.drop_duplicates("variable").set_index("variable")["rounded"].astype(float)
     assert table["worst_case_greatest"].iloc[1] == pytest.approx(2.0 + allocated.sum())
     assert bool(table["kept_statistical"].iloc[1])

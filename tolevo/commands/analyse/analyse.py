@@ -43,7 +43,7 @@ def analysis_of(configuration: Configuration) -> AnalysisResult:
     from ...problems.stack.analysis import analyse, analysed_design, quick_model
 
     stack = stack_of(configuration)
-    design, searched = analysed_design(stack)
+    design, loosest = analysed_design(stack)
     analysis = analyse(stack, design)
     parts = [(part, f"{part.name}_t") for part in stack.definition.parts]
     tolerances = pd.DataFrame(
@@ -54,11 +54,12 @@ def analysis_of(configuration: Configuration) -> AnalysisResult:
             "middle": [part.mid for part, _ in parts],
             "half_width": [float(design[stack.names.index(name)]) for _, name in parts],
             "distribution": [type(part.distribution).__name__ for part, _ in parts],
-            "searched": [part.name in searched for part, _ in parts],
+            "searched": [name not in stack.fixed for _, name in parts],
         }
     )
-    loosest = {part.name: Assumption(f"part.{part.name}.tolerance", part.high, part.unit, OPEN) for part, _ in parts}
-    assumed = [*stack.assumptions(), *(loosest[name] for name in searched)]
+    at_loosest = [part for part, _ in parts if part.name in loosest]
+    assumed = [*stack.assumptions()]
+    assumed += [Assumption(f"part.{part.name}.tolerance", part.high, part.unit, OPEN) for part in at_loosest]
     summary = {
         "command": "analyse",
         "name": stack.title(),
@@ -66,6 +67,7 @@ def analysis_of(configuration: Configuration) -> AnalysisResult:
         "requirements": page_data.records(analysis.requirements),
         "shifted_rss": analysis.shifted,
         "joint_yield_percent": analysis.joint_yield_percent,
+        "analysed_at_loosest": list(loosest),
         "units": stack.yields.reported.size,
         "notes": list(analysis.notes),
         "warnings": list(stack.warnings()),
@@ -101,13 +103,12 @@ def lines_of(result: AnalysisResult) -> tuple[str, ...]:
     rows = page_data.records(result.requirements)
     table = pd.DataFrame([_short_row(row) for row in rows]).to_string(index=False)
     largest = [line for row in rows if (line := _largest_line(result, str(row["requirement"])))]
-    assumed = [str(name) for name in result.tolerances["part"][result.tolerances["searched"]]]
+    assumed = result.summary["analysed_at_loosest"]
     joint = result.summary["joint_yield_percent"]
     together = [] if np.isnan(joint) else [f"all requirements together: {joint:.6g} % of the units"]
-    loosest = (
-        [f"analysed at their loosest tolerance, as they are to be searched: {', '.join(assumed)}"] if assumed else []
-    )
-    return (*(verdict_of(row) for row in rows), *table.splitlines(), *largest, *together, *loosest)
+    loosest = f"at the loosest tolerance, for none is stated beside the range: {', '.join(assumed)}"
+    more = [*largest, *together, *([loosest] if assumed else [])]
+    return (*(verdict_of(row) for row in rows), *table.splitlines(), *more)
 
 
 def _short_row(row: dict[str, Any]) -> dict[str, str]:

@@ -33,7 +33,10 @@ WHAT_IF = (
     "They are calculated to second order in the deviations and as if the requirement were normal; the table above "
     "is of the full model."
 )
-TOLERANCES = "The zones that were analysed. A searched part is analysed at the loosest tolerance that it may have."
+TOLERANCES = (
+    "The zones that were analysed. A part that is to be searched is analysed at the tolerance that is stated beside "
+    "its range, else at the loosest one that it may have."
+)
 
 
 def analysis_page(result: AnalysisResult) -> str:

@@ -54,8 +54,8 @@ def chosen_point(result: RunResult) -> int:
 
 
 def add_analysis(result: RunResult, problem: ToleranceProblem) -> RunResult:
-    """The result with its requirements at the loosest tolerances and at the first choice, as rounded for
-    the drawing; unchanged where the problem has no such table or nothing is chosen.
+    """The result with its requirements as drawn now, else at the loosest tolerances, and at the first
+    choice, as rounded for the drawing; unchanged where the problem has no such table or nothing is chosen.
     """
     if result.allocation is None or result.allocation.empty or result.front.empty:
         return result
@@ -65,7 +65,7 @@ def add_analysis(result: RunResult, problem: ToleranceProblem) -> RunResult:
     for name, value in zip(own["variable"], own["rounded"], strict=True):
         row[name] = value
     tables = []
-    for label, design in ((LOOSEST, None), (CHOSEN, designs_of(problem, row)[0])):
+    for label, design in ((BEFORE, None), (CHOSEN, designs_of(problem, row)[0])):
         if (table := problem.requirements_at(design)) is None:
             return result
         tables.append(table.assign(tolerances=label))
@@ -73,8 +73,9 @@ def add_analysis(result: RunResult, problem: ToleranceProblem) -> RunResult:
     return replace(result, analysis=together[["tolerances", *together.columns.drop("tolerances")]])
 
 
-LOOSEST, CHOSEN = "loosest allowed", "chosen, rounded"
+BEFORE, CHOSEN = "before: as drawn, else loosest", "chosen, rounded"
 """The tolerances that the requirements of a run are analysed at."""
+
 
 # What backlash means in a run, shown on the units of one of its points.
 
