@@ -195,6 +195,19 @@ def worst_by_corners(mechanism: Mechanism, t: Tolerances) -> Array:
     return np.concatenate(worst)
 
 
+def ends_by_corners(mechanism: Mechanism, t: Tolerances) -> tuple[Array, Array]:
+    """Least and greatest y (n,) over the corners of the tolerances t (n, p) and points between; of units
+    for which y has a value. Exact where y is monotone in each piece while the others are held.
+    """
+    assert mechanism.formula is not None
+    least, greatest = [np.empty(0)], [np.empty(0)]
+    for x in _corners(mechanism, t):
+        y = mechanism.gain * mechanism.formula.value(x)
+        least.append(np.where(np.isfinite(y), y, np.inf).min(axis=1))
+        greatest.append(np.where(np.isfinite(y), y, -np.inf).max(axis=1))
+    return np.concatenate(least), np.concatenate(greatest)
+
+
 def _corners(mechanism: Mechanism, t: Tolerances) -> Iterator[dict[str, Array]]:
     """Quantities (n, m) of the formula at `_points` of the tolerances t (n, p), in blocks of designs."""
     formula, mids, scale = mechanism.formula, mechanism.mids, mechanism.scale

@@ -316,7 +316,7 @@ def _half_width(section: Section, key: str, unit: str, nominal: float | None, wi
         what = "is missing" if nominal is None else "is 0"
         section.fault(key, f"is {share:g} % of the nominal, which {what}: state the half-width in {unit}")
         return None
-    return section.as_number(key, share * abs(nominal) / 100.0, unit, within)
+    return section.as_number(key, float(f"{share * abs(nominal) / 100.0:.12g}"), unit, within)
 
 
 def _process(section: Section, unit: str, nominal: float | None, name: str = "") -> Process | None:

@@ -17,6 +17,7 @@ from ..settings import SAMPLED, process_assumption, read_promise
 from .definition import METHODS, Correlation, Definition, Part, Process, Requirement
 from .formulas import mechanisms_of, nominal_sum, sensitivity_faults
 from .parts import read_parts
+from .promises import WINDOW
 
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 RESERVED = (
@@ -24,6 +25,8 @@ RESERVED = (
     "variation",
     "worst_case",
     "rss",
+    "std",
+    *WINDOW,
     "yield_percent",
     "yield_percent_error",
     "domain_margin",
