@@ -520,6 +520,7 @@ def _read(section: Section, length_unit: str, requirements: Sequence[Requirement
     unit, assumed = _unit(section, length_unit)
     count = section.integer("count", Range(1, MAX_PIECES_PER_PART))
     sensitivities = read_sensitivities(section, unit, requirements)
+    expansion, material = _expansion(section, unit)
     distribution = read_distribution(section, Normal())
     labels = _labels(section)
     section.accept(("measured",))  # known, though it is not read where the zone has a fault
@@ -560,10 +561,22 @@ def _read(section: Section, length_unit: str, requirements: Sequence[Requirement
         sensitivities=sensitivities,
         stated=zone.stated,
         assumed=assumed | zone.assumed,
+        expansion=expansion,
+        material=material,
         machines=zone.machines,
         sample=sample,
         **labels,
     )
+
+
+def _expansion(section: Section, unit: str | None) -> tuple[float | None, str]:
+    """Linear expansion and material; None and empty where they are not stated."""
+    if "expansion" not in section and "material" not in section:
+        section.accept(("expansion", "material"))
+        return None, ""
+    from .conditions import read_expansion  # few stacks state any
+
+    return read_expansion(section, unit)
 
 
 def _sample(

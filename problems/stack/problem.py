@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -261,13 +261,18 @@ class Stack(ToleranceProblem):
             variables_of(definition.parts),
             outputs_of(definition.requirements, definition.parts, self.measured, definition.promise),
         )
+        if definition.conditions and settings is not None:
+            from .conditions import limits_in_all
+
+            known = {named.name for named in (*self.declaration.outputs, *self.declaration.variables)}
+            settings = replace(settings, limits=limits_in_all(definition.conditions, settings.limits, known))
         super().__init__(settings)
 
     @classmethod
     def configured(cls, top: Section) -> ConfiguredProblem | None:
         """The stack of its requirements, `[[part]]` and `[[correlation]]`, faulty or not."""
         faults: list[Fault] = []
-        parts, requirements, definition = read_definition(top, faults)
+        parts, requirements, conditions, definition = read_definition(top, faults)
         faults += unit_faults(requirements, *read_output_names(top))
         for fault in faults:
             top.fault(fault.place, fault.message)
@@ -276,8 +281,15 @@ class Stack(ToleranceProblem):
             for at, (part, table) in enumerate(zip(parts, top.tables("part"), strict=True))
         ]
         mechanisms = measured(definition) if definition is not None else ()
-        outputs = outputs_of(requirements, known, mechanisms, read_promise(top))
+        promise = read_promise(top)
+        outputs = outputs_of(requirements, known, () if conditions else mechanisms, promise)
+        if conditions:
+            from .conditions import outputs_at
+
+            every = partial(outputs_of, parts=known, measured=mechanisms, promise=promise)
+            outputs = outputs_at(conditions, requirements, outputs, every, top)
         declaration = _declare_stack(variables_of(known), outputs)
+        declaration = replace(declaration, conditions=tuple(condition.name for condition in conditions))
         return ConfiguredProblem(declaration, cls, {"definition": definition})
 
     def tables(self) -> dict[str, Any]:
@@ -407,7 +419,7 @@ class Stack(ToleranceProblem):
         return {f"{p.name}_t": (p.nominal, p.mid) for p in self._parts}.get(name, (None, 0.0))
 
     def title(self) -> str:
-        names = [requirement.name for requirement in self.definition.requirements]
+        names = [requirement.name for requirement in self.definition.stated]
         return super().title() or ", ".join(filter(None, names))
 
     def mechanism(self) -> dict[str, object]:
