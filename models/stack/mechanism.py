@@ -195,6 +195,19 @@ def worst_by_corners(mechanism: Mechanism, t: Tolerances) -> Array:
     return np.concatenate(worst)
 
 
+def ends_by_corners(mechanism: Mechanism, t: Tolerances) -> tuple[Array, Array]:
+    """Least and greatest y (n,) over the corners of the tolerances t (n, p) and points between; of units
+    for which y has a value. Exact where y is monotone in each piece while the others are held.
+    """
+    assert mechanism.formula is not None
+    least, greatest = [np.empty(0)], [np.empty(0)]
+    for x in _corners(mechanism, t):
+        y = mechanism.gain * mechanism.formula.value(x)
+        least.append(np.where(np.isfinite(y), y, np.inf).min(axis=1))
+        greatest.append(np.where(np.isfinite(y), y, -np.inf).max(axis=1))
+    return np.concatenate(least), np.concatenate(greatest)
+
+
 def extremes_of(mechanism: Mechanism, t: Array) -> tuple[float, float, str]:
     """Least and greatest y within the tolerances t (p,) about the mid-limits, and how they were found.
 
@@ -204,12 +217,8 @@ def extremes_of(mechanism: Mechanism, t: Array) -> tuple[float, float, str]:
     if mechanism.formula is None or mechanism.formula.linear:
         reach = float(np.abs(mechanism.sensitivities) @ t[mechanism.owners])
         return mechanism.centre - reach, mechanism.centre + reach, "corners"
-    ends = [
-        (float(np.nanmin(y)), float(np.nanmax(y)))
-        for x in _corners(mechanism, t[None, :])
-        for y in (mechanism.gain * mechanism.formula.value(x),)
-    ]
-    return min(low for low, _ in ends), max(high for _, high in ends), "corners"
+    least, greatest = ends_by_corners(mechanism, t[None, :])
+    return float(least[0]), float(greatest[0]), "corners"
 
 
 def _corners(mechanism: Mechanism, t: Tolerances) -> Iterator[dict[str, Array]]:

@@ -57,6 +57,14 @@ class Requirement:
 
 
 @dataclass(frozen=True, slots=True)
+class Condition:
+    """A temperature [degC] at which all requirements hold, and its name."""
+
+    name: str
+    temperature_C: float
+
+
+@dataclass(frozen=True, slots=True)
 class Process:
     """One way of making a part: half-width t from `low` to `high` at a cost.
 
@@ -88,9 +96,10 @@ class Part:
     by the key of the requirement, those of formulas left out. `drawing` and `characteristic` are
     the numbers of its drawing and of the characteristic on it, `geometry` is the geometrical
     characteristic (ISO 1101) that its zone is of, `source` where its tolerance comes from; empty
-    where none is stated. `machines` are those that some of its processes use, `sample` is what
-    measured parts say about its only one. `present` is the half-width of a part to be searched that the
-    drawing has now, None where it is not stated.
+    where none is stated. `expansion` is the linear one [1/K], None where neither it nor a `material`
+    is stated. `machines` are those that some of its processes use, `sample` is what measured parts
+    say about its only one. `present` is the half-width of a part to be searched that the drawing has
+    now, None where it is not stated.
     """
 
     name: str
@@ -109,6 +118,8 @@ class Part:
     characteristic: str = ""
     geometry: str = ""
     source: str = ""
+    expansion: float | None = None
+    material: str = ""
     machines: tuple[Offer, ...] = ()
     sample: PartSample | None = None
     present: float | None = None
@@ -188,13 +199,18 @@ class Correlation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Definition:
-    """A stack that has been read and checked: a mechanism for each requirement, over all parts."""
+    """A stack that has been read and checked: a mechanism for each requirement, over all parts.
+
+    With `conditions` these are the requirements in each of them, and `stated` those of the configuration.
+    """
 
     requirements: tuple[Requirement, ...]
     parts: tuple[Part, ...]
     mechanisms: tuple[Mechanism, ...]
     correlations: tuple[Correlation, ...] = ()
     promise: Promise | None = None
+    conditions: tuple[Condition, ...] = ()
+    stated: tuple[Requirement, ...] = ()
 
     @property
     def requirement(self) -> Requirement:

@@ -82,7 +82,12 @@ def first_order_faults(stack: Stack) -> list[Fault]:
             f"follows from slopes at the mid-limits, and {measured.requirement.place}.formula has none there by "
             f"{', '.join(measured.mechanism.rough)}"
         )
-        names = {measured.name("rss"), "rss", *(measured.contribution(at) for at in measured.shown)}
+        names = {
+            measured.name("rss"),
+            measured.name("std"),
+            "rss",
+            *(measured.contribution(at) for at in measured.shown),
+        }
         for name in sorted(names & stack.required_outputs):
             place = "objectives.minimise" if name in stack.objectives else f"limits.{name}"
             use = ", ".join(measured.name(other) for other in ("variation", "worst_case", "yield_percent"))

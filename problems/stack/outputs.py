@@ -15,7 +15,7 @@ from ...section import Array, Integers, Kind, Output, Variable
 from ..limits import Limit
 from ..settings import Bound, Promise, Settings, VariableSetting
 from .definition import Definition, Part, Requirement
-from .promises import Interval, Measured, promise_limits, promise_outputs
+from .promises import WINDOW, Interval, Measured, promise_limits, promise_outputs
 
 if TYPE_CHECKING:
     from .problem import Stack
@@ -155,6 +155,11 @@ def _requirement_outputs(requirement: Requirement, measured: Measured | None, pa
         Output(qualified("variation"), unit, meaning, low=0.0),
         Output(qualified("worst_case"), unit, _WORST[rough], low=0.0),
         Output(qualified("rss"), unit, "three standard deviations of the linear model", low=0.0),
+        Output(qualified("std"), unit, f"standard deviation of {name} by the linear model", low=0.0),
+        *(
+            Output(qualified(end), unit, f"{words} {name} of parts within their zones", larger_is_better=side < 0.0)
+            for (end, side), words in zip(WINDOW.items(), ("least", "greatest"), strict=True)
+        ),
         *_yields(qualified("yield_percent"), f"units with {name} within its limits"),
     ]
     if measured is None or measured.partial:

@@ -321,7 +321,7 @@ def _half_width(section: Section, key: str, unit: str, nominal: float | None, wi
         what = "is missing" if nominal is None else "is 0"
         section.fault(key, f"is {share:g} % of the nominal, which {what}: state the half-width in {unit}")
         return None
-    return section.as_number(key, share * abs(nominal) / 100.0, unit, within)
+    return section.as_number(key, float(f"{share * abs(nominal) / 100.0:.12g}"), unit, within)
 
 
 def _present(section: Section, unit: str, nominal: float | None) -> float | None:
@@ -530,6 +530,7 @@ def _read(section: Section, length_unit: str, requirements: Sequence[Requirement
     unit, assumed = _unit(section, length_unit)
     count = section.integer("count", Range(1, MAX_PIECES_PER_PART))
     sensitivities = read_sensitivities(section, unit, requirements)
+    expansion, material = _expansion(section, unit)
     distribution = read_distribution(section, Normal())
     labels = _labels(section)
     section.accept(("measured",))  # known, though it is not read where the zone has a fault
@@ -570,11 +571,23 @@ def _read(section: Section, length_unit: str, requirements: Sequence[Requirement
         sensitivities=sensitivities,
         stated=zone.stated,
         assumed=assumed | zone.assumed,
+        expansion=expansion,
+        material=material,
         machines=zone.machines,
         sample=sample,
         present=zone.present,
         **labels,
     )
+
+
+def _expansion(section: Section, unit: str | None) -> tuple[float | None, str]:
+    """Linear expansion and material; None and empty where they are not stated."""
+    if "expansion" not in section and "material" not in section:
+        section.accept(("expansion", "material"))
+        return None, ""
+    from .conditions import read_expansion  # few stacks state any
+
+    return read_expansion(section, unit)
 
 
 def _sample(
