@@ -69,18 +69,22 @@ class Analysis:
     notes: tuple[str, ...]
 
 
-def analyse(stack: Stack, design: Array) -> Analysis:
-    """Every requirement of a stack at one full design (all variables,)."""
+def analyse(stack: Stack, design: Array, histograms: bool = True) -> Analysis:
+    """Every requirement of a stack at one full design (all variables,).
+
+    Units are drawn for histograms, and where a figure of a requirement takes a sample.
+    """
     made = stack.parts_as_made(design[None, :])
     yields = stack.yields.percentages(made)
-    rows, contributions, histograms, notes, shifted = [], [], [], list[str](), dict[str, float]()
+    rows, contributions, bars, notes, shifted = [], [], [], list[str](), dict[str, float]()
     for measured in stack.measured:
-        sample = _sampled_values(stack, measured, made)
+        needed = histograms or not described_by_slopes(measured.mechanism)
+        sample = _sampled_values(stack, measured, made) if needed else np.empty(0)
         percent = tuple(float(yields[measured.name(name)][0]) for name in ("yield_percent", "yield_percent_error"))
         row = _requirement_row(measured, made, sample, percent)
         rows.append(row)
         contributions.append(_contributions(measured, made))
-        histograms.append(_histogram(label_of(measured), sample, row))
+        bars.append(_histogram(label_of(measured), sample))
         notes += _notes(measured, row, sample)
         shift = np.nan if measured.rough else float(measured.linear.shifted_rss(made)[0])
         shifted[label_of(measured)] = shift
@@ -88,7 +92,7 @@ def analyse(stack: Stack, design: Array) -> Analysis:
     return Analysis(
         pd.DataFrame(rows, columns=list(REQUIREMENT_COLUMNS)),
         pd.concat(contributions, ignore_index=True),
-        pd.concat(histograms, ignore_index=True),
+        pd.concat(bars, ignore_index=True),
         joint,
         shifted,
         tuple(notes),
@@ -255,7 +259,7 @@ def _shares_by_part(measured: Measured, made: Tolerances) -> tuple[Array, Array]
     return variance, worst / worst.sum() if worst.sum() > 0.0 else worst
 
 
-def _histogram(label: str, sample: Array, row: dict[str, object]) -> pd.DataFrame:
+def _histogram(label: str, sample: Array) -> pd.DataFrame:
     """Per cent of the units in bars of equal width between the least and the greatest unit."""
     known = sample[np.isfinite(sample)]
     if not known.size or float(np.ptp(known)) == 0.0:

@@ -556,7 +556,8 @@ class Stack(ToleranceProblem):
     def requirements_at(self, design: Array | None = None) -> pd.DataFrame | None:
         from .analysis import analyse, analysed_design
 
-        return analyse(self, analysed_design(self)[0] if design is None else design).requirements
+        at = analysed_design(self)[0] if design is None else design
+        return analyse(self, at, histograms=False).requirements
 
     def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
         return domain_remarks(self.measured, front)

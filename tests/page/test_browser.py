@@ -443,10 +443,13 @@ def test_axe_finds_nothing_wrong(browser: Browser, tmp_path: Path, real: RunResu
 @pytest.fixture(scope="module")
 def pages(gap: Any, study: Any, claims: Any) -> dict[str, str]:
     """Pages of the records that their own tests write by hand."""
-    return {"gap": gap_page(gap), "study": study_page(study), "claims": claims_page(claims)}
+    import tolevo
+
+    sheet = tolevo.analyse(SHEET).page
+    return {"gap": gap_page(gap), "study": study_page(study), "claims": claims_page(claims), "sheet": sheet}
 
 
-@pytest.mark.parametrize("kind", ["gap", "study", "claims"])
+@pytest.mark.parametrize("kind", ["gap", "study", "claims", "sheet"])
 def test_axe_finds_nothing_wrong_on_other_pages(
     browser: Browser, tmp_path: Path, pages: dict[str, str], kind: str
 ) -> None:
@@ -530,4 +533,52 @@ def test_several_runs_side_by_side(browser: Browser, tmp_path: Path) -> None:
     assert [name.strip() for name in names] == ["a, 41 points", f"{EVIL}, 41 points"]
     assert _violations(seen.page) == []
     assert seen.page.evaluate("document.documentElement.scrollWidth") == 390
+    assert seen.wrong == []
+
+
+SHEET = {
+    "problem": "stack",
+    "requirement": {"name": f"gap {EVIL}", "unit": "mm", "formula": "a - b - c", "lower": -0.1, "upper": 0.3},
+    "part": [
+        {"name": "a", "nominal": 20.0, "tolerance": 0.05},
+        {"name": "b", "nominal": 12.0, "tolerance": 0.1},
+        {"name": "c", "nominal": 7.9, "tolerance": 0.12},
+    ],
+}
+
+
+@pytest.mark.parametrize("width", [1400, 390])
+def test_what_if_of_a_sheet_follows_what_is_typed(browser: Browser, tmp_path: Path, width: int) -> None:
+    import tolevo
+
+    path = tmp_path / "sheet.html"
+    path.write_text(tolevo.analyse(SHEET).page, encoding="utf-8")
+    seen = Watched(browser, path, width)
+    assert seen.page.evaluate(SCROLLED) == width
+    assert seen.page.locator("#histograms svg.chart").count() == 1
+    assert seen.page.locator("#histograms svg.chart").bounding_box()["y"] < (900 if width == 1400 else 2500)  # type: ignore[index]
+
+    def typed(what: str, value: str) -> None:
+        seen.page.get_by_label(what, exact=True).fill(value)
+
+    def cells() -> list[str]:
+        return [cell.replace("\u2212", "-") for cell in seen.page.locator("#whatif tbody td").all_inner_texts()]
+
+    typed("half-width of c", "0,06")  # a decimal comma
+    typed("mean shift of a", "0.02")
+    typed("change of the nominal of b", "-0.05")
+    typed("Cp of b", "2")
+    mean = 0.1 + 0.02 + 0.05
+    sigma = np.sqrt((0.05 / 3) ** 2 + (0.1 / 6) ** 2 + (0.06 / 3) ** 2)
+    unit, shown_mean, worst, spread, cpk, _, _ = cells()
+    assert (unit, float(shown_mean)) == ("mm", pytest.approx(mean, abs=1e-5))
+    assert [float(end) for end in worst.split(" to ")] == pytest.approx([0.15 - 0.21, 0.15 + 0.21], abs=1e-5)
+    assert [float(end) for end in spread.split(" to ")] == pytest.approx([mean - 3 * sigma, mean + 3 * sigma], abs=1e-4)
+    assert float(cpk) == pytest.approx((0.3 - mean) / (3 * sigma), abs=5e-3)
+    typed("half-width of c", "wide")
+    assert "half-width of c must be a number" in seen.page.locator("#whatif").inner_text()
+    assert cells()[4] == cpk  # what is no number changes nothing
+    seen.page.get_by_role("button", name="as analysed").click()
+    assert float(cells()[1]) == pytest.approx(0.1, abs=1e-6)
+    assert seen.page.evaluate("document.querySelectorAll('script:not([type])').length") == 1
     assert seen.wrong == []
