@@ -71,7 +71,8 @@ STACK: dict[str, Any] = {
 }
 ONE = {
     "problem": "stack",
-    "requirement": {"name": "gap", "unit": "mm", "formula": "a - b", "lower": 0.0, "upper": 1.0},
+    "requirement": {"name": "gap", "unit": "mm", "formula": "a - rest", "lower": 0.0, "upper": 1.0},
+    "let": [{"name": "rest", "formula": "b"}],
     "part": [{"name": name, "nominal": 10.0, "t_min": 0.01, "t_max": 0.1, "cost": COST}
              for name in "ab"],
 }  # fmt: skip

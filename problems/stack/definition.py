@@ -10,11 +10,13 @@ import numpy as np
 
 from ...models.capability import Knowledge, PartSample
 from ...models.costs import CostCurve
+from ...models.expressions import Intermediate
 from ...models.inputs import Distribution, Normal
 from ...models.machine_offers import Offer
 from ...models.machines import GoodPartsBySpread, Machine
 from ...models.stack import AsMade, Mechanism, Tolerances
 from ...section import Array, Integers
+from ...units import family
 from ..settings import Promise
 
 METHODS = ("worst_case", "rss", "shifted_rss", "monte_carlo")
@@ -174,6 +176,18 @@ class Part:
         return tuple(f"{self.name}_{at}" for at in range(1, self.count + 1))
 
 
+def base_units(requirement: Requirement, parts: Sequence[Part]) -> dict[str, float]:
+    """The units of a formula that depends on `parts`: the SI factor of each kind of quantity.
+
+    Angles are in rad, plain numbers as they are, all lengths in the unit of the requirement if it
+    is a length, else in that of the first part that is one; other quantities like lengths.
+    """
+    base = {"radian": 1.0, "": 1.0}
+    for unit in (requirement.unit, *(part.unit for part in parts)):
+        base.setdefault(*family(unit))
+    return base
+
+
 @dataclass(frozen=True, slots=True)
 class Correlation:
     """Correlation coefficient of the deviations of two pieces."""
@@ -184,13 +198,17 @@ class Correlation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Definition:
-    """A stack that has been read and checked: a mechanism for each requirement, over all parts."""
+    """A stack that has been read and checked: a mechanism for each requirement, over all parts.
+
+    `intermediate` are the quantities that `[[let]]` states, in its order.
+    """
 
     requirements: tuple[Requirement, ...]
     parts: tuple[Part, ...]
     mechanisms: tuple[Mechanism, ...]
     correlations: tuple[Correlation, ...] = ()
     promise: Promise | None = None
+    intermediate: tuple[Intermediate, ...] = ()
 
     @property
     def requirement(self) -> Requirement:

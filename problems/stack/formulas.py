@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ...errors import Fault, nearest
-from ...models.expressions import FUNCTIONS, Formula, FormulaError
+from ...models.expressions import CONSTANTS, FUNCTIONS, Formula, FormulaError, Intermediate
 from ...models.stack import Mechanism, box, least_margin
 from ...section import Array, Section
 from ...units import family, to_unit
-from .definition import FIRST_ORDER, Correlation, Part, Requirement
+from .definition import FIRST_ORDER, Correlation, Part, Requirement, base_units
 
 
 def read_sensitivities(section: Section, unit: str | None, requirements: Sequence[Requirement]) -> dict[str, float]:
@@ -108,6 +108,30 @@ def _name(table: Mapping[str, Any]) -> str:
     return f" (part {name})" if isinstance(name, str) else ""
 
 
+# Names in formulas.
+
+
+NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
+
+
+def name_complaint(name: str) -> str:
+    """Why a quantity in formulas cannot have a name, empty where it can."""
+    if not NAME.fullmatch(name):
+        return f'must be letters, digits and _, and begin with a letter, got "{name}"'
+    known = name in FUNCTIONS or name in CONSTANTS
+    return f"{name} means something in formulas; choose another name" if known else ""
+
+
+def unknown_name(name: str, column: int, parts: Sequence[Part], others: Iterable[str]) -> str:
+    """Why a name in a formula is neither a part nor one of `others`; empty where it is."""
+    whole = next((part for part in parts if part.name == name and part.count > 1), None)
+    if whole is not None:
+        return f"column {column}: {name} is built in {whole.count} times: write {', '.join(whole.pieces)}"
+    known = [*(piece for part in parts for piece in part.pieces), *others]
+    close = nearest(name, [*known, *FUNCTIONS])
+    return "" if name in known else f'column {column}: "{name}" is not a part{close}'
+
+
 # The mechanism of a formula, and its faults.
 
 
@@ -120,17 +144,23 @@ KINK = 0.05
 
 
 def mechanism_with_formula(
-    bare: Mechanism, requirement: Requirement, parts: Sequence[Part], faults: list[Fault]
+    bare: Mechanism,
+    requirement: Requirement,
+    parts: Sequence[Part],
+    steps: tuple[Intermediate, ...],
+    faults: list[Fault],
 ) -> Mechanism | None:
-    """The mechanism of the requirement's formula; None and faults where it has none."""
+    """The mechanism of the requirement's formula, which may use the quantities of `steps`; None and
+    faults where it has none.
+    """
     place = f"{requirement.place}.formula"
     try:
-        formula = Formula(requirement.formula)
+        formula = Formula(requirement.formula, steps)
     except FormulaError as error:
         faults.append(Fault(place, str(error)))
         return None
     before = len(faults)
-    faults += _name_faults(formula, parts, requirement)
+    faults += _name_faults(formula, parts, requirement, [name for step in steps for name in step.names])
     used = [any(piece in formula.names for piece in part.pieces) for part in parts]
     faults += [
         Fault(f"part[{at}].nominal", f"is missing: the formula needs it (part {part.name})")
@@ -214,18 +244,15 @@ def _depends_on_piece(mechanism: Mechanism, at: int, loosest: Array) -> bool:
     return bool(np.nanmax(np.ptp(values, axis=0)) > NEGLIGIBLE * np.nanmax(np.abs(values)))
 
 
-def _name_faults(formula: Formula, parts: Sequence[Part], requirement: Requirement) -> list[Fault]:
-    """Names that no part has, and parts that the one formula of a stack leaves out."""
-    pieces = {piece: part for part in parts for piece in part.pieces}
-    whole = {part.name: part for part in parts if part.count > 1}
-    faults, place = [], f"{requirement.place}.formula"
-    for name, column in formula.names.items():
-        if name in whole:
-            text = f"{name} is built in {whole[name].count} times: write {', '.join(whole[name].pieces)}"
-            faults.append(Fault(place, f"column {column}: {text}"))
-        elif name not in pieces:
-            close = nearest(name, [*pieces, *FUNCTIONS])
-            faults.append(Fault(place, f'column {column}: "{name}" is not a part{close}'))
+def _name_faults(
+    formula: Formula, parts: Sequence[Part], requirement: Requirement, others: Sequence[str]
+) -> list[Fault]:
+    """Names that neither a part nor a quantity of `others` has, and parts that the one formula of a
+    stack leaves out.
+    """
+    place = f"{requirement.place}.formula"
+    reasons = (unknown_name(name, column, parts, others) for name, column in formula.written.items())
+    faults = [Fault(place, why) for why in reasons if why]
     if requirement.key and not formula.names:
         faults.append(Fault(place, "has no parts: a requirement depends on at least one part"))
     for at, part in enumerate(parts if not requirement.key else ()):
@@ -237,15 +264,9 @@ def _name_faults(formula: Formula, parts: Sequence[Part], requirement: Requireme
 
 
 def _units(requirement: Requirement, parts: Sequence[Part]) -> tuple[float, Array]:
-    """The requirement's unit per unit of the formula, and the formula's units per unit of a part.
-
-    Angles enter in rad, plain numbers as they are, all lengths in the unit of the requirement if it
-    is a length, else in that of the first part that is one; other quantities like lengths.
-    """
+    """The requirement's unit per unit of the formula, and the formula's units per unit of a part."""
     kind, factor = family(requirement.unit)
-    base = {"radian": 1.0, "": 1.0}
-    for unit in (requirement.unit, *(part.unit for part in parts)):
-        base.setdefault(*family(unit))
+    base = base_units(requirement, parts)
     scale = [family(part.unit)[1] / base[family(part.unit)[0]] for part in parts]
     return base[kind] / factor, np.array(scale)
 
@@ -329,21 +350,38 @@ def _rounding(stated: object, unit: str) -> float:
 
 
 def mechanisms_of(
-    requirements: Sequence[Requirement], parts: Sequence[Part], correlations: Sequence[Correlation], faults: list[Fault]
+    requirements: Sequence[Requirement],
+    parts: Sequence[Part],
+    correlations: Sequence[Correlation],
+    steps: tuple[Intermediate, ...],
+    faults: list[Fault],
 ) -> tuple[Mechanism, ...]:
-    """The mechanism of each requirement; fewer, and every fault, where the parts make none."""
+    """The mechanism of each requirement; fewer, and every fault, where the parts make none.
+
+    `steps` are intermediate quantities, each after those that it depends on.
+    """
     correlation = _matrix(parts, correlations, faults)
-    candidates = [_mechanism(requirement, parts, correlation, faults) for requirement in requirements]
+    candidates = [_mechanism(requirement, parts, correlation, steps, faults) for requirement in requirements]
     mechanisms = tuple(mechanism for mechanism in candidates if mechanism is not None)
+    if steps and len(mechanisms) == len(requirements):
+        from .intermediate import intermediate_faults
+
+        pairs = zip(requirements, mechanisms, strict=True)
+        used = [(requirement, m.formula) for requirement, m in pairs if m.formula is not None]
+        faults += intermediate_faults(steps, used, parts)
     if requirements[0].key and len(mechanisms) == len(requirements):
-        used = np.any([mechanism.acting for mechanism in mechanisms], axis=0)
+        acting = np.any([mechanism.acting for mechanism in mechanisms], axis=0)
         owners = mechanisms[0].owners
-        faults += unused_part_faults(parts, [bool(np.any(used[owners == at])) for at in range(len(parts))])
+        faults += unused_part_faults(parts, [bool(np.any(acting[owners == at])) for at in range(len(parts))])
     return mechanisms
 
 
 def _mechanism(
-    requirement: Requirement, parts: Sequence[Part], correlation: Array | None, faults: list[Fault]
+    requirement: Requirement,
+    parts: Sequence[Part],
+    correlation: Array | None,
+    steps: tuple[Intermediate, ...],
+    faults: list[Fault],
 ) -> Mechanism | None:
     """The mechanism of one requirement; None and every fault where the parts do not make one."""
     owner = tuple(at for at, part in enumerate(parts) for _ in part.pieces)
@@ -357,8 +395,9 @@ def _mechanism(
         upper=np.inf if requirement.upper is None else requirement.upper,
         correlation=correlation,
     )
-    kind = mechanism_with_formula if requirement.formula else _mechanism_with_sensitivities
-    return kind(bare, requirement, parts, faults)
+    if requirement.formula:
+        return mechanism_with_formula(bare, requirement, parts, steps, faults)
+    return _mechanism_with_sensitivities(bare, requirement, parts, faults)
 
 
 def _matrix(parts: Sequence[Part], correlations: Sequence[Correlation], faults: list[Fault]) -> Array | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -16,7 +15,6 @@ from ...errors import Fault, nearest
 from ...models.capability import PartSample, read_sample
 from ...models.cost_reading import add_constant_cost, name_of, read_curve, read_extras, read_extras_by
 from ...models.costs import CostCurve, Reciprocal, Table
-from ...models.expressions import CONSTANTS, FUNCTIONS
 from ...models.input_reading import read_distribution
 from ...models.inputs import Normal, Zone
 from ...models.iso286 import (
@@ -35,7 +33,7 @@ from ...models.machine_offers import Offer, Owner, read_offers
 from ...section import POSITIVE, Range, Section, is_forced
 from ...units import family
 from .definition import Part, Process, Requirement, natural_limit, processes_of
-from .formulas import read_sensitivities
+from .formulas import name_complaint, read_sensitivities
 
 
 def read_fits(top: Section, faults: list[Fault]) -> dict[str, str]:
@@ -417,7 +415,6 @@ def _limits(text: str) -> Zone:
 # Reads `[[part]]`: every fault names the part.
 
 
-_NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 MAX_PIECES_PER_PART = 1000
 """Pieces of a part."""
 MAX_PIECES = 2000
@@ -559,11 +556,8 @@ def _name(section: Section) -> str | None:
         if "name" not in section:
             section.fault("name", "is missing: name the part")
         return None
-    if not _NAME.fullmatch(name):
-        section.fault("name", f'must be letters, digits and _, and begin with a letter, got "{name}"')
-        return None
-    if name in FUNCTIONS or name in CONSTANTS:
-        section.fault("name", f"{name} means something in formulas; choose another name")
+    if why := name_complaint(name):
+        section.fault("name", why)
         return None
     return name
 

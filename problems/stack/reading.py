@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
 from ...errors import Fault, nearest
 from ...models.cost_reading import curve_table
+from ...models.expressions import Intermediate
 from ...models.input_reading import written
 from ...models.inputs import Normal
 from ...models.machine_offers import samples_of
@@ -14,10 +14,9 @@ from ...section import POSITIVE, Assumption, Range, Section
 from ...units import family
 from ..settings import SAMPLED, process_assumption, read_promise
 from .definition import METHODS, Correlation, Definition, Part, Process, Requirement
-from .formulas import mechanisms_of, nominal_sum, sensitivity_faults
+from .formulas import NAME, mechanisms_of, nominal_sum, sensitivity_faults
 from .parts import read_parts
 
-_NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 RESERVED = (
     "cost",
     "variation",
@@ -88,7 +87,7 @@ def _key(section: Section, place: str) -> str:
         section.fault("name", "is missing: outputs of several requirements are distinguished by their names")
     if name is None:
         return stand_in
-    if not _NAME.fullmatch(name):
+    if not NAME.fullmatch(name):
         text = f'must be letters, digits and _, and begin with a letter, got "{name}"'
         section.fault("name", text)
         return stand_in
@@ -134,9 +133,10 @@ def read_definition(
     requirements = read_requirements(top, faults)
     promise = read_promise(top)
     parts = read_parts(top, requirements, faults)
+    whole = [part for part in parts if part is not None]
     if top.take("part") is None or top.take("part") == []:
         faults.append(Fault("part", "is missing: a stack needs [[part]] tables"))
-    whole = [part for part in parts if part is not None]
+    lets, steps = _intermediate(top, whole, len(whole) == len(parts), faults)
     correlations = _correlations(top, whole, len(whole) == len(parts), faults)
     if requirements[0].key:
         faults += sensitivity_faults(requirements, top.tables("part"))
@@ -144,11 +144,24 @@ def read_definition(
         faults += _check_formula_or_sensitivities(requirements[0], top, parts)
     if faults or not parts:
         return parts, requirements, None
-    mechanisms = mechanisms_of(requirements, whole, correlations, faults)
+    mechanisms = mechanisms_of(requirements, whole, correlations, steps, faults)
     if faults:
         return parts, requirements, None
-    definition = Definition(requirements, tuple(whole), mechanisms, correlations, promise)
+    definition = Definition(requirements, tuple(whole), mechanisms, correlations, promise, lets)
     return parts, requirements, definition
+
+
+def _intermediate(
+    top: Section, parts: list[Part], complete: bool, faults: list[Fault]
+) -> tuple[tuple[Intermediate, ...], tuple[Intermediate, ...]]:
+    """The quantities that `[[let]]` states, in its order and each after those that it depends on."""
+    top.accept(("let",))
+    if "let" not in top:
+        return (), ()
+    from .intermediate import arranged, read_lets  # few stacks have any
+
+    lets = read_lets(top, faults)
+    return lets, arranged(lets, parts, faults) if complete and len(lets) == len(top.tables("let")) else ()
 
 
 def _correlations(top: Section, parts: list[Part], complete: bool, faults: list[Fault]) -> tuple[Correlation, ...]:
@@ -220,6 +233,10 @@ def tables_of(definition: Definition) -> dict[str, Any]:
         "requirement": requirements if definition.requirement.key else requirements[0],
         "part": [_part(part) for part in definition.parts],
     }
+    if definition.intermediate:
+        from .intermediate import intermediate_tables
+
+        tables |= intermediate_tables(definition.intermediate)
     if definition.correlations:
         tables["correlation"] = [
             {"parts": list(correlation.pieces), "coefficient": correlation.coefficient}
