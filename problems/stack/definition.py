@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from ...models.stack import AsMade, Mechanism, Tolerances
 from ...section import Array, Integers
 from ...units import family
 from ..settings import Promise
+
+if TYPE_CHECKING:
+    from .features import Feature
 
 METHODS = ("worst_case", "rss", "shifted_rss", "monte_carlo")
 """What `variation` can be."""
@@ -91,6 +94,7 @@ class Part:
     the numbers of its drawing and of the characteristic on it, `geometry` is the geometrical
     characteristic (ISO 1101) that its zone is of; empty where none is stated. `machines` are those
     that some of its processes use, `sample` is what measured parts say about its only one.
+    `feature` is how a `[[feature]]` acts, whose half-width is half its zone.
     """
 
     name: str
@@ -110,6 +114,7 @@ class Part:
     geometry: str = ""
     machines: tuple[Offer, ...] = ()
     sample: PartSample | None = None
+    feature: Feature | None = None
 
     @property
     def natural(self) -> int:
@@ -170,10 +175,40 @@ class Part:
 
     @property
     def pieces(self) -> tuple[str, ...]:
-        """Names that the part has in a formula: roller_1, roller_2 where it is built in twice."""
+        """What varies by itself: roller_1, roller_2 where the part is built in twice."""
+        if self.feature is not None:
+            return self.feature.pieces
         if self.count == 1:
             return (self.name,)
         return tuple(f"{self.name}_{at}" for at in range(1, self.count + 1))
+
+    @property
+    def written(self) -> tuple[str, ...]:
+        """Names that formulas may use."""
+        return self.pieces if self.feature is None else self.feature.names
+
+    @property
+    def meaning(self) -> str:
+        """What its half-width is, in words."""
+        if self.feature is None:
+            return f"tolerance of part {self.name}"
+        return f"half the zone of feature {self.name}" if self.unit else f"place of feature {self.name} in its room"
+
+    @property
+    def label(self) -> str:
+        """What it is called where faults name it."""
+        return f"{'part' if self.feature is None else 'feature'} {self.name}"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Every name that is taken by the part."""
+        return tuple(dict.fromkeys((self.name, *self.pieces, *self.written)))
+
+
+def place_of(parts: Sequence[Part], at: int) -> str:
+    """Where a part stands in the configuration."""
+    feature = parts[at].feature
+    return f"part[{at}]" if feature is None else feature.place
 
 
 def base_units(requirement: Requirement, parts: Sequence[Part]) -> dict[str, float]:

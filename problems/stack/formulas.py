@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +14,10 @@ from ...models.expressions import CONSTANTS, FUNCTIONS, Formula, FormulaError, I
 from ...models.stack import Mechanism, box, least_margin
 from ...section import Array, Section
 from ...units import family, to_unit
-from .definition import FIRST_ORDER, Correlation, Part, Requirement, base_units
+from .definition import FIRST_ORDER, Correlation, Part, Requirement, base_units, place_of
+
+if TYPE_CHECKING:
+    from .features import Feature
 
 
 def read_sensitivities(section: Section, unit: str | None, requirements: Sequence[Requirement]) -> dict[str, float]:
@@ -92,7 +95,7 @@ def sensitivity_faults(requirements: Sequence[Requirement], tables: Sequence[Map
 def unused_part_faults(parts: Sequence[Part], used: Sequence[bool]) -> list[Fault]:
     """A fault for every part on which no requirement depends."""
     return [
-        Fault(f"part[{at}].name", f"no requirement depends on it: remove it (part {part.name})")
+        Fault(f"{place_of(parts, at)}.name", f"no requirement depends on it: remove it ({part.label})")
         for at, (part, is_used) in enumerate(zip(parts, used, strict=True))
         if not is_used
     ]
@@ -127,7 +130,7 @@ def unknown_name(name: str, column: int, parts: Sequence[Part], others: Iterable
     whole = next((part for part in parts if part.name == name and part.count > 1), None)
     if whole is not None:
         return f"column {column}: {name} is built in {whole.count} times: write {', '.join(whole.pieces)}"
-    known = [*(piece for part in parts for piece in part.pieces), *others]
+    known = [*(written for part in parts for written in part.written), *others]
     close = nearest(name, [*known, *FUNCTIONS])
     return "" if name in known else f'column {column}: "{name}" is not a part{close}'
 
@@ -155,7 +158,7 @@ def mechanism_with_formula(
     """
     place = f"{requirement.place}.formula"
     try:
-        formula = Formula(requirement.formula, steps)
+        formula = Formula(requirement.formula, (*_steps_of(parts, {}), *steps))
     except FormulaError as error:
         faults.append(Fault(place, str(error)))
         return None
@@ -165,11 +168,13 @@ def mechanism_with_formula(
     faults += [
         Fault(f"part[{at}].nominal", f"is missing: the formula needs it (part {part.name})")
         for at, part in enumerate(parts)
-        if used[at] and part.nominal is None
+        if used[at] and part.nominal is None and part.feature is None
     ]
     if len(faults) > before:
         return None
-    gain, scale = _units(requirement, [part for part, is_used in zip(parts, used, strict=True) if is_used])
+    users = [part for part, is_used in zip(parts, used, strict=True) if is_used]
+    gain, scale = _units(requirement, users)
+    formula = Formula(requirement.formula, (*_steps_of(parts, base_units(requirement, users)), *steps))
     scales = np.ones(len(parts))
     scales[used] = scale
     nominals = scales * np.array([part.nominal or 0.0 for part in parts])
@@ -183,6 +188,11 @@ def mechanism_with_formula(
     faults += _nominal_faults(requirement, gain * _evaluate_at_point(formula, mechanism, nominals[bare.owners]))
     loosest = np.array([[part.high for part in parts]])
     return replace(mechanism, undefined=_domain_violation(mechanism, loosest[0], least_margin(mechanism, loosest)[0]))
+
+
+def _steps_of(parts: Sequence[Part], base: Mapping[str, float]) -> Iterator[Intermediate]:
+    """The quantities of features, in the units `base` of a formula."""
+    return (step for part in parts if part.feature is not None for step in part.feature.steps(base))
 
 
 def _evaluate_at_point(formula: Formula, mechanism: Mechanism, x: Array) -> float:
@@ -257,10 +267,18 @@ def _name_faults(
         faults.append(Fault(place, "has no parts: a requirement depends on at least one part"))
     for at, part in enumerate(parts if not requirement.key else ()):
         unused = [piece for piece in part.pieces if piece not in formula.names]
+        if part.feature is not None:
+            unused = [] if _acts_in(part.feature, formula) else [part.name]
         if unused and part.name not in formula.names:
             text = f"{', '.join(unused)} does not appear in the formula: the requirement does not depend on it"
-            faults.append(Fault(f"part[{at}].name", f"{text} (part {part.name})"))
+            faults.append(Fault(f"{place_of(parts, at)}.name", f"{text} ({part.label})"))
     return faults
+
+
+def _acts_in(feature: Feature, formula: Formula) -> bool:
+    """Whether a formula depends on a feature, by a piece or a quantity of it."""
+    given = {name for step in formula.given for name in step.names}
+    return not given.isdisjoint(feature.names) or not formula.names.keys().isdisjoint(feature.pieces)
 
 
 def _units(requirement: Requirement, parts: Sequence[Part]) -> tuple[float, Array]:
@@ -291,6 +309,7 @@ def _points_within(mechanism: Mechanism, t: Array) -> dict[str, Array]:
     assert formula is not None and mids is not None and scale is not None
     used = [i for i, name in enumerate(mechanism.names) if name in formula.names]
     reach, points = t[mechanism.owners] * scale, box(len(used))
+    points = mechanism.rounded(points, used)
     return {mechanism.names[i]: mids[i] + reach[i] * z for i, z in zip(used, points, strict=True)}
 
 
@@ -309,9 +328,9 @@ def _slope_faults(
     owner = dict(zip(mechanism.names, mechanism.owner, strict=True))
     faults = [
         Fault(
-            f"{requirement.place}.formula" if requirement.key else f"part[{owner[name]}].name",
+            f"{requirement.place}.formula" if requirement.key else f"{place_of(parts, owner[name])}.name",
             f"the requirement does not depend on {name} anywhere within the tolerances: leave it out "
-            f"(part {parts[owner[name]].name})",
+            f"({parts[owner[name]].label})",
         )
         for name in without_effect
     ]
@@ -372,7 +391,15 @@ def mechanisms_of(
     if requirements[0].key and len(mechanisms) == len(requirements):
         acting = np.any([mechanism.acting for mechanism in mechanisms], axis=0)
         owners = mechanisms[0].owners
-        faults += unused_part_faults(parts, [bool(np.any(acting[owners == at])) for at in range(len(parts))])
+        formulas = [mechanism.formula for mechanism in mechanisms if mechanism.formula is not None]
+        faults += unused_part_faults(
+            parts,
+            [
+                bool(np.any(acting[owners == at]))
+                or (not part.pieces and any(_acts_in(part.feature, formula) for formula in formulas if part.feature))
+                for at, part in enumerate(parts)
+            ],
+        )
     return mechanisms
 
 
@@ -394,6 +421,7 @@ def _mechanism(
         lower=-np.inf if requirement.lower is None else requirement.lower,
         upper=np.inf if requirement.upper is None else requirement.upper,
         correlation=correlation,
+        discs=tuple(disc for at, part in enumerate(parts) if part.feature and (disc := part.feature.disc(owner, at))),
     )
     if requirement.formula:
         return mechanism_with_formula(bare, requirement, parts, steps, faults)

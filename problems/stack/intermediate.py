@@ -55,7 +55,7 @@ def arranged(steps: Sequence[Intermediate], parts: Sequence[Part], faults: list[
     """The quantities, each after those that it depends on; fewer and every fault where names are
     ambiguous or unknown, or where a quantity depends on itself.
     """
-    before, owners = len(faults), {piece: part.name for part in parts for piece in (part.name, *part.pieces)}
+    before, owners = len(faults), {piece: part.name for part in parts for piece in part.names}
     by_name: dict[str, Intermediate] = {}
     for step in steps:
         for name in step.names:

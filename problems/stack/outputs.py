@@ -92,7 +92,7 @@ def variables_of(parts: Iterable[Part]) -> tuple[Variable, ...]:
                 kind=Kind.HALF_WIDTH,
                 low=part.low,
                 high=high,
-                meaning=f"tolerance of part {part.name}",
+                meaning=part.meaning,
                 valid_low=0.0,
             )
         )

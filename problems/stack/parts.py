@@ -283,7 +283,7 @@ def read_tolerance(section: Section, unit: str, nominal: float | None, fit: str 
             grades, alternatives=True, stated=stated_standard(section) | costs, assumed=unverified_grades(grades)
         )
     if given == ["t_min"]:
-        process = _process(section, unit)
+        process = read_process(section, unit)
         return None if process is None else Tolerance((process,))
     fixed = _read_fixed_zone(section, given[0], unit, nominal)
     curve = _read_cost(section) if "cost" in section else None
@@ -295,7 +295,7 @@ def read_tolerance(section: Section, unit: str, nominal: float | None, fit: str 
     return Tolerance((process,), True, False, shape.mid, **tolerance)
 
 
-def _process(section: Section, unit: str, name: str = "") -> Process | None:
+def read_process(section: Section, unit: str, name: str = "") -> Process | None:
     """A range with its cost."""
     low, high = (section.number(key, unit, POSITIVE) for key in ("t_min", "t_max"))
     for key in ("t_min", "t_max"):
@@ -357,7 +357,7 @@ def _alternatives(section: Section, unit: str, nominal: float | None) -> Toleran
         section.fault("cost", "belongs in each [[part.process]]; a machine has a price")
     processes: tuple[Process, ...] | None = ()
     if "process" in section:
-        processes = section.named_items("process", lambda table, name: _process(table, unit, name))
+        processes = section.named_items("process", lambda table, name: read_process(table, unit, name))
     if "machine" not in section:
         return None if processes is None else Tolerance(processes, alternatives=True)
     ends = [section.number(key, unit, POSITIVE) for key in ("t_min", "t_max")]
@@ -426,7 +426,7 @@ SOBOL = 21_201
 def read_parts(top: Section, requirements: Sequence[Requirement], faults: list[Fault]) -> list[Part | None]:
     """The parts, None for each that is faulty."""
     parts = []
-    length_unit, fits = _length(requirements), read_fits(top, faults)
+    length_unit, fits = length_unit_of(requirements), read_fits(top, faults)
     for at in range(len(top.tables("part"))):
         part_faults: list[Fault] = []
         section = top.item("part", at, part_faults)
@@ -459,7 +459,7 @@ def _too_many(parts: Sequence[Part]) -> list[Fault]:
     return [Fault("part", f"has {pieces} pieces in all, {most} at most: merge some{remedy}")]
 
 
-def _length(requirements: Sequence[Requirement]) -> str:
+def length_unit_of(requirements: Sequence[Requirement]) -> str:
     """The unit of parts that state none: that of the requirements, where all are in one length."""
     units = {requirement.unit for requirement in requirements}
     return units.pop() if len(units) == 1 and family(min(units))[0] == "meter" else ""
@@ -538,11 +538,11 @@ def _sample(
 
 def _labels(section: Section) -> dict[str, str]:
     """Geometrical characteristic, number of the drawing, number of the characteristic on it."""
-    numbers = {key: _number(section, key) for key in ("drawing", "characteristic")}
+    numbers = {key: drawing_number(section, key) for key in ("drawing", "characteristic")}
     return {"geometry": section.text("geometry", SYMBOLS) or "", **numbers}
 
 
-def _number(section: Section, key: str) -> str:
+def drawing_number(section: Section, key: str) -> str:
     """A number of a drawing: with quotes or without."""
     value = section.take(key)
     if isinstance(value, int) and not isinstance(value, bool):

@@ -251,7 +251,7 @@ class Stack(ToleranceProblem):
             top.fault(fault.place, fault.message)
         known = [
             part or placeholder_part(table, at)
-            for at, (part, table) in enumerate(zip(parts, top.tables("part"), strict=True))
+            for at, (part, table) in enumerate(zip(parts, [*top.tables("part"), *top.tables("feature")], strict=True))
         ]
         mechanisms = measured(definition) if definition is not None else ()
         outputs = outputs_of(requirements, known, mechanisms, read_promise(top))

@@ -133,11 +133,17 @@ def read_definition(
     requirements = read_requirements(top, faults)
     promise = read_promise(top)
     parts = read_parts(top, requirements, faults)
+    top.accept(("feature",))
+    if "feature" in top:
+        from .features import read_features  # few stacks have any
+
+        parts += read_features(top, requirements, parts, faults)
     whole = [part for part in parts if part is not None]
     if top.take("part") is None or top.take("part") == []:
         faults.append(Fault("part", "is missing: a stack needs [[part]] tables"))
     lets, steps = _intermediate(top, whole, len(whole) == len(parts), faults)
-    correlations = _correlations(top, whole, len(whole) == len(parts), faults)
+    sizes = [part for part in whole if part.feature is None]
+    correlations = _correlations(top, sizes, len(whole) == len(parts), faults)
     if requirements[0].key:
         faults += sensitivity_faults(requirements, top.tables("part"))
     else:
@@ -231,12 +237,14 @@ def tables_of(definition: Definition) -> dict[str, Any]:
     requirements = [_requirement(requirement) for requirement in definition.requirements]
     tables: dict[str, Any] = {
         "requirement": requirements if definition.requirement.key else requirements[0],
-        "part": [_part(part) for part in definition.parts],
+        "part": [_part(part) for part in definition.parts if part.feature is None],
     }
     if definition.intermediate:
         from .intermediate import intermediate_tables
 
         tables |= intermediate_tables(definition.intermediate)
+    if features := [dict(part.feature.stated) for part in definition.parts if part.feature is not None]:
+        tables["feature"] = features
     if definition.correlations:
         tables["correlation"] = [
             {"parts": list(correlation.pieces), "coefficient": correlation.coefficient}
@@ -317,7 +325,8 @@ def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
             assumptions.append(Assumption(place, sample.statement(part.unit), "", process))
         for key, why in part.assumed.items():
             value = values.get(key) or str(part.stated.get(key, ""))
-            assumptions.append(Assumption(f"part.{part.name}.{key}", value, "", why))
+            kind = "part" if part.feature is None else "feature"
+            assumptions.append(Assumption(f"{kind}.{part.name}.{key}", value, "", why))
     for requirement, mechanism in zip(definition.requirements, definition.mechanisms, strict=True):
         if not requirement.formula and requirement.nominal is None and mechanism.bounded:
             place = f"{requirement.place}.nominal"
