@@ -305,6 +305,6 @@ def _quantities(name: str, law: str, text: str, plane: bool) -> tuple[tuple[str,
     alias = {name: components[0]} if plane else {}
     if text == "{0}":
         return names, components, alias
-    pieces = tuple(f"{name}_{end}" for end in "uv"[: len(components)]) if law != "pushed" else ()
-    formulas = {n: text.replace("{0}", piece) for n, piece in zip(components, pieces or ("",), strict=True)}
-    return names, pieces, formulas | alias
+    pieces = tuple(f"{component}_in_zone" for component in components) if law != "pushed" else ()
+    texts = [text.replace("{0}", piece) for piece in pieces or ("",)]
+    return names, pieces, dict(zip(components, texts, strict=True)) | alias

@@ -314,7 +314,8 @@ def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
     """Distributions and units that no table names, unverified grades, a summed nominal."""
     assumptions, process = [], process_assumption(definition.promise)
     for part in definition.parts:
-        values = {"distribution": type(part.distribution).__name__, "unit": part.unit}
+        law = type(part.distribution).__name__ if part.feature is None else part.feature.law
+        values = {"distribution": law, "unit": part.unit}
         if part.sample is not None:
             known = part.sample.statement(part.unit)
             assumptions.append(Assumption(f"part.{part.name}.measured", known, "", process))

@@ -189,6 +189,16 @@ def test_a_pin_floats_in_its_hole_unless_it_is_pressed_in(law: str, tmp_path: Pa
     agrees(problem_of(text, tmp_path), (y >= 19.99) & (y <= 20.012))
 
 
+def test_the_worst_case_has_the_whole_bonus(tmp_path: Path) -> None:
+    """The plate at its limit and the hole at its least material, out of place by half of 0.1 + 0.08 mm."""
+    text = (
+        requirement("plate - at", "method = 'worst_case'") + part("plate", 50.0, "tolerance = 0.03")
+        + part("hole", 12.0, "limits = '+0.06/-0.02'")
+        + feature("at", "position", "zone = 0.1\nof = 'hole'\nmaterial = 'mmc'\ninternal = true")
+    )  # fmt: skip
+    assert loosest(problem_of(text, tmp_path))["worst_case"] == pytest.approx(0.03 + 0.09, rel=1e-12)
+
+
 # ---------------------------------------------------------------- features that keep a formula linear
 
 
@@ -432,5 +442,5 @@ def test_features_that_do_not_act_are_faults(tmp_path: Path) -> None:
     (fault,) = faults(given + feature("at", "position", "zone = 0.1"), tmp_path)
     assert "acts by its name in a formula, and no requirement has one" in fault.message
     at = feature("at", "position", "zone = 0.1\nof = 'hole'\nmaterial = 'mmc'")
-    hidden = requirement("hole - pin + at_u") + parts + at
-    assert any('"at_u" is not a part' in fault.message for fault in faults(hidden, tmp_path))
+    hidden = requirement("hole - pin + at_x_in_zone") + parts + at
+    assert any('"at_x_in_zone" is not a part' in fault.message for fault in faults(hidden, tmp_path))
