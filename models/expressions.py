@@ -6,7 +6,7 @@ import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 from types import MappingProxyType
 from typing import Any
@@ -16,7 +16,16 @@ import numpy as np
 from ..errors import nearest
 from ..section import Array
 
-__all__ = ["CONSTANTS", "FUNCTIONS", "Formula", "FormulaError", "Intermediate", "Let", "domain_margin"]
+__all__ = [
+    "CONSTANTS",
+    "FUNCTIONS",
+    "Formula",
+    "FormulaError",
+    "Intermediate",
+    "Let",
+    "UnsettledError",
+    "domain_margin",
+]
 
 # The functions that a formula may call: value, slopes, and where they are not defined.
 
@@ -468,14 +477,33 @@ Slopes = dict[str, Array]
 """Partial derivatives by the name of a quantity."""
 
 
+class UnsettledError(ValueError):
+    """An intermediate quantity that has no value at the nominal sizes: its place, and why."""
+
+    def __init__(self, place: str, message: str) -> None:
+        self.place = place
+        super().__init__(message)
+
+
 class Intermediate(ABC):
     """Quantities between the parts and a formula, each with a name that formulas can use.
 
-    `place` is where it stands in the configuration. Its methods take all quantities that it depends
-    on, those that other intermediate quantities define included; arrays broadcast.
+    Its methods take all quantities that it depends
+    on, those that other intermediate quantities define included, and but for `values` also those that
+    it defines; arrays broadcast.
     """
 
-    place: str
+    inner: tuple[Intermediate, ...] = ()
+    """Quantities that it computes by itself, where they depend on those that it defines."""
+
+    @property
+    @abstractmethod
+    def place(self) -> str:
+        """Where it stands in the configuration."""
+
+    def settled(self, nominals: Mapping[str, Array], middle: Mapping[str, Array]) -> Intermediate:
+        """The same at known nominals and mid-limits. Raises UnsettledError where it has no value there."""
+        return self
 
     @property
     @abstractmethod
@@ -605,14 +633,29 @@ class Formula:
 
         Those by the names `by` alone where these are stated.
         """
+        value, slopes = self.dual(x, by)
+        return {name: np.broadcast_to(slope, value.shape) for name, slope in slopes.items()}
+
+    def dual(self, x: Mapping[str, Array], by: Container[str] | None = None) -> tuple[Array, Slopes]:
+        """The value, and the partial derivatives as `gradient` gives them; all of them broadcast."""
         inner: dict[str, Slopes] = {}
         with np.errstate(all="ignore"):
             for step in self.given:
-                inner |= {name: _chained(slopes, inner, by) for name, slopes in step.slopes(x).items()}
                 x = {**x, **step.values(x)}
+                inner |= {name: _chained(slopes, inner, by) for name, slopes in step.slopes(x).items()}
             value, slopes = _fold_tree(self.tree, lambda node, below: _dual(node, below, x, inner, by))
-            total = _chained(slopes, inner, by)
-        return {name: np.broadcast_to(slope, value.shape) for name, slope in total.items()}
+            return value, _chained(slopes, inner, by)
+
+    def settled(self, nominals: Mapping[str, Array], middle: Mapping[str, Array]) -> Formula:
+        """The same with intermediate quantities at known nominals and mid-limits.
+
+        Raises UnsettledError where one of them has no value there.
+        """
+        steps: list[Intermediate] = []
+        for step in self.given:
+            steps.append(step.settled(nominals, middle))
+            nominals, middle = ({**x, **steps[-1].values(x)} for x in (nominals, middle))
+        return replace(self, given=tuple(steps))
 
     def trouble(self, x: Mapping[str, Array]) -> str:
         """Where and why the formula has no value, empty where it has one everywhere.
@@ -622,9 +665,9 @@ class Formula:
         """
         with np.errstate(all="ignore"):
             for step in self.given:
+                x = {**x, **step.values(x)}
                 if why := step.trouble(x):
                     return f"{step.place}: {why}"
-                x = {**x, **step.values(x)}
             found: str = _fold_tree(self.tree, lambda node, below: _value_and_fault(node, below, x))[1]
             return found
 
@@ -742,8 +785,8 @@ def domain_margin(formula: Formula, x: Mapping[str, Array], middle: Mapping[str,
     margin = np.asarray(np.inf)
     with np.errstate(all="ignore"):
         for step in formula.given:
-            margin = np.fmin(margin, step.margin(x, middle))
             x, middle = {**x, **step.values(x)}, {**middle, **step.values(middle)}
+            margin = np.fmin(margin, step.margin(x, middle))
         own: Array = _fold_tree(formula.tree, lambda node, below: _least_margin(node, below, x, middle))[2]
     return np.asarray(np.fmin(margin, own))
 

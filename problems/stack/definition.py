@@ -10,7 +10,6 @@ import numpy as np
 
 from ...models.capability import Knowledge, PartSample
 from ...models.costs import CostCurve
-from ...models.expressions import Intermediate
 from ...models.inputs import Distribution, Normal
 from ...models.machine_offers import Offer
 from ...models.machines import GoodPartsBySpread, Machine
@@ -235,7 +234,7 @@ class Correlation:
 class Definition:
     """A stack that has been read and checked: a mechanism for each requirement, over all parts.
 
-    `intermediate` are the quantities that `[[let]]` states, in its order.
+    `intermediate` holds the tables `[[let]]` and `[[loop]]` as they are written.
     """
 
     requirements: tuple[Requirement, ...]
@@ -243,7 +242,7 @@ class Definition:
     mechanisms: tuple[Mechanism, ...]
     correlations: tuple[Correlation, ...] = ()
     promise: Promise | None = None
-    intermediate: tuple[Intermediate, ...] = ()
+    intermediate: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def requirement(self) -> Requirement:

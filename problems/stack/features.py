@@ -25,7 +25,7 @@ from ...models.stack.features import PLANE, Disc, component
 from ...section import POSITIVE, Range, Section
 from ...units import family
 from .definition import Part, Process, Requirement
-from .intermediate import read_name
+from .formulas import name_complaint
 from .parts import drawing_number, length_unit_of, read_process
 
 
@@ -118,10 +118,13 @@ def _read(
     section: Section, stated: Mapping[str, Any], owners: Mapping[str, Part | None], length_unit: str
 ) -> Part | None:
     """A feature as a part; None where it has a fault, or where one of its parts has."""
-    name, key = read_name(section), section.text("kind", KINDS)
+    name, key = section.text("name"), section.text("kind", KINDS)
     drawing, characteristic = (drawing_number(section, label) for label in ("drawing", "characteristic"))
-    if "kind" not in section:
-        section.fault("kind", f"is missing: one of {', '.join(KINDS)}")
+    if name is not None and (why := name_complaint(name)):
+        section.fault("name", why)
+    for needed, what in (("name", "formulas use the feature by its name"), ("kind", f"one of {', '.join(KINDS)}")):
+        if needed not in section:
+            section.fault(needed, f"is missing: {what}")
     if key is None:
         section.accept(section.all_keys())
         return None
@@ -182,8 +185,10 @@ def _named(section: Section, key: str, owners: Mapping[str, Part | None], count:
     names = section.names(key) if isinstance(section.take(key), list) else [section.text(key)]
     if names is None or None in names:
         return []
-    if len(names) != count:
-        section.fault(key, f"must name {count} part{'s, the hole first' if count > 1 else ''}, got {len(names)}")
+    if len(set(names)) != count:
+        section.fault(
+            key, f"must name {'two different parts, the hole first' if count > 1 else 'one part'}, got {len(names)}"
+        )
     pairs = []
     for name in filter(None, names):
         part = owners.get(name)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import Fault, nearest
-from ...models.expressions import CONSTANTS, FUNCTIONS, Formula, FormulaError, Intermediate
+from ...models.expressions import CONSTANTS, FUNCTIONS, Formula, FormulaError, Intermediate, UnsettledError
 from ...models.stack import Mechanism, box, least_margin
 from ...section import Array, Section
 from ...units import family, to_unit
@@ -179,6 +179,11 @@ def mechanism_with_formula(
     scales[used] = scale
     nominals = scales * np.array([part.nominal or 0.0 for part in parts])
     mids = nominals + scales * np.array([part.mean for part in parts])
+    try:
+        formula = formula.settled(*(dict(zip(bare.names, x[bare.owners], strict=True)) for x in (nominals, mids)))
+    except UnsettledError as error:
+        faults += [fault] if (fault := Fault(error.place, str(error))) not in faults else []
+        return None
     mechanism = replace(bare, formula=formula, mids=mids[bare.owners], scale=scales[bare.owners], gain=gain)
     if why := _undefined_reason(mechanism, nominals[bare.owners], parts):
         faults.append(Fault(place, why))

@@ -141,7 +141,7 @@ def read_definition(
     whole = [part for part in parts if part is not None]
     if top.take("part") is None or top.take("part") == []:
         faults.append(Fault("part", "is missing: a stack needs [[part]] tables"))
-    lets, steps = _intermediate(top, whole, len(whole) == len(parts), faults)
+    intermediate, steps = _intermediate(top, whole if len(whole) == len(parts) else None, faults)
     sizes = [part for part in whole if part.feature is None]
     correlations = _correlations(top, sizes, len(whole) == len(parts), faults)
     if requirements[0].key:
@@ -153,21 +153,20 @@ def read_definition(
     mechanisms = mechanisms_of(requirements, whole, correlations, steps, faults)
     if faults:
         return parts, requirements, None
-    definition = Definition(requirements, tuple(whole), mechanisms, correlations, promise, lets)
+    definition = Definition(requirements, tuple(whole), mechanisms, correlations, promise, intermediate)
     return parts, requirements, definition
 
 
 def _intermediate(
-    top: Section, parts: list[Part], complete: bool, faults: list[Fault]
-) -> tuple[tuple[Intermediate, ...], tuple[Intermediate, ...]]:
-    """The quantities that `[[let]]` states, in its order and each after those that it depends on."""
-    top.accept(("let",))
-    if "let" not in top:
-        return (), ()
-    from .intermediate import arranged, read_lets  # few stacks have any
+    top: Section, parts: list[Part] | None, faults: list[Fault]
+) -> tuple[dict[str, Any], tuple[Intermediate, ...]]:
+    """`[[let]]` and `[[loop]]` as they are written, and the quantities that they state."""
+    top.accept(("let", "loop"))
+    if "let" not in top and "loop" not in top:
+        return {}, ()
+    from .intermediate import read_intermediate  # few stacks have any
 
-    lets = read_lets(top, faults)
-    return lets, arranged(lets, parts, faults) if complete and len(lets) == len(top.tables("let")) else ()
+    return read_intermediate(top, parts, faults)
 
 
 def _correlations(top: Section, parts: list[Part], complete: bool, faults: list[Fault]) -> tuple[Correlation, ...]:
@@ -238,11 +237,8 @@ def tables_of(definition: Definition) -> dict[str, Any]:
     tables: dict[str, Any] = {
         "requirement": requirements if definition.requirement.key else requirements[0],
         "part": [_part(part) for part in definition.parts if part.feature is None],
+        **definition.intermediate,
     }
-    if definition.intermediate:
-        from .intermediate import intermediate_tables
-
-        tables |= intermediate_tables(definition.intermediate)
     if features := [dict(part.feature.stated) for part in definition.parts if part.feature is not None]:
         tables["feature"] = features
     if definition.correlations:

@@ -407,11 +407,11 @@ FAULTS = [
     ("feature[7].distribution", "must be one of uniform, normal"),
     ("feature[7].cp", "is the capability of a normal place"),
     ("feature[8].kind", "must be one of position, datum_shift, float, perpendicularity, runout, profile"),
-    ("feature[9].name", "is missing: formulas use the quantity by its name"),
+    ("feature[9].name", "is missing: formulas use the feature by its name"),
     ("feature[9].unit", 'must be a length: write "mm", "um", ...; got "deg"'),
     ("feature[10].size", "is missing: name the part whose size gives the bonus at MMC"),
     ("feature[10].length", "is not a known key"),
-    ("feature[11].of", "must name 2 parts, the hole first, got 1"),
+    ("feature[11].of", "must name two different parts, the hole first, got 1"),
     ("feature[11].zone", "does not apply to float"),
 ]
 
