@@ -28,29 +28,34 @@ from .definition import Part, Process, Requirement
 from .formulas import name_complaint
 from .parts import drawing_number, length_unit_of, read_process
 
+ZONE, SIZE, LEVER = ("zone", "t_min", "t_max", "cost"), ("material", "size", "internal"), ("height", "arm")
+RFS = ("rfs", "mmc", "lmc")
+"""Regardless of feature size, maximum and least material condition."""
+
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """What a feature of a kind may state: its laws, the first by default, whether its zone grows with
-    the size of a part (`material`), its symbol of ISO 1101, and the keys that it needs.
+    """What a feature of a kind takes: keys of the groups above, those that it needs, its laws and material
+    conditions, the first by default, and its symbol of ISO 1101.
     """
 
-    laws: tuple[str, ...] = (*PLANE, "uniform")
-    material: bool = False
-    symbol: str = ""
+    takes: tuple[str, ...] = ZONE
     needs: tuple[str, ...] = ("zone",)
+    laws: tuple[str, ...] = (*PLANE, "uniform")
+    materials: tuple[str, ...] = RFS[:1]
+    symbol: str = ""
 
 
 KINDS: Mapping[str, Kind] = {
-    "position": Kind(material=True, symbol="position"),
-    "datum_shift": Kind(material=True, needs=()),
-    "float": Kind((*PLANE, "uniform", "pushed"), needs=("of",)),
-    "perpendicularity": Kind(material=True, symbol="perpendicularity", needs=("zone", "height", "arm")),
-    "runout": Kind(PLANE, symbol="circular_runout"),
-    "profile": Kind(("uniform", "normal"), symbol="surface_profile"),
+    "position": Kind(ZONE + SIZE, materials=RFS, symbol="position"),
+    "datum_shift": Kind(("zone", *SIZE), (), materials=RFS[1:]),
+    "float": Kind((), ("of",), (*PLANE, "uniform", "pushed")),
+    "perpendicularity": Kind(ZONE + SIZE + LEVER, ("zone", *LEVER), materials=RFS, symbol="perpendicularity"),
+    "runout": Kind(laws=PLANE, symbol="circular_runout"),
+    "profile": Kind(laws=("uniform", "normal"), symbol="surface_profile"),
 }
-MATERIALS = ("rfs", "mmc", "lmc")
-"""Regardless of feature size, maximum and least material condition."""
+Named = list[tuple[str, Part | None]]
+"""Pieces, each with its part, None where the part has a fault of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +67,6 @@ class Feature:
     `stated` is its table, and `place` where it stands in the configuration.
     """
 
-    kind: str
     law: str
     names: tuple[str, ...]
     pieces: tuple[str, ...]
@@ -129,8 +133,11 @@ def _read(
         section.accept(section.all_keys())
         return None
     kind = KINDS[key]
-    for needed in kind.needs:
-        if needed not in section and not (needed == "zone" and "t_min" in section):
+    for other in (other for other in ZONE + SIZE + LEVER if other in section and other not in kind.takes):
+        section.take(other)
+        section.fault(other, f"does not apply to {key}")
+    for needed in (needed for needed in kind.needs if needed not in section):
+        if needed != "zone" or "t_min" not in section:
             section.fault(needed, f"is missing: {key} needs {' and '.join(kind.needs)}")
     law = section.text("distribution", kind.laws) or kind.laws[0]
     cp = section.number("cp", within=POSITIVE)
@@ -139,166 +146,122 @@ def _read(
     of = _named(section, "of", owners, 2 if key == "float" else 1)
     size = _named(section, "size", owners, 1) or of[:1]
     unit = section.text("unit") or next((part.unit for _, part in size if part is not None), "") or length_unit
-    if _kind_of(unit) != "meter":
+    if not _is_length(unit):
         section.fault("unit", f'must be a length: write "mm", "um", ...; got "{unit}"')
         unit = "mm"
-    material = _material(section, key)
-    process = _zone(section, key, unit, material)
-    bonus = _bonus(section, size, unit, material) if material != "rfs" else None
-    lever = _lever(section, unit) if key == "perpendicularity" else 1.0
-    ready = None not in (name, process, lever) and (material == "rfs") == (bonus is None)
-    if section.faults or not ready or any(part is None for _, part in (*of, *size)):
+    material = (section.text("material", kind.materials) if "material" in kind.takes else None) or kind.materials[0]
+    process, lengths = _zone(section, kind, unit, material), tuple[float, ...]()
+    text = _clearance(section, of) if key == "float" else "{0}"
+    if material != "rfs":
+        text, lengths = _widened(section, size, unit, material, process)
+    if "arm" in kind.takes:  # an axis leans by the whole zone over the height
+        height, arm = (section.number(end, unit, POSITIVE) or 1.0 for end in LEVER)
+        text = f"{2.0 * arm / height!r}*{text}"
+    if section.faults or name is None or process is None or any(part is None for _, part in (*of, *size)):
         return None
-    assert name is not None and process is not None and lever is not None
-    if key == "float":
-        text, lengths = _clearance(*of, pushed=law == "pushed"), ()
-    else:
-        text, lengths = _scaled_place(bonus, process.high, lever)
     names, pieces, quantities = _quantities(name, law, text, law in PLANE and key != "profile")
-    assumed = {"distribution": f"{law.replace('_', ' ')}; the configuration names none"}
-    t = 0.0 if law == "pushed" else 1.0  # a place in a clearance is in units of it
+    half = process.high > 0.0  # else the place is in units of half the clearance or bonus
     return Part(
         name=name,
-        unit=unit if process.high > 0.0 else "",
-        processes=(process if process.high > 0.0 else Process(t, t),),
+        unit=unit if half else "",
+        processes=(process if half else Process(float(bool(pieces)), float(bool(pieces))),),
         distribution=component(law, 1.0 if cp is None else cp),
         fixed=process.low == process.high,
-        assumed={} if "distribution" in section else assumed,
+        assumed={} if "distribution" in section else {"distribution": "the configuration names none"},
         drawing=drawing,
         characteristic=characteristic,
         geometry=kind.symbol,
-        feature=Feature(key, law, names, pieces, quantities, stated, section.place(), unit, lengths),
+        feature=Feature(law, names, pieces, quantities, stated, section.place(), unit, lengths),
     )
 
 
-def _kind_of(unit: str) -> str:
+def _is_length(unit: str) -> bool:
     try:
-        return family(unit)[0]
+        return family(unit)[0] == "meter"
     except ValueError:
-        return "an unknown unit"
+        return False
 
 
-def _named(section: Section, key: str, owners: Mapping[str, Part | None], count: int) -> list[tuple[str, Part | None]]:
-    """The pieces that a key names, each with its part, None for a part with a fault of its own."""
-    if key not in section:
-        return []
-    names = section.names(key) if isinstance(section.take(key), list) else [section.text(key)]
-    if names is None or None in names:
+def _named(section: Section, key: str, owners: Mapping[str, Part | None], count: int) -> Named:
+    """The pieces that a key names, none after a fault."""
+    value = section.take(key)
+    names = section.names(key) if isinstance(value, list) else [section.text(key)]
+    if names is None or value is None:
         return []
     if len(set(names)) != count:
-        section.fault(
-            key, f"must name {'two different parts, the hole first' if count > 1 else 'one part'}, got {len(names)}"
-        )
-    pairs = []
+        what = "two different parts, the hole first" if count > 1 else "one part"
+        section.fault(key, f"must name {what}, got {len(names)}")
+    before = len(section.faults)
     for name in filter(None, names):
         part = owners.get(name)
         if name not in owners:
             section.fault(key, f'"{name}" is not a part{nearest(name, owners)}')
         elif part is not None and part.count > 1 and name == part.name:
             section.fault(key, f"{name} is built in {part.count} times: name {part.pieces[0]}, ...")
-        elif part is not None and (part.nominal is None or _kind_of(part.unit) != "meter"):
+        elif part is not None and (part.nominal is None or not _is_length(part.unit)):
             section.fault(key, f"{name} has no size: give it a nominal in a unit of length")
-        pairs.append((name, part))
-    return pairs if len(pairs) == count else []
+    whole = len(set(names)) == count and len(section.faults) == before
+    return [(name, owners[name]) for name in names if name] if whole else []
 
 
-def _material(section: Section, key: str) -> str:
-    """The condition at which the zone applies."""
-    default = "mmc" if key == "datum_shift" else "rfs"
-    if KINDS[key].material:
-        material = section.text("material", MATERIALS[key == "datum_shift" :]) or default
-    else:
-        material = default
-        for unused in ("material", "size", "internal"):
-            if unused in section:
-                section.take(unused)
-                section.fault(unused, f"does not apply to {key}: its zone does not grow with the size of a part")
-    return material
-
-
-def _zone(section: Section, key: str, unit: str, material: str) -> Process | None:
+def _zone(section: Section, kind: Kind, unit: str, material: str) -> Process | None:
     """Half of the zone, fixed or searched; 0 where a feature has none."""
-    searched = [name for name in ("t_min", "t_max", "cost") if name in section]
-    if key == "float":
-        for name in ("zone", *searched):
-            if name in section:
-                section.take(name)
-                section.fault(name, "does not apply to float: the place is within the clearance of two parts")
-        return Process(0.0, 0.0)
-    if searched and "zone" in section:
-        section.accept(searched)
-        section.fault("zone", f"is stated in addition to {', '.join(searched)}: keep only one of the two")
-        return None
-    if searched and material != "rfs":
-        section.accept(searched)
-        section.fault(searched[0], f'is not possible with material = "{material}": state a fixed zone')
+    searched = [key for key in ("t_min", "t_max", "cost") if key in section and key in kind.takes]
+    if searched and ("zone" in section or material != "rfs"):
+        section.accept(("zone", *searched))
+        other = "zone" if "zone" in section else f'material = "{material}"'
+        section.fault(searched[0], f"is not possible together with {other}: leave one of the two out")
         return None
     if searched:
         return read_process(section, unit)
-    zone = section.number("zone", unit, POSITIVE if material == "rfs" else Range(low=0.0))
-    if zone is None and (key != "datum_shift" or "zone" in section):
-        return None
-    return Process(0.5 * (zone or 0.0), 0.5 * (zone or 0.0))
+    zone = section.number("zone", unit, POSITIVE if material == "rfs" else Range(low=0.0)) if kind.takes else 0.0
+    return None if zone is None and "zone" in section else Process(0.5 * (zone or 0.0), 0.5 * (zone or 0.0))
 
 
-def _bonus(
-    section: Section, size: Sequence[tuple[str, Part | None]], unit: str, material: str
-) -> tuple[str, str, float] | None:
-    """Sign, piece and limit [unit] of the size whose departure from the limit widens the zone."""
+def _limits(part: Part) -> tuple[float, float]:
+    """Least and largest size [m] within the (loosest) limits of a part."""
+    middle, factor = (part.nominal or 0.0) + part.mid, family(part.unit)[1]
+    return (middle - part.high) * factor, (middle + part.high) * factor
+
+
+# Formulas of a place: {0} is the component z of it times half the zone, or z alone without a zone.
+
+
+def _widened(
+    section: Section, size: Named, unit: str, material: str, process: Process | None
+) -> tuple[str, tuple[float, ...]]:
+    """The component in a zone that grows with the departure of a size from a limit, and its lengths."""
     internal = section.flag("internal")
-    if not size:
-        if not {"size", "of"} & set(section.all_keys()):
-            section.fault("size", f"is missing: name the part whose size gives the bonus at {material.upper()}")
-        return None
-    ((name, part),) = size
-    if part is None or part.nominal is None or _kind_of(part.unit) != "meter":
-        return None
-    place = "size" if "size" in section else "of"
-    if not part.fixed:
-        text = f"{name} has no fixed limits, so that its {material.upper()} size is not known: state its tolerance, "
-        section.fault(place, f"{text}limits, grade or fit")
-        return None
-    if internal is None and isinstance(fit := part.stated.get("fit"), str):
-        internal = str(Fit.of_text(fit)).isupper()
-    if internal is None:
-        if "internal" not in section:
+    if not {"size", "of"} & set(section.all_keys()):
+        section.fault("size", f"is missing: name the part whose size gives the bonus at {material.upper()}")
+    for name, part in size:
+        if part is None:
+            continue
+        if not part.fixed:
+            text = (
+                f"{name} has no fixed limits, so that its {material.upper()} size is not known: state its tolerance, "
+            )
+            section.fault("size" if "size" in section else "of", f"{text}limits, grade or fit")
+        if internal is None and isinstance(fit := part.stated.get("fit"), str):
+            internal = str(Fit.of_text(fit)).isupper()
+        if internal is None and "internal" not in section:
             section.fault("internal", f"is missing: state true if {name} is a hole or a slot, false if it is a pin")
-        return None
-    smallest = internal == (material == "mmc")
-    limit = part.nominal + part.mid + (-part.high if smallest else part.high)
-    return "+" if smallest else "-", name, limit * family(part.unit)[1] / family(unit)[1]
+        least = internal == (material == "mmc")
+        limit, half = _limits(part)[not least] / family(unit)[1], 0.0 if process is None else process.high
+        departure = f"({name} - {{1}})" if least else f"({{1}} - {name})"
+        return (f"{{0}}*(1 + {departure}/(2*{{2}}))" if half else f"{{0}}*{departure}/2"), (limit, half)
+    return "", ()
 
 
-def _lever(section: Section, unit: str) -> float | None:
-    """Displacement at the arm in halves of the zone: an axis leans by the zone over the height."""
-    height, arm = (section.number(key, unit, POSITIVE) for key in ("height", "arm"))
-    return None if height is None or arm is None else 2.0 * arm / height
-
-
-# The formulas of a place: {0} is the component z of it times half the zone, or z alone without a zone.
-
-
-def _scaled_place(bonus: tuple[str, str, float] | None, half: float, lever: float) -> tuple[str, tuple[float, ...]]:
-    """The formula of a component, and its lengths."""
-    text = "{0}" if lever == 1.0 else f"{lever!r}*{{0}}"
-    if bonus is None:
-        return text, ()
-    sign, name, limit = bonus
-    departure = f"({name} - {{1}})" if sign == "+" else f"({{1}} - {name})"
-    if half > 0.0:
-        return f"{text}*(1 + {departure}/(2*{{2}}))", (limit, half)
-    return f"{text}*{departure}/2", (limit,)
-
-
-def _clearance(hole: tuple[str, Part | None], pin: tuple[str, Part | None], pushed: bool) -> str:
-    """The formula of a component within half the clearance, which is none where there is interference."""
-    ends = []
-    for (_, part), side in ((hole, -1.0), (pin, 1.0)):
-        assert part is not None and part.nominal is not None
-        ends.append((part.nominal + part.mid + side * part.high) * family(part.unit)[1])
-    room = f"{hole[0]} - {pin[0]}"
-    room = f"({room})" if ends[0] >= ends[1] else f"max(0, {room})"
-    return f"{room}/2" if pushed else f"{{0}}*{room}/2"
+def _clearance(section: Section, of: Named) -> str:
+    """The component within half the clearance of two parts, which is none where there is interference."""
+    if len(parts := [part for _, part in of if part is not None]) < 2:
+        return ""
+    (least, largest), (thinnest, thickest) = (_limits(part) for part in parts)
+    if largest <= thinnest:
+        section.fault("of", f"{of[0][0]} is never larger than {of[1][0]}: name the hole first")
+    room = f"{of[0][0]} - {of[1][0]}"
+    return f"{{0}}*({room})/2" if least >= thickest else f"{{0}}*max(0, {room})/2"
 
 
 def _quantities(name: str, law: str, text: str, plane: bool) -> tuple[tuple[str, ...], tuple[str, ...], dict[str, str]]:
@@ -310,6 +273,11 @@ def _quantities(name: str, law: str, text: str, plane: bool) -> tuple[tuple[str,
     alias = {name: components[0]} if plane else {}
     if text == "{0}":
         return names, components, alias
-    pieces = tuple(f"{component}_in_zone" for component in components) if law != "pushed" else ()
-    texts = [text.replace("{0}", piece) for piece in pieces or ("",)]
-    return names, pieces, dict(zip(components, texts, strict=True)) | alias
+    if law == "pushed":
+        return names, (), {name: text.replace("{0}*", "")}
+    pieces = tuple(f"{component}_in_zone" for component in components)
+    return (
+        names,
+        pieces,
+        {own: text.replace("{0}", piece) for own, piece in zip(components, pieces, strict=True)} | alias,
+    )

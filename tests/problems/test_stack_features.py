@@ -389,6 +389,15 @@ name = "k"
 kind = "float"
 of = ["screw_1"]
 zone = 0.1
+[[feature]]
+name = "l"
+kind = "float"
+of = ["screw_1", "plate"]
+[[feature]]
+name = "m"
+kind = "runout"
+zone = 0.1
+t_min = 0.1
 """
 FAULTS = [
     ("feature[0].zone", "must be above 0, got 0 (feature a)"),
@@ -402,7 +411,7 @@ FAULTS = [
     ("feature[4].of", "plate has no fixed limits, so that its MMC size is not known"),
     ("feature[5].height", "must be above 0, got 0"),
     ("feature[5].arm", "is missing: perpendicularity needs zone and height and arm"),
-    ("feature[6].t_min", 'is not possible with material = "lmc": state a fixed zone'),
+    ("feature[6].t_min", 'is not possible together with material = "lmc"'),
     ("feature[6].internal", "is missing: state true if screw_1 is a hole or a slot, false if it is a pin"),
     ("feature[7].distribution", "must be one of uniform, normal"),
     ("feature[7].cp", "is the capability of a normal place"),
@@ -413,6 +422,8 @@ FAULTS = [
     ("feature[10].length", "is not a known key"),
     ("feature[11].of", "must name two different parts, the hole first, got 1"),
     ("feature[11].zone", "does not apply to float"),
+    ("feature[12].of", "screw_1 is never larger than plate: name the hole first"),
+    ("feature[13].t_min", "is not possible together with zone: leave one of the two out"),
 ]
 
 
