@@ -271,19 +271,17 @@ def _name_faults(
     if requirement.key and not formula.names:
         faults.append(Fault(place, "has no parts: a requirement depends on at least one part"))
     for at, part in enumerate(parts if not requirement.key else ()):
-        unused = [piece for piece in part.pieces if piece not in formula.names]
-        if part.feature is not None:
-            unused = [] if _acts_in(part.feature, formula) else [part.name]
-        if unused and part.name not in formula.names:
+        unused = [piece for piece in part.pieces or (part.name,) if piece not in formula.names]
+        if unused and part.name not in formula.names and not _acts_in(part.feature, formula):
             text = f"{', '.join(unused)} does not appear in the formula: the requirement does not depend on it"
             faults.append(Fault(f"{place_of(parts, at)}.name", f"{text} ({part.label})"))
     return faults
 
 
-def _acts_in(feature: Feature, formula: Formula) -> bool:
-    """Whether a formula depends on a feature, by a piece or a quantity of it."""
-    given = {name for step in formula.given for name in step.names}
-    return not given.isdisjoint(feature.names) or not formula.names.keys().isdisjoint(feature.pieces)
+def _acts_in(feature: Feature | None, formula: Formula) -> bool:
+    """Whether there is a feature and a formula depends on it, by a piece or a quantity of it."""
+    used = {*formula.names, *(name for step in formula.given for name in step.names)}
+    return feature is not None and not used.isdisjoint((*feature.names, *feature.pieces))
 
 
 def _units(requirement: Requirement, parts: Sequence[Part]) -> tuple[float, Array]:
@@ -397,14 +395,11 @@ def mechanisms_of(
         acting = np.any([mechanism.acting for mechanism in mechanisms], axis=0)
         owners = mechanisms[0].owners
         formulas = [mechanism.formula for mechanism in mechanisms if mechanism.formula is not None]
-        faults += unused_part_faults(
-            parts,
-            [
-                bool(np.any(acting[owners == at]))
-                or (not part.pieces and any(_acts_in(part.feature, formula) for formula in formulas if part.feature))
-                for at, part in enumerate(parts)
-            ],
-        )
+        used_parts = [
+            bool(np.any(acting[owners == at])) or any(_acts_in(part.feature, formula) for formula in formulas)
+            for at, part in enumerate(parts)
+        ]
+        faults += unused_part_faults(parts, used_parts)
     return mechanisms
 
 
