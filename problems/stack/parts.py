@@ -512,7 +512,9 @@ def _read(section: Section, length_unit: str, requirements: Sequence[Requirement
         assumed=assumed | zone.assumed,
         machines=zone.machines,
         sample=sample,
-        **labels,
+        geometry=labels["geometry"],
+        drawing=labels["drawing"],
+        characteristic=labels["characteristic"],
     )
 
 

@@ -29,7 +29,7 @@ T = np.array([[0.2, 0.1]])
 
 def mechanism(law: str, slopes: tuple[float, float, float], formula: str = "", **more: Any) -> Mechanism:
     """y = slopes (x, y, plate), or a formula of them about 0."""
-    written = {"formula": Formula(formula), "mids": np.zeros(3), "scale": np.ones(3)} if formula else {}
+    written: dict[str, Any] = {"formula": Formula(formula), "mids": np.zeros(3), "scale": np.ones(3)} if formula else {}
     inputs = component(law), Normal()
     return Mechanism(
         ("x", "y", "plate"), (0, 0, 1), inputs, np.array(slopes), 0.0, discs=(Disc((0, 1), law),), **written, **more

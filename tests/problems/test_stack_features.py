@@ -184,8 +184,8 @@ def test_a_pin_floats_in_its_hole_unless_it_is_pressed_in(law: str, tmp_path: Pa
     rng = np.random.default_rng(9)
     plate = 20.0 + rng.normal(0.0, 0.004, UNITS)
     room = 10.0075 + rng.normal(0.0, 0.0025, UNITS) - (10.0025 + rng.normal(0.0, 0.0025, UNITS))
-    place = {"uniform_disc": disc(rng)[0], "uniform": rng.uniform(-1.0, 1.0, UNITS), "pushed": 1.0}[law]
-    y = plate + np.maximum(room, 0.0) / 2.0 * place
+    places = {"uniform_disc": disc(rng)[0], "uniform": rng.uniform(-1.0, 1.0, UNITS), "pushed": np.ones(UNITS)}
+    y = plate + np.maximum(room, 0.0) / 2.0 * places[law]
     agrees(problem_of(text, tmp_path), (y >= 19.99) & (y <= 20.012))
 
 
