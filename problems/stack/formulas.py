@@ -284,7 +284,7 @@ def _undefined_reason(mechanism: Mechanism, nominals: Array, parts: Sequence[Par
     if why := formula.trouble(at_nominals):
         return f"at the nominal values, {why}"
     tightest = np.array([part.low for part in parts])
-    if why := formula.trouble(_points_within(mechanism, tightest)):
+    if not formula.assembles and (why := formula.trouble(_points_within(mechanism, tightest))):
         remedy = "tighten the ranges or correct the formula"
         return f"even within the tightest tolerances, {why}; {remedy}"
     return ""

@@ -155,10 +155,9 @@ def _domain(measured: Measured) -> str:
     name = measured.name("domain_margin")
     designs = f"designs that do are infeasible ({name} below 0)"
     if not measured.bound_to_domain:
-        designs = (
-            f"{name} is below 0 for designs that do, and limits.{name} = 0 refuses them "
-            f"({measured.requirement.method} knows the formula by its slopes alone)"
-        )
+        designs = f"{name} is below 0 for designs that do, and limits.{name} = 0 refuses them"
+        if not measured.assembles:
+            designs += f" ({measured.requirement.method} knows the formula by its slopes alone)"
     return (
         f"{measured.requirement.place}.formula leaves its domain within the widest tolerances: "
         f"{measured.mechanism.undefined}; {designs}; units that do are non-conforming"

@@ -92,9 +92,15 @@ class Measured:
     def bound_to_domain(self) -> bool:
         """Whether designs must stay in the domain: where the variation is the formula's own.
 
-        The other methods know the formula by its slopes at the mid-limits alone.
+        The other methods know the formula by its slopes at the mid-limits alone. Units that cannot be
+        assembled only do not conform.
         """
-        return self.partial and (self.rough or self.requirement.method == "monte_carlo")
+        return self.partial and not self.assembles and (self.rough or self.requirement.method == "monte_carlo")
+
+    @property
+    def assembles(self) -> bool:
+        """Whether a unit for which its formula has no value is one that cannot be assembled."""
+        return self.mechanism.formula is not None and self.mechanism.formula.assembles
 
     def name(self, output: str) -> str:
         """The name of one of its outputs."""
