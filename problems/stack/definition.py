@@ -20,8 +20,6 @@ from ..settings import Promise
 
 METHODS = ("worst_case", "rss", "shifted_rss", "monte_carlo")
 """What `variation` can be."""
-FIRST_ORDER = ("rss", "shifted_rss")
-"""Methods that know a formula by its slopes at the mid-limits alone."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from ...models.expressions import CONSTANTS, FUNCTIONS, Formula, FormulaError, I
 from ...models.stack import Mechanism, box, least_margin
 from ...section import Array, Section
 from ...units import family, to_unit
-from .definition import FIRST_ORDER, Correlation, Part, Requirement, base_units
+from .definition import Correlation, Part, Requirement, base_units
 
 
 def read_sensitivities(section: Section, unit: str | None, requirements: Sequence[Requirement]) -> dict[str, float]:
@@ -184,7 +184,7 @@ def mechanism_with_formula(
         faults.append(Fault(place, why))
         return None
     mechanism, without_effect = _linearise_mechanism(mechanism, np.array([part.high for part in parts])[bare.owners])
-    faults += _slope_faults(mechanism, without_effect, parts, requirement)
+    faults += _effect_faults(mechanism, without_effect, parts, requirement)
     faults += _nominal_faults(requirement, gain * _evaluate_at_point(formula, mechanism, nominals[bare.owners]))
     loosest = np.array([[part.high for part in parts]])
     return replace(mechanism, undefined=_domain_violation(mechanism, loosest[0], least_margin(mechanism, loosest)[0]))
@@ -307,12 +307,12 @@ def _domain_violation(mechanism: Mechanism, loosest: Array, margin: float) -> st
     return why or ("some function leaves its domain" if margin < 0.0 else "")
 
 
-def _slope_faults(
+def _effect_faults(
     mechanism: Mechanism, without_effect: Sequence[str], parts: Sequence[Part], requirement: Requirement
 ) -> list[Fault]:
-    """Pieces without effect on the requirement, and methods that do not know the effect of some."""
+    """Pieces without effect on the requirement."""
     owner = dict(zip(mechanism.names, mechanism.owner, strict=True))
-    faults = [
+    return [
         Fault(
             f"{requirement.place}.formula" if requirement.key else f"part[{owner[name]}].name",
             f"the requirement does not depend on {name} anywhere within the tolerances: leave it out "
@@ -320,14 +320,6 @@ def _slope_faults(
         )
         for name in without_effect
     ]
-    if mechanism.rough and requirement.method in FIRST_ORDER:
-        text = (
-            f"{requirement.method} knows the formula by its slopes at the mid-limits alone, and there it has no slope "
-            f"(0, not defined, or another one on each side) by {', '.join(mechanism.rough)}: a first-order standard "
-            'deviation cannot be given; state method = "monte_carlo" (units are drawn) or "worst_case" (by corners)'
-        )
-        faults.append(Fault(f"{requirement.place}.method", text))
-    return faults
 
 
 def _nominal_faults(requirement: Requirement, computed: float) -> list[Fault]:
