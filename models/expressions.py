@@ -493,6 +493,8 @@ class Intermediate(ABC):
     it defines; arrays broadcast.
     """
 
+    assembles: bool = False
+    """Whether a unit without a value of it is one that cannot be assembled, as designs may have some."""
     inner: tuple[Intermediate, ...] = ()
     """Quantities that it computes by itself, where they depend on those that it defines."""
 
@@ -591,6 +593,11 @@ class Formula:
         """Whether it calls a function that has a kink."""
         calls = (node.function for node in self.tree.nodes() if isinstance(node, Call))
         return any(function in KINKED for function in calls) or any(step.kinked for step in self.given)
+
+    @property
+    def assembles(self) -> bool:
+        """Whether units without a value are units that cannot be assembled."""
+        return any(step.assembles for step in self.given)
 
     @property
     def linear(self) -> bool:

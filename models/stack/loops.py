@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from ...section import Array
 from ..expressions import Formula, Intermediate, Slopes, UnsettledError, domain_margin
 
-ITERATIONS = 12
+ITERATIONS = 8
 """Newton steps from a predicted start; two to four are usual."""
 CLOSED = 1e-9
 """Gap of a closed loop before its last Newton step, as a fraction of its links: that step, by
 quadratic convergence, leaves rounding alone."""
-STAGES = 16
+STAGES = 8
 """Stages from the mid-limits to a unit that Newton does not reach in one."""
-HALVINGS = 30
+HALVINGS = 20
 """Bisections for how far from the mid-limits a loop can be closed."""
 SINGULAR = 1e-5
 """Least singular value of the closure, per unit of each unknown's effect, from which the unknowns
@@ -41,6 +41,8 @@ class Loops(Intermediate):
     Reference: Chase, Gao & Magleby (1995), General 2-D tolerance analysis of mechanical assemblies
     with small kinematic adjustments, J. Design and Manufacturing 5(4), 263-274 (the linear model).
     """
+
+    assembles = True
 
     unknowns: tuple[str, ...]
     start: tuple[float, ...]
@@ -105,12 +107,23 @@ class Loops(Intermediate):
         u, closed = self._newton(x, self._predicted(x, n))
         if len(rest := np.flatnonzero(~closed)):
             away = {name: value[rest] for name, value in x.items()}
-            w = np.repeat(self.at_middle[:, None], len(rest), axis=1)
-            for fraction in np.linspace(0.0, 1.0, STAGES + 1)[1:]:
-                w, reached = self._newton(self._between(away, fraction), w)
-                w[:, ~reached] = np.nan
-            u[:, rest] = w
+            last, reached = self._followed(away)
+            u[:, rest] = np.where(reached == 1.0, last, np.nan)
         return u
+
+    def _followed(self, x: Mapping[str, Array]) -> tuple[Array, Array]:
+        """The fraction (n,) of the way from the mid-limits up to which the loops stay closed, in
+        stages, and the unknowns (m, n) there.
+        """
+        n = len(next(iter(x.values())))
+        last, reached = np.repeat(self.at_middle[:, None], n, axis=1), np.zeros(n)
+        rows = np.arange(n)
+        for fraction in np.linspace(0.0, 1.0, STAGES + 1)[1:]:
+            ahead = self._between({name: value[rows] for name, value in x.items()}, fraction)
+            u, closed = self._newton(ahead, last[:, rows])
+            rows = rows[closed]
+            last[:, rows], reached[rows] = u[:, closed], fraction
+        return last, reached
 
     def _between(self, x: Mapping[str, Array], fraction: Array | float) -> dict[str, Array]:
         """Inputs at a fraction of the way from the mid-limits."""
@@ -249,13 +262,16 @@ class Loops(Intermediate):
         flat, shape = self._flat(x)
         u = np.array([np.broadcast_to(x[name], shape).ravel() for name in self.unknowns])
         closed = np.all(np.isfinite(u), axis=0)
-        margin = (np.linalg.det(self._closure(flat, u, self.unknowns)[1]) / self._determinant) ** 2
+        with np.errstate(invalid="ignore"):
+            margin = (np.linalg.det(self._closure(flat, u, self.unknowns)[1]) / self._determinant) ** 2
         if len(rest := np.flatnonzero(~closed)):
             away = {name: value[rest] for name, value in flat.items()}
-            low, high = np.zeros(len(rest)), np.ones(len(rest))
+            last, low = self._followed(away)
+            high = low + 1.0 / STAGES
             for _ in range(HALVINGS):
                 half = 0.5 * (low + high)
-                reached = np.all(np.isfinite(self._solved(self._between(away, half))), axis=0)
+                ahead, reached = self._newton(self._between(away, half), last)
+                last = np.where(reached, ahead, last)
                 low, high = np.where(reached, half, low), np.where(reached, high, half)
             margin[rest] = low - 1.0
         own = margin.reshape(shape)

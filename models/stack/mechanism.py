@@ -62,6 +62,11 @@ def interpolate_designs(low: Tolerances, high: Tolerances, fraction: Array) -> T
     return AsMade(limit, spread, low.mean + fraction * (high.mean - low.mean))
 
 
+def scaled(t: Tolerances, factor: Array) -> Tolerances:
+    """The same designs with the scatter of each part times a factor (p,)."""
+    return replace(t, spread=t.spread * factor) if isinstance(t, AsMade) else t * factor
+
+
 def limit_of(t: Tolerances) -> Array:
     """Deviation that the drawing allows (n, p)."""
     return t.limit if isinstance(t, AsMade) else t
@@ -316,14 +321,14 @@ class Linear:
 
     def variance_shares(self, t: Tolerances) -> Array:
         """Fraction of each part in the variance (n, p); a negative fraction compensates others."""
-        return _fractions(spread_of(t) * (spread_of(t) @ self.covariance))
+        return fractions(spread_of(t) * (spread_of(t) @ self.covariance))
 
     def worst_shares(self, t: Tolerances) -> Array:
         """Fraction of each part in the worst case (n, p)."""
-        return _fractions(limit_of(t) * self.worst)
+        return fractions(limit_of(t) * self.worst)
 
 
-def _fractions(contributions: Array) -> Array:
+def fractions(contributions: Array) -> Array:
     """Fractions (n, p) that add up to 1, or are 0 where the total is 0."""
     total: Array = contributions.sum(axis=1)[:, None]
     return np.divide(contributions, total, out=np.zeros_like(contributions), where=total > 0.0)
@@ -580,6 +585,15 @@ def joint_yield_percent(mechanisms: Sequence[Mechanism], t: Tolerances, sample: 
         yields[rows] = conforming.mean(axis=1)
         error[rows] = np.maximum(conforming.std(axis=1, ddof=1) / np.sqrt(conforming.shape[1]), least)
     return 100.0 * yields, 100.0 * error
+
+
+def mean_and_deviation(mechanism: Mechanism, t: Tolerances, sample: Sample) -> tuple[Array, Array]:
+    """Mean and standard deviation of y (n,), of the units for which it has a value; NaN where none has."""
+    moments = np.empty((2, len(t)))
+    for rows, y in sample.blocks(mechanism, t):
+        units = np.ma.masked_invalid(y.reshape(len(y), -1))
+        moments[:, rows] = units.mean(axis=1).filled(np.nan), units.std(axis=1).filled(np.nan)
+    return moments[0], moments[1]
 
 
 def half_width(mechanism: Mechanism, t: Tolerances, sample: Sample, coverage: float) -> Array:

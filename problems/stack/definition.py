@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
 METHODS = ("worst_case", "rss", "shifted_rss", "monte_carlo")
 """What `variation` can be."""
-FIRST_ORDER = ("rss", "shifted_rss")
-"""Methods that know a formula by its slopes at the mid-limits alone."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from ...models.expressions import CONSTANTS, FUNCTIONS, Formula, FormulaError, I
 from ...models.stack import Mechanism, box, least_margin
 from ...section import Array, Section
 from ...units import family, to_unit
-from .definition import FIRST_ORDER, Correlation, Part, Requirement, base_units, place_of
+from .definition import Correlation, Part, Requirement, base_units, place_of
 
 if TYPE_CHECKING:
     from .features import Feature
@@ -189,7 +189,7 @@ def mechanism_with_formula(
         faults.append(Fault(place, why))
         return None
     mechanism, without_effect = _linearise_mechanism(mechanism, np.array([part.high for part in parts])[bare.owners])
-    faults += _slope_faults(mechanism, without_effect, parts, requirement)
+    faults += _effect_faults(mechanism, without_effect, parts, requirement)
     faults += _nominal_faults(requirement, gain * _evaluate_at_point(formula, mechanism, nominals[bare.owners]))
     loosest = np.array([[part.high for part in parts]])
     return replace(mechanism, undefined=_domain_violation(mechanism, loosest[0], least_margin(mechanism, loosest)[0]))
@@ -300,7 +300,7 @@ def _undefined_reason(mechanism: Mechanism, nominals: Array, parts: Sequence[Par
     if why := formula.trouble(at_nominals):
         return f"at the nominal values, {why}"
     tightest = np.array([part.low for part in parts])
-    if why := formula.trouble(_points_within(mechanism, tightest)):
+    if not formula.assembles and (why := formula.trouble(_points_within(mechanism, tightest))):
         remedy = "tighten the ranges or correct the formula"
         return f"even within the tightest tolerances, {why}; {remedy}"
     return ""
@@ -324,12 +324,12 @@ def _domain_violation(mechanism: Mechanism, loosest: Array, margin: float) -> st
     return why or ("some function leaves its domain" if margin < 0.0 else "")
 
 
-def _slope_faults(
+def _effect_faults(
     mechanism: Mechanism, without_effect: Sequence[str], parts: Sequence[Part], requirement: Requirement
 ) -> list[Fault]:
-    """Pieces without effect on the requirement, and methods that do not know the effect of some."""
+    """Pieces without effect on the requirement."""
     owner = dict(zip(mechanism.names, mechanism.owner, strict=True))
-    faults = [
+    return [
         Fault(
             f"{requirement.place}.formula" if requirement.key else f"{place_of(parts, owner[name])}.name",
             f"the requirement does not depend on {name} anywhere within the tolerances: leave it out "
@@ -337,14 +337,6 @@ def _slope_faults(
         )
         for name in without_effect
     ]
-    if mechanism.rough and requirement.method in FIRST_ORDER:
-        text = (
-            f"{requirement.method} knows the formula by its slopes at the mid-limits alone, and there it has no slope "
-            f"(0, not defined, or another one on each side) by {', '.join(mechanism.rough)}: a first-order standard "
-            'deviation cannot be given; state method = "monte_carlo" (units are drawn) or "worst_case" (by corners)'
-        )
-        faults.append(Fault(f"{requirement.place}.method", text))
-    return faults
 
 
 def _nominal_faults(requirement: Requirement, computed: float) -> list[Fault]:

@@ -199,6 +199,20 @@ def test_the_worst_case_has_the_whole_bonus(tmp_path: Path) -> None:
     assert loosest(problem_of(text, tmp_path))["worst_case"] == pytest.approx(0.03 + 0.09, rel=1e-12)
 
 
+def test_the_variance_and_its_shares_have_the_closed_form_of_a_product(tmp_path: Path) -> None:
+    """y = plate - R z: var = var(plate) + E[R^2] var(z), and E[R^2] = R0^2 + var(hole)/4 with R0 at the mid-limit."""
+    text = (
+        requirement("plate - at") + part("plate", 50.0, "tolerance = 0.03") + part("hole", 12.0, "limits = '+0.2/0'")
+        + feature("at", "position", "zone = 0.1\nof = 'hole'\nmaterial = 'mmc'\ninternal = true")
+    )  # fmt: skip
+    found, plate, hole = loosest(problem_of(text, tmp_path)), 0.01**2, (0.1 / 3.0) ** 2 / 4.0
+    own = 0.1**2 + hole
+    assert found["rss"] == pytest.approx(3.0 * np.sqrt(plate + own / 4.0), rel=2e-4)
+    growth = np.array([plate, hole / 4.0, own / 4.0])  # of the variance with each tolerance
+    shares = [found[f"contribution_{name}_percent"] for name in ("plate", "hole", "at")]
+    np.testing.assert_allclose(shares, 100.0 * growth / growth.sum(), rtol=5e-3)
+
+
 # ---------------------------------------------------------------- features that keep a formula linear
 
 
