@@ -316,10 +316,22 @@ def test_the_tables_of_a_stack_state_its_features_again(tmp_path: Path) -> None:
     assert [part["name"] for part in stack.tables()["part"]] == ["plate", "hole"]
 
 
-def test_a_plain_stack_does_not_load_features() -> None:
-    code = "import sys; from tolevo.problems.stack import reading; print('.features' in str(sorted(sys.modules)))"
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert told.stdout.strip() == "False"
+READING = """
+import sys
+from pathlib import Path
+from tolevo.configuration.reader import read
+read(Path(sys.argv[1]))
+print(sum(name.endswith(".features") for name in sys.modules))
+"""
+
+
+def test_a_plain_stack_does_not_load_features(tmp_path: Path) -> None:
+    plain = requirement("a - b") + part("a", 9.0, "tolerance = 0.1") + part("b", 8.0, "tolerance = 0.1")
+    with_feature = plain.replace("- b", "- b + c") + feature("c", "profile", "zone = 0.1")
+    for text, modules in ((plain, "0"), (with_feature, "2")):
+        (tmp_path / "c.toml").write_text('problem = "stack"\n' + text, encoding="utf-8")
+        command = [sys.executable, "-c", READING, str(tmp_path / "c.toml")]
+        assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip() == modules
 
 
 # ---------------------------------------------------------------- bad input
