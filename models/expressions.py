@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 from types import MappingProxyType
 from typing import Any
@@ -16,7 +16,16 @@ import numpy as np
 from ..errors import nearest
 from ..section import Array
 
-__all__ = ["CONSTANTS", "FUNCTIONS", "Formula", "FormulaError", "domain_margin"]
+__all__ = [
+    "CONSTANTS",
+    "FUNCTIONS",
+    "Formula",
+    "FormulaError",
+    "Intermediate",
+    "Let",
+    "UnsettledError",
+    "domain_margin",
+]
 
 # The functions that a formula may call: value, slopes, and where they are not defined.
 
@@ -464,43 +473,151 @@ class _Parser:
 # A formula: its text and its tree, evaluated over whole batches.
 
 
+Slopes = dict[str, Array]
+"""Partial derivatives by the name of a quantity."""
+
+
+class UnsettledError(ValueError):
+    """An intermediate quantity that has no value at the nominal sizes: its place, and why."""
+
+    def __init__(self, place: str, message: str) -> None:
+        self.place = place
+        super().__init__(message)
+
+
+class Intermediate(ABC):
+    """Quantities between the parts and a formula, each with a name that formulas can use.
+
+    Its methods take all quantities that it depends
+    on, those that other intermediate quantities define included, and but for `values` also those that
+    it defines; arrays broadcast.
+    """
+
+    assembles: bool = False
+    """Whether a unit without a value of it is one that cannot be assembled, as designs may have some."""
+    inner: tuple[Intermediate, ...] = ()
+    """Quantities that it computes by itself, where they depend on those that it defines."""
+
+    @property
+    @abstractmethod
+    def place(self) -> str:
+        """Where it stands in the configuration."""
+
+    def settled(self, nominals: Mapping[str, Array], middle: Mapping[str, Array]) -> Intermediate:
+        """The same at known nominals and mid-limits. Raises UnsettledError where it has no value there."""
+        return self
+
+    @property
+    @abstractmethod
+    def names(self) -> tuple[str, ...]:
+        """The quantities that it defines."""
+
+    @property
+    @abstractmethod
+    def inputs(self) -> Mapping[str, int]:
+        """The quantities that it depends on, as keys."""
+
+    @property
+    @abstractmethod
+    def kinked(self) -> bool:
+        """Whether its slopes jump somewhere."""
+
+    @abstractmethod
+    def degree(self, of: Mapping[str, float]) -> float:
+        """Degree as a polynomial where its inputs have the degrees `of` (1 where none is stated)."""
+
+    @abstractmethod
+    def values(self, x: Mapping[str, Array]) -> dict[str, Array]:
+        """Each quantity that it defines; NaN or infinite where it has no value."""
+
+    @abstractmethod
+    def slopes(self, x: Mapping[str, Array]) -> dict[str, Slopes]:
+        """Partial derivatives of each quantity that it defines by the inputs."""
+
+    @abstractmethod
+    def trouble(self, x: Mapping[str, Array]) -> str:
+        """Why a quantity has no value at some of the points `x` (m,), empty where all have one."""
+
+    @abstractmethod
+    def margin(self, x: Mapping[str, Array], middle: Mapping[str, Array]) -> Array:
+        """As `domain_margin`."""
+
+
 @dataclass(frozen=True)
 class Formula:
     """An expression in named quantities, parsed and never executed.
 
-    It may hold + - * / **, parentheses, numbers, pi, names and the functions of `FUNCTIONS`.
-    Raises FormulaError (a ValueError) with the column where the text is something else.
+    It may hold + - * / **, parentheses, numbers, pi, names and the functions of `FUNCTIONS`. Names
+    may be those of the intermediate quantities `given`, each of which stands after those that it
+    depends on; only those that the formula needs are kept. Raises FormulaError (a ValueError) with
+    the column where the text is something else.
     """
 
     text: str
+    given: tuple[Intermediate, ...] = ()
     tree: Expression = field(init=False, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "tree", parse(self.text))
+        needed: list[Intermediate] = []
+        wanted = set(self.written)
+        for step in reversed(self.given):
+            if wanted.intersection(step.names):
+                needed.insert(0, step)
+                wanted.update(step.inputs)
+        object.__setattr__(self, "given", tuple(needed))
 
     @cached_property
-    def names(self) -> dict[str, int]:
-        """The quantities that the formula depends on, each with the column of its first use."""
+    def written(self) -> dict[str, int]:
+        """The names in the text, each with the column of its first use."""
         positions: dict[str, int] = {}
         for node in self.tree.nodes():
             if isinstance(node, Name):
                 positions[node.name] = min(node.at, positions.get(node.name, node.at))
         return positions
 
+    @cached_property
+    def names(self) -> dict[str, int]:
+        """The quantities that the formula depends on, through intermediate ones as well, each with
+        the column of its first use.
+        """
+        positions = dict(self.written)
+        for step in reversed(self.given):
+            column = min(positions.pop(name) for name in step.names if name in positions)
+            for name in step.inputs:
+                positions[name] = min(column, positions.get(name, column))
+        return positions
+
     @property
     def kinked(self) -> bool:
         """Whether it calls a function that has a kink."""
-        return any(isinstance(node, Call) and node.function in KINKED for node in self.tree.nodes())
+        calls = (node.function for node in self.tree.nodes() if isinstance(node, Call))
+        return any(function in KINKED for function in calls) or any(step.kinked for step in self.given)
+
+    @property
+    def assembles(self) -> bool:
+        """Whether units without a value are units that cannot be assembled."""
+        return any(step.assembles for step in self.given)
 
     @property
     def linear(self) -> bool:
         """Whether it is linear in its names as written: simplifications do not count."""
-        degree: float = _fold_tree(self.tree, lambda node, below: node.degree(below))
-        return degree <= 1.0
+        return self.degree({}) <= 1.0
+
+    def degree(self, of: Mapping[str, float]) -> float:
+        """Degree as a polynomial where the names have the degrees `of` (1 where none is stated)."""
+        degrees = dict(of)
+        for step in self.given:
+            degrees |= dict.fromkeys(step.names, step.degree(degrees))
+        degree: float = _fold_tree(
+            self.tree, lambda node, below: degrees.get(node.name, 1.0) if isinstance(node, Name) else node.degree(below)
+        )
+        return degree
 
     def value(self, x: Mapping[str, Array]) -> Array:
         """The value at quantities that broadcast; NaN or infinite where it is not defined."""
         with np.errstate(all="ignore"):
+            x = self.completed(x)
             values: list[Array] = []
             for node, parts in self._steps:
                 first = len(values) - parts
@@ -512,11 +629,40 @@ class Formula:
         """Every node after those below it, with the number of its parts: trees are deep."""
         return tuple((node, len(node.parts)) for node in self.tree.nodes())
 
-    def gradient(self, x: Mapping[str, Array]) -> dict[str, Array]:
-        """Partial derivatives by name, exact to rounding (forward mode), at one or many points."""
-        with np.errstate(all="ignore"):
-            value, slopes = _fold_tree(self.tree, lambda node, below: _dual(node, below, x))
+    def completed(self, x: Mapping[str, Array]) -> Mapping[str, Array]:
+        """The quantities with the intermediate ones that follow from them."""
+        for step in self.given:
+            x = {**x, **step.values(x)}
+        return x
+
+    def gradient(self, x: Mapping[str, Array], by: Container[str] | None = None) -> Slopes:
+        """Partial derivatives by name, exact to rounding (forward mode), at one or many points.
+
+        Those by the names `by` alone where these are stated.
+        """
+        value, slopes = self.dual(x, by)
         return {name: np.broadcast_to(slope, value.shape) for name, slope in slopes.items()}
+
+    def dual(self, x: Mapping[str, Array], by: Container[str] | None = None) -> tuple[Array, Slopes]:
+        """The value, and the partial derivatives as `gradient` gives them; all of them broadcast."""
+        inner: dict[str, Slopes] = {}
+        with np.errstate(all="ignore"):
+            for step in self.given:
+                x = {**x, **step.values(x)}
+                inner |= {name: _chained(slopes, inner, by) for name, slopes in step.slopes(x).items()}
+            value, slopes = _fold_tree(self.tree, lambda node, below: _dual(node, below, x, inner, by))
+            return value, _chained(slopes, inner, by)
+
+    def settled(self, nominals: Mapping[str, Array], middle: Mapping[str, Array]) -> Formula:
+        """The same with intermediate quantities at known nominals and mid-limits.
+
+        Raises UnsettledError where one of them has no value there.
+        """
+        steps: list[Intermediate] = []
+        for step in self.given:
+            steps.append(step.settled(nominals, middle))
+            nominals, middle = ({**x, **steps[-1].values(x)} for x in (nominals, middle))
+        return replace(self, given=tuple(steps))
 
     def trouble(self, x: Mapping[str, Array]) -> str:
         """Where and why the formula has no value, empty where it has one everywhere.
@@ -525,8 +671,58 @@ class Formula:
         is zero somewhere, even if no sample hits it.
         """
         with np.errstate(all="ignore"):
+            for step in self.given:
+                x = {**x, **step.values(x)}
+                if why := step.trouble(x):
+                    return f"{step.place}: {why}"
             found: str = _fold_tree(self.tree, lambda node, below: _value_and_fault(node, below, x))[1]
             return found
+
+
+def _chained(slopes: Slopes, inner: Mapping[str, Slopes], by: Container[str] | None) -> Slopes:
+    """Derivatives by the quantities that intermediate ones depend on, from those by the latter."""
+    total: Slopes = {}
+    for name, slope in slopes.items():
+        parts = inner.get(name, {name: np.asarray(1.0)} if by is None or name in by else {})
+        for origin, part in parts.items():
+            total[origin] = total.get(origin, np.asarray(0.0)) + slope * part
+    return total
+
+
+@dataclass(frozen=True)
+class Let(Intermediate):
+    """A quantity with a name and a formula of its own, such as `[[let]]` states it."""
+
+    name: str
+    formula: Formula
+    place: str = "let"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return (self.name,)
+
+    @property
+    def inputs(self) -> Mapping[str, int]:
+        return self.formula.names
+
+    @property
+    def kinked(self) -> bool:
+        return self.formula.kinked
+
+    def degree(self, of: Mapping[str, float]) -> float:
+        return self.formula.degree(of)
+
+    def values(self, x: Mapping[str, Array]) -> dict[str, Array]:
+        return {self.name: self.formula.value(x)}
+
+    def slopes(self, x: Mapping[str, Array]) -> dict[str, Slopes]:
+        return {self.name: self.formula.gradient(x)}
+
+    def trouble(self, x: Mapping[str, Array]) -> str:
+        return self.formula.trouble(x)
+
+    def margin(self, x: Mapping[str, Array], middle: Mapping[str, Array]) -> Array:
+        return domain_margin(self.formula, x, middle)
 
 
 def _fold_tree(tree: Expression, of: Callable[[Expression, list[Any]], Any]) -> Any:
@@ -540,16 +736,21 @@ def _fold_tree(tree: Expression, of: Callable[[Expression, list[Any]], Any]) -> 
 
 
 def _dual(
-    node: Expression, below: list[tuple[Array, dict[str, Array]]], x: Mapping[str, Array]
-) -> tuple[Array, dict[str, Array]]:
+    node: Expression,
+    below: list[tuple[Array, Slopes]],
+    x: Mapping[str, Array],
+    inner: Mapping[str, Slopes],
+    by: Container[str] | None,
+) -> tuple[Array, Slopes]:
     """Value and partial derivatives of a node; an omitted name has the derivative 0."""
     if isinstance(node, Name):
-        return node.value((), x), {node.name: np.asarray(1.0)}
+        counts = by is None or node.name in by or node.name in inner
+        return node.value((), x), {node.name: np.asarray(1.0)} if counts else {}
     values = [value for value, _ in below]
-    derivatives: dict[str, Array] = {}
-    if any(inner for _, inner in below):
-        for outer, (_, inner) in zip(node.slopes(values), below, strict=True):
-            for name, slope in inner.items():
+    derivatives: Slopes = {}
+    if any(slopes for _, slopes in below):
+        for outer, (_, slopes) in zip(node.slopes(values), below, strict=True):
+            for name, slope in slopes.items():
                 derivatives[name] = derivatives.get(name, np.asarray(0.0)) + outer * slope
     return node.value(values, x), derivatives
 
@@ -588,9 +789,13 @@ def domain_margin(formula: Formula, x: Mapping[str, Array], middle: Mapping[str,
     the formula has a value everywhere. `x` broadcasts to the shape of the result, `middle` holds
     single numbers.
     """
+    margin = np.asarray(np.inf)
     with np.errstate(all="ignore"):
-        margin: Array = _fold_tree(formula.tree, lambda node, below: _least_margin(node, below, x, middle))[2]
-    return margin
+        for step in formula.given:
+            x, middle = {**x, **step.values(x)}, {**middle, **step.values(middle)}
+            margin = np.fmin(margin, step.margin(x, middle))
+        own: Array = _fold_tree(formula.tree, lambda node, below: _least_margin(node, below, x, middle))[2]
+    return np.asarray(np.fmin(margin, own))
 
 
 def _least_margin(

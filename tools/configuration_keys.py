@@ -66,7 +66,7 @@ OF_NAMES = frozenset(
 PLAIN = frozenset({"costs.assumed", "costs.scale_assumed"})
 """Keys that stand beside such names."""
 SHARED = (
-    (r"^(?:part\[\](?:\.process\[\])?|joint\[\]\.ERROR)\.cost(?=\.|$)", f"costs.{NAME}"),
+    (r"^(?:part\[\](?:\.process\[\])?|feature\[\]|joint\[\]\.ERROR)\.cost(?=\.|$)", f"costs.{NAME}"),
     (r"^joint\[\]\.\w+_(?:mrad|um)(?=\.|$)", "joint[].ERROR"),
     (r"^joint\[\]\.ERROR\.cost(?=\.|$)", f"costs.{NAME}"),
     (r"^(?:part\[\]|variables\.NAME)\.(?=machine\[\]|machine$)", ""),

@@ -67,6 +67,7 @@ STACK: dict[str, Any] = {
     "part": PARTS,
     "fit": [{"parts": ["k", "l"], "size": "25 H7/g6"}],
     "correlation": [{"parts": ["a_1", "c"], "coefficient": 0.5}],
+<<<<<<< HEAD
     "condition": [
         {
             "name": "warm",
@@ -74,6 +75,25 @@ STACK: dict[str, Any] = {
             "minimise": ["gap.rss"],
             "limits": {"gap": {"variation": {"min": 0.0, "max": 0.2}}},
         }
+=======
+    "feature": [
+        {
+            "name": "m",
+            "kind": "position",
+            "zone": 0.1,
+            "of": "h",
+            "size": "h",
+            "material": "mmc",
+            "internal": True,
+            "distribution": "normal",
+            "cp": 1.0,
+            "unit": "mm",
+            "drawing": "1",
+            "characteristic": "2",
+        },
+        {"name": "n", "kind": "perpendicularity", "t_min": 0.01, "t_max": 0.1, "cost": COST, "height": 9.0, "arm": 9.0},
+        {"name": "o", "kind": "float", "of": ["h", "f"]},
+>>>>>>> features
     ],
     "limits": {"gap": {"variation": {"min": 0.0, "max": 0.2}}, "cost": {"max": 9.0}},
     "objectives": {"minimise": ["cost", "gap.variation"]},
@@ -83,7 +103,8 @@ STACK: dict[str, Any] = {
 }
 ONE = {
     "problem": "stack",
-    "requirement": {"name": "gap", "unit": "mm", "formula": "a - b", "lower": 0.0, "upper": 1.0},
+    "requirement": {"name": "gap", "unit": "mm", "formula": "a - rest", "lower": 0.0, "upper": 1.0},
+    "let": [{"name": "rest", "formula": "b"}],
     "part": [{"name": name, "nominal": 10.0, "t_min": 0.01, "t_max": 0.1, "cost": COST}
              for name in "ab"],
 }  # fmt: skip

@@ -79,10 +79,12 @@ class Conditioned:
     @cached_property
     def _scales(self) -> Array:
         """Reach of each requirement by each piece (r, k), per unit of spread: the piece of the longest
-        tails makes the tails of the sum.
+        tails makes the tails of the sum. 0 for a component of a place that is not independent of the other.
         """
         ends = np.array([law.quantile(np.array([REACH, 1.0 - REACH])) for law in self.mechanisms[0].inputs])
         slopes = np.array([mechanism.sensitivities for mechanism in self.mechanisms])
+        for disc in (disc for disc in self.mechanisms[0].discs if disc.dependent):
+            slopes[:, list(disc.pieces)] = 0.0
         return np.asarray(np.abs(slopes) * 0.5 * np.ptp(ends, axis=1)[self.mechanisms[0].owners])
 
     def _shares(self, t: Tolerances) -> Array:

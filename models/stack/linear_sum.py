@@ -326,7 +326,7 @@ def linear_sum_of(mechanism: Mechanism) -> LinearSum | None:
     if not linear or mechanism.correlation is not None:
         return None
     groups: dict[tuple[int, float], int] = {}
-    for at, slope in zip(mechanism.owner, mechanism.sensitivities.tolist(), strict=True):
+    for at, slope in zip(mechanism.owner, mechanism.directed.tolist(), strict=True):
         if slope != 0.0:
             groups[at, slope] = groups.get((at, slope), 0) + 1
     tables = tuple(table_of(mechanism.inputs[at]) for at, _ in groups)

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
@@ -18,6 +19,9 @@ from ..inputs import Distribution, Normal
 from ..propagation.convolution import Even, even_law
 from ..propagation.monte_carlo import REPLICATES, power_of, replicates
 from ..propagation.symmetric_sum import SymmetricSum
+
+if TYPE_CHECKING:
+    from .features import Disc
 
 # Scatter and mean of parts where these do not follow from their tolerances alone.
 
@@ -58,6 +62,11 @@ def interpolate_designs(low: Tolerances, high: Tolerances, fraction: Array) -> T
     return AsMade(limit, spread, low.mean + fraction * (high.mean - low.mean))
 
 
+def scaled(t: Tolerances, factor: Array) -> Tolerances:
+    """The same designs with the scatter of each part times a factor (p,)."""
+    return replace(t, spread=t.spread * factor) if isinstance(t, AsMade) else t * factor
+
+
 def limit_of(t: Tolerances) -> Array:
     """Deviation that the drawing allows (n, p)."""
     return t.limit if isinstance(t, AsMade) else t
@@ -91,7 +100,8 @@ class Mechanism:
     are none. Correlated pieces are normal. `undefined` states where the formula has no value
     within the widest tolerances; empty where it has a value everywhere. `rough` are the pieces whose
     effect the sensitivities do not describe: the formula has no slope there, or a kink at the
-    mid-limits. Sensitivities that are not finite are 0.
+    mid-limits. Sensitivities that are not finite are 0. `discs` are pairs of pieces that are the
+    two components of one place, not independent of each other.
     """
 
     names: tuple[str, ...]
@@ -108,6 +118,7 @@ class Mechanism:
     correlation: Array | None = None
     undefined: str = ""
     rough: tuple[str, ...] = ()
+    discs: tuple[Disc, ...] = ()
 
     @cached_property
     def owners(self) -> NDArray[np.int64]:
@@ -118,6 +129,20 @@ class Mechanism:
     def acting(self) -> NDArray[np.bool_]:
         """Whether the requirement depends on each piece, shape (k,)."""
         return np.asarray((self.sensitivities != 0.0) | np.isin(self.names, self.rough))
+
+    @cached_property
+    def directed(self) -> Array:
+        """Sensitivities (k,), those of the two components of a place turned into one."""
+        slopes = self.sensitivities
+        for disc in self.discs:
+            slopes = disc.turned(slopes)
+        return slopes
+
+    def rounded(self, points: Array, used: Sequence[int]) -> Array:
+        """Points (len(used), m) of [-1, 1]^k with the components of each place moved into its disc."""
+        for disc in self.discs:
+            points = disc.rounded(points, used, self.sensitivities)
+        return points
 
     @property
     def bounded(self) -> bool:
@@ -236,7 +261,9 @@ def _corners(mechanism: Mechanism, t: Tolerances) -> Iterator[dict[str, Array]]:
 def _points(mechanism: Mechanism, used: list[int]) -> Array:
     """Corners, the corners of the largest and least requirement, and some points between."""
     largest = np.sign(mechanism.sensitivities[used])[:, None]
-    return np.hstack([box(len(used), INTERIOR_POINTS), largest, -largest])
+    for disc in (disc for disc in mechanism.discs if set(disc.pieces) <= set(used)):
+        largest[[used.index(piece) for piece in disc.pieces]] = 1.0
+    return mechanism.rounded(np.hstack([box(len(used), INTERIOR_POINTS), largest, -largest]), used)
 
 
 # The linearised stack: worst case, root sum square, mean shifts and contributions.
@@ -320,14 +347,14 @@ class Linear:
 
     def variance_shares(self, t: Tolerances) -> Array:
         """Fraction of each part in the variance (n, p); a negative fraction compensates others."""
-        return _fractions(spread_of(t) * (spread_of(t) @ self.covariance))
+        return fractions(spread_of(t) * (spread_of(t) @ self.covariance))
 
     def worst_shares(self, t: Tolerances) -> Array:
         """Fraction of each part in the worst case (n, p)."""
-        return _fractions(limit_of(t) * self.worst)
+        return fractions(limit_of(t) * self.worst)
 
 
-def _fractions(contributions: Array) -> Array:
+def fractions(contributions: Array) -> Array:
     """Fractions (n, p) that add up to 1, or are 0 where the total is 0."""
     total: Array = contributions.sum(axis=1)[:, None]
     return np.divide(contributions, total, out=np.zeros_like(contributions), where=total > 0.0)
@@ -338,7 +365,7 @@ def linear_model(mechanism: Mechanism) -> Linear:
     parts = np.arange(len(mechanism.inputs))
     moments = np.array([distribution.raw_moments(2) for distribution in mechanism.inputs])
     mean, std = moments[:, 1], np.sqrt(np.maximum(moments[:, 2] - moments[:, 1] ** 2, 0.0))
-    owners, slope = mechanism.owners, mechanism.sensitivities
+    owners, slope = mechanism.owners, mechanism.directed
     of_part = (owners == parts[:, None]).astype(float)
     pieces = len(owners)
     correlation = np.eye(pieces) if mechanism.correlation is None else mechanism.correlation
@@ -486,7 +513,7 @@ def law_of(mechanism: Mechanism, covariance: Array) -> Law | str:
 
 def _relevant_pieces(mechanism: Mechanism) -> Mechanism:
     """The mechanism with only the pieces that the requirement depends on."""
-    used = np.flatnonzero(mechanism.sensitivities)
+    used = np.flatnonzero(mechanism.directed)
     if len(used) == len(mechanism.owner):
         return mechanism
     correlation = mechanism.correlation
@@ -494,7 +521,8 @@ def _relevant_pieces(mechanism: Mechanism) -> Mechanism:
         mechanism,
         names=tuple(mechanism.names[i] for i in used),
         owner=tuple(mechanism.owner[i] for i in used),
-        sensitivities=mechanism.sensitivities[used],
+        sensitivities=mechanism.directed[used],
+        discs=(),
         mids=None if mechanism.mids is None else mechanism.mids[used],
         scale=None if mechanism.scale is None else mechanism.scale[used],
         correlation=None if correlation is None else correlation[np.ix_(used, used)],
@@ -533,6 +561,9 @@ class Sample:
                 points = ndtr(np.clip(ndtri(uniform), -8.0, 8.0) @ root.T)
             for i, (at, kind) in enumerate(zip(order, kinds, strict=True)):
                 replicate[at] = kind.quantile(points[:, i])
+            for disc in (disc for disc in mechanism.discs if disc.dependent):
+                pair = list(disc.pieces)
+                replicate[pair] = disc.drawn(*(points[:, order.index(at)] for at in pair))
         return cls(deviations)
 
     @property
@@ -580,6 +611,15 @@ def joint_yield_percent(mechanisms: Sequence[Mechanism], t: Tolerances, sample: 
         yields[rows] = conforming.mean(axis=1)
         error[rows] = np.maximum(conforming.std(axis=1, ddof=1) / np.sqrt(conforming.shape[1]), least)
     return 100.0 * yields, 100.0 * error
+
+
+def mean_and_deviation(mechanism: Mechanism, t: Tolerances, sample: Sample) -> tuple[Array, Array]:
+    """Mean and standard deviation of y (n,), of the units for which it has a value; NaN where none has."""
+    moments = np.empty((2, len(t)))
+    for rows, y in sample.blocks(mechanism, t):
+        units = np.ma.masked_invalid(y.reshape(len(y), -1))
+        moments[:, rows] = units.mean(axis=1).filled(np.nan), units.std(axis=1).filled(np.nan)
+    return moments[0], moments[1]
 
 
 def half_width(mechanism: Mechanism, t: Tolerances, sample: Sample, coverage: float) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,12 +15,14 @@ from ...models.machine_offers import Offer
 from ...models.machines import GoodPartsBySpread, Machine
 from ...models.stack import AsMade, Mechanism, Tolerances
 from ...section import Array, Integers
+from ...units import family
 from ..settings import Promise
+
+if TYPE_CHECKING:
+    from .features import Feature
 
 METHODS = ("worst_case", "rss", "shifted_rss", "monte_carlo")
 """What `variation` can be."""
-FIRST_ORDER = ("rss", "shifted_rss")
-"""Methods that know a formula by its slopes at the mid-limits alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,11 +97,17 @@ class Part:
     what the configuration says about its zone, `assumed` what it leaves open. `sensitivities` are
     by the key of the requirement, those of formulas left out. `drawing` and `characteristic` are
     the numbers of its drawing and of the characteristic on it, `geometry` is the geometrical
+<<<<<<< HEAD
     characteristic (ISO 1101) that its zone is of, `source` where its tolerance comes from; empty
     where none is stated. `expansion` is the linear one [1/K], None where neither it nor a `material`
     is stated. `machines` are those that some of its processes use, `sample` is what measured parts
     say about its only one. `present` is the half-width of a part to be searched that the drawing has
     now, None where it is not stated.
+=======
+    characteristic (ISO 1101) that its zone is of; empty where none is stated. `machines` are those
+    that some of its processes use, `sample` is what measured parts say about its only one.
+    `feature` is how a `[[feature]]` acts, whose half-width is half its zone.
+>>>>>>> features
     """
 
     name: str
@@ -122,7 +130,11 @@ class Part:
     material: str = ""
     machines: tuple[Offer, ...] = ()
     sample: PartSample | None = None
+<<<<<<< HEAD
     present: float | None = None
+=======
+    feature: Feature | None = None
+>>>>>>> features
 
     @property
     def natural(self) -> int:
@@ -183,10 +195,52 @@ class Part:
 
     @property
     def pieces(self) -> tuple[str, ...]:
-        """Names that the part has in a formula: roller_1, roller_2 where it is built in twice."""
+        """What varies by itself: roller_1, roller_2 where the part is built in twice."""
+        if self.feature is not None:
+            return self.feature.pieces
         if self.count == 1:
             return (self.name,)
         return tuple(f"{self.name}_{at}" for at in range(1, self.count + 1))
+
+    @property
+    def written(self) -> tuple[str, ...]:
+        """Names that formulas may use."""
+        return self.pieces if self.feature is None else self.feature.names
+
+    @property
+    def meaning(self) -> str:
+        """What its half-width is, in words."""
+        if self.feature is None:
+            return f"tolerance of part {self.name}"
+        return f"half the zone of feature {self.name}" if self.unit else f"place of feature {self.name} in its room"
+
+    @property
+    def label(self) -> str:
+        """What it is called where faults name it."""
+        return f"{'part' if self.feature is None else 'feature'} {self.name}"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Every name that is taken by the part."""
+        return tuple(dict.fromkeys((self.name, *self.pieces, *self.written)))
+
+
+def place_of(parts: Sequence[Part], at: int) -> str:
+    """Where a part stands in the configuration."""
+    feature = parts[at].feature
+    return f"part[{at}]" if feature is None else feature.place
+
+
+def base_units(requirement: Requirement, parts: Sequence[Part]) -> dict[str, float]:
+    """The units of a formula that depends on `parts`: the SI factor of each kind of quantity.
+
+    Angles are in rad, plain numbers as they are, all lengths in the unit of the requirement if it
+    is a length, else in that of the first part that is one; other quantities like lengths.
+    """
+    base = {"radian": 1.0, "": 1.0}
+    for unit in (requirement.unit, *(part.unit for part in parts)):
+        base.setdefault(*family(unit))
+    return base
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,7 +255,11 @@ class Correlation:
 class Definition:
     """A stack that has been read and checked: a mechanism for each requirement, over all parts.
 
+<<<<<<< HEAD
     With `conditions` these are the requirements in each of them, and `stated` those of the configuration.
+=======
+    `intermediate` holds the tables `[[let]]` and `[[loop]]` as they are written.
+>>>>>>> features
     """
 
     requirements: tuple[Requirement, ...]
@@ -209,8 +267,12 @@ class Definition:
     mechanisms: tuple[Mechanism, ...]
     correlations: tuple[Correlation, ...] = ()
     promise: Promise | None = None
+<<<<<<< HEAD
     conditions: tuple[Condition, ...] = ()
     stated: tuple[Requirement, ...] = ()
+=======
+    intermediate: Mapping[str, Any] = field(default_factory=dict)
+>>>>>>> features
 
     @property
     def requirement(self) -> Requirement:

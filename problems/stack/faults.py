@@ -75,8 +75,9 @@ def yield_faults(stack: Stack) -> list[Fault]:
 
 
 def first_order_faults(stack: Stack) -> list[Fault]:
-    """What is asked for of a formula that its slopes at the mid-limits do not describe, and needs them."""
+    """Promises over a formula that its slopes at the mid-limits do not describe."""
     faults = []
+<<<<<<< HEAD
     for measured in (measured for measured in stack.measured if measured.rough):
         why = (
             f"follows from slopes at the mid-limits, and {measured.requirement.place}.formula has none there by "
@@ -94,6 +95,15 @@ def first_order_faults(stack: Stack) -> list[Fault]:
             faults.append(Fault(place, f"{name} {why}; use {use}"))
         if stack.definition.promise is not None and measured.mechanism.bounded:
             faults.append(Fault("promise", f"{why}; leave [promise] out, and limit {measured.name(YIELD)}"))
+=======
+    for measured in (measured for measured in stack.measured if measured.rough and measured.mechanism.bounded):
+        if stack.definition.promise is not None:
+            why = (
+                f"follows from slopes at the mid-limits, and {measured.requirement.place}.formula has none there by "
+                f"{', '.join(measured.mechanism.rough)}; leave [promise] out, and limit {measured.name(YIELD)}"
+            )
+            faults.append(Fault("promise", why))
+>>>>>>> features
     return faults
 
 

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...errors import Fault, nearest
-from ...models.expressions import FUNCTIONS, Formula, FormulaError
+from ...models.expressions import CONSTANTS, FUNCTIONS, Formula, FormulaError, Intermediate, UnsettledError
 from ...models.stack import Mechanism, box, least_margin
 from ...section import Array, Section
 from ...units import family, to_unit
-from .definition import FIRST_ORDER, Correlation, Part, Requirement
+from .definition import Correlation, Part, Requirement, base_units, place_of
+
+if TYPE_CHECKING:
+    from .features import Feature
 
 
 def read_sensitivities(section: Section, unit: str | None, requirements: Sequence[Requirement]) -> dict[str, float]:
@@ -92,7 +95,7 @@ def sensitivity_faults(requirements: Sequence[Requirement], tables: Sequence[Map
 def unused_part_faults(parts: Sequence[Part], used: Sequence[bool]) -> list[Fault]:
     """A fault for every part on which no requirement depends."""
     return [
-        Fault(f"part[{at}].name", f"no requirement depends on it: remove it (part {part.name})")
+        Fault(f"{place_of(parts, at)}.name", f"no requirement depends on it: remove it ({part.label})")
         for at, (part, is_used) in enumerate(zip(parts, used, strict=True))
         if not is_used
     ]
@@ -108,6 +111,30 @@ def _name(table: Mapping[str, Any]) -> str:
     return f" (part {name})" if isinstance(name, str) else ""
 
 
+# Names in formulas.
+
+
+NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
+
+
+def name_complaint(name: str) -> str:
+    """Why a quantity in formulas cannot have a name, empty where it can."""
+    if not NAME.fullmatch(name):
+        return f'must be letters, digits and _, and begin with a letter, got "{name}"'
+    known = name in FUNCTIONS or name in CONSTANTS
+    return f"{name} means something in formulas; choose another name" if known else ""
+
+
+def unknown_name(name: str, column: int, parts: Sequence[Part], others: Iterable[str]) -> str:
+    """Why a name in a formula is neither a part nor one of `others`; empty where it is."""
+    whole = next((part for part in parts if part.name == name and part.count > 1), None)
+    if whole is not None:
+        return f"column {column}: {name} is built in {whole.count} times: write {', '.join(whole.pieces)}"
+    known = [*(written for part in parts for written in part.written), *others]
+    close = nearest(name, [*known, *FUNCTIONS])
+    return "" if name in known else f'column {column}: "{name}" is not a part{close}'
+
+
 # The mechanism of a formula, and its faults.
 
 
@@ -120,39 +147,62 @@ KINK = 0.05
 
 
 def mechanism_with_formula(
-    bare: Mechanism, requirement: Requirement, parts: Sequence[Part], faults: list[Fault]
+    bare: Mechanism,
+    requirement: Requirement,
+    parts: Sequence[Part],
+    steps: tuple[Intermediate, ...],
+    faults: list[Fault],
 ) -> Mechanism | None:
-    """The mechanism of the requirement's formula; None and faults where it has none."""
+    """The mechanism of the requirement's formula, which may use the quantities of `steps`; None and
+    faults where it has none.
+    """
     place = f"{requirement.place}.formula"
     try:
-        formula = Formula(requirement.formula)
+        formula = Formula(requirement.formula, (*_steps_of(parts, {}), *steps))
     except FormulaError as error:
         faults.append(Fault(place, str(error)))
         return None
     before = len(faults)
-    faults += _name_faults(formula, parts, requirement)
+    faults += _name_faults(formula, parts, requirement, [name for step in steps for name in step.names])
     used = [any(piece in formula.names for piece in part.pieces) for part in parts]
     faults += [
         Fault(f"part[{at}].nominal", f"is missing: the formula needs it (part {part.name})")
         for at, part in enumerate(parts)
-        if used[at] and part.nominal is None
+        if used[at] and part.nominal is None and part.feature is None
     ]
     if len(faults) > before:
         return None
-    gain, scale = _units(requirement, [part for part, is_used in zip(parts, used, strict=True) if is_used])
+    users = [part for part, is_used in zip(parts, used, strict=True) if is_used]
+    gain, scale = _units(requirement, users)
+    formula = Formula(requirement.formula, (*_steps_of(parts, base_units(requirement, users)), *steps))
     scales = np.ones(len(parts))
     scales[used] = scale
     nominals = scales * np.array([part.nominal or 0.0 for part in parts])
     mids = nominals + scales * np.array([part.mean for part in parts])
+    try:
+        formula = formula.settled(*(dict(zip(bare.names, x[bare.owners], strict=True)) for x in (nominals, mids)))
+    except UnsettledError as error:
+        faults += [fault] if (fault := Fault(error.place, str(error))) not in faults else []
+        return None
     mechanism = replace(bare, formula=formula, mids=mids[bare.owners], scale=scales[bare.owners], gain=gain)
     if why := _undefined_reason(mechanism, nominals[bare.owners], parts):
         faults.append(Fault(place, why))
         return None
+<<<<<<< HEAD
     mechanism, without_effect = linearise_mechanism(mechanism, np.array([part.high for part in parts])[bare.owners])
     faults += _slope_faults(mechanism, without_effect, parts, requirement)
+=======
+    mechanism, without_effect = _linearise_mechanism(mechanism, np.array([part.high for part in parts])[bare.owners])
+    faults += _effect_faults(mechanism, without_effect, parts, requirement)
+>>>>>>> features
     faults += _nominal_faults(requirement, gain * _evaluate_at_point(formula, mechanism, nominals[bare.owners]))
     loosest = np.array([[part.high for part in parts]])
     return replace(mechanism, undefined=domain_violation(mechanism, loosest[0], least_margin(mechanism, loosest)[0]))
+
+
+def _steps_of(parts: Sequence[Part], base: Mapping[str, float]) -> Iterator[Intermediate]:
+    """The quantities of features, in the units `base` of a formula."""
+    return (step for part in parts if part.feature is not None for step in part.feature.steps(base))
 
 
 def _evaluate_at_point(formula: Formula, mechanism: Mechanism, x: Array) -> float:
@@ -214,38 +264,35 @@ def _depends_on_piece(mechanism: Mechanism, at: int, loosest: Array) -> bool:
     return bool(np.nanmax(np.ptp(values, axis=0)) > NEGLIGIBLE * np.nanmax(np.abs(values)))
 
 
-def _name_faults(formula: Formula, parts: Sequence[Part], requirement: Requirement) -> list[Fault]:
-    """Names that no part has, and parts that the one formula of a stack leaves out."""
-    pieces = {piece: part for part in parts for piece in part.pieces}
-    whole = {part.name: part for part in parts if part.count > 1}
-    faults, place = [], f"{requirement.place}.formula"
-    for name, column in formula.names.items():
-        if name in whole:
-            text = f"{name} is built in {whole[name].count} times: write {', '.join(whole[name].pieces)}"
-            faults.append(Fault(place, f"column {column}: {text}"))
-        elif name not in pieces:
-            close = nearest(name, [*pieces, *FUNCTIONS])
-            faults.append(Fault(place, f'column {column}: "{name}" is not a part{close}'))
+def _name_faults(
+    formula: Formula, parts: Sequence[Part], requirement: Requirement, others: Sequence[str]
+) -> list[Fault]:
+    """Names that neither a part nor a quantity of `others` has, and parts that the one formula of a
+    stack leaves out.
+    """
+    place = f"{requirement.place}.formula"
+    reasons = (unknown_name(name, column, parts, others) for name, column in formula.written.items())
+    faults = [Fault(place, why) for why in reasons if why]
     if requirement.key and not formula.names:
         faults.append(Fault(place, "has no parts: a requirement depends on at least one part"))
     for at, part in enumerate(parts if not requirement.key else ()):
-        unused = [piece for piece in part.pieces if piece not in formula.names]
-        if unused and part.name not in formula.names:
+        unused = [piece for piece in part.pieces or (part.name,) if piece not in formula.names]
+        if unused and part.name not in formula.names and not _acts_in(part.feature, formula):
             text = f"{', '.join(unused)} does not appear in the formula: the requirement does not depend on it"
-            faults.append(Fault(f"part[{at}].name", f"{text} (part {part.name})"))
+            faults.append(Fault(f"{place_of(parts, at)}.name", f"{text} ({part.label})"))
     return faults
 
 
-def _units(requirement: Requirement, parts: Sequence[Part]) -> tuple[float, Array]:
-    """The requirement's unit per unit of the formula, and the formula's units per unit of a part.
+def _acts_in(feature: Feature | None, formula: Formula) -> bool:
+    """Whether there is a feature and a formula depends on it, by a piece or a quantity of it."""
+    used = {*formula.names, *(name for step in formula.given for name in step.names)}
+    return feature is not None and not used.isdisjoint((*feature.names, *feature.pieces))
 
-    Angles enter in rad, plain numbers as they are, all lengths in the unit of the requirement if it
-    is a length, else in that of the first part that is one; other quantities like lengths.
-    """
+
+def _units(requirement: Requirement, parts: Sequence[Part]) -> tuple[float, Array]:
+    """The requirement's unit per unit of the formula, and the formula's units per unit of a part."""
     kind, factor = family(requirement.unit)
-    base = {"radian": 1.0, "": 1.0}
-    for unit in (requirement.unit, *(part.unit for part in parts)):
-        base.setdefault(*family(unit))
+    base = base_units(requirement, parts)
     scale = [family(part.unit)[1] / base[family(part.unit)[0]] for part in parts]
     return base[kind] / factor, np.array(scale)
 
@@ -258,7 +305,7 @@ def _undefined_reason(mechanism: Mechanism, nominals: Array, parts: Sequence[Par
     if why := formula.trouble(at_nominals):
         return f"at the nominal values, {why}"
     tightest = np.array([part.low for part in parts])
-    if why := formula.trouble(_points_within(mechanism, tightest)):
+    if not formula.assembles and (why := formula.trouble(_points_within(mechanism, tightest))):
         remedy = "tighten the ranges or correct the formula"
         return f"even within the tightest tolerances, {why}; {remedy}"
     return ""
@@ -270,6 +317,7 @@ def _points_within(mechanism: Mechanism, t: Array) -> dict[str, Array]:
     assert formula is not None and mids is not None and scale is not None
     used = [i for i, name in enumerate(mechanism.names) if name in formula.names]
     reach, points = t[mechanism.owners] * scale, box(len(used))
+    points = mechanism.rounded(points, used)
     return {mechanism.names[i]: mids[i] + reach[i] * z for i, z in zip(used, points, strict=True)}
 
 
@@ -281,27 +329,19 @@ def domain_violation(mechanism: Mechanism, loosest: Array, margin: float) -> str
     return why or ("some function leaves its domain" if margin < 0.0 else "")
 
 
-def _slope_faults(
+def _effect_faults(
     mechanism: Mechanism, without_effect: Sequence[str], parts: Sequence[Part], requirement: Requirement
 ) -> list[Fault]:
-    """Pieces without effect on the requirement, and methods that do not know the effect of some."""
+    """Pieces without effect on the requirement."""
     owner = dict(zip(mechanism.names, mechanism.owner, strict=True))
-    faults = [
+    return [
         Fault(
-            f"{requirement.place}.formula" if requirement.key else f"part[{owner[name]}].name",
+            f"{requirement.place}.formula" if requirement.key else f"{place_of(parts, owner[name])}.name",
             f"the requirement does not depend on {name} anywhere within the tolerances: leave it out "
-            f"(part {parts[owner[name]].name})",
+            f"({parts[owner[name]].label})",
         )
         for name in without_effect
     ]
-    if mechanism.rough and requirement.method in FIRST_ORDER:
-        text = (
-            f"{requirement.method} knows the formula by its slopes at the mid-limits alone, and there it has no slope "
-            f"(0, not defined, or another one on each side) by {', '.join(mechanism.rough)}: a first-order standard "
-            'deviation cannot be given; state method = "monte_carlo" (units are drawn) or "worst_case" (by corners)'
-        )
-        faults.append(Fault(f"{requirement.place}.method", text))
-    return faults
 
 
 def _nominal_faults(requirement: Requirement, computed: float) -> list[Fault]:
@@ -329,21 +369,43 @@ def _rounding(stated: object, unit: str) -> float:
 
 
 def mechanisms_of(
-    requirements: Sequence[Requirement], parts: Sequence[Part], correlations: Sequence[Correlation], faults: list[Fault]
+    requirements: Sequence[Requirement],
+    parts: Sequence[Part],
+    correlations: Sequence[Correlation],
+    steps: tuple[Intermediate, ...],
+    faults: list[Fault],
 ) -> tuple[Mechanism, ...]:
-    """The mechanism of each requirement; fewer, and every fault, where the parts make none."""
+    """The mechanism of each requirement; fewer, and every fault, where the parts make none.
+
+    `steps` are intermediate quantities, each after those that it depends on.
+    """
     correlation = _matrix(parts, correlations, faults)
-    candidates = [_mechanism(requirement, parts, correlation, faults) for requirement in requirements]
+    candidates = [_mechanism(requirement, parts, correlation, steps, faults) for requirement in requirements]
     mechanisms = tuple(mechanism for mechanism in candidates if mechanism is not None)
+    if steps and len(mechanisms) == len(requirements):
+        from .intermediate import intermediate_faults
+
+        pairs = zip(requirements, mechanisms, strict=True)
+        used = [(requirement, m.formula) for requirement, m in pairs if m.formula is not None]
+        faults += intermediate_faults(steps, used, parts)
     if requirements[0].key and len(mechanisms) == len(requirements):
-        used = np.any([mechanism.acting for mechanism in mechanisms], axis=0)
+        acting = np.any([mechanism.acting for mechanism in mechanisms], axis=0)
         owners = mechanisms[0].owners
-        faults += unused_part_faults(parts, [bool(np.any(used[owners == at])) for at in range(len(parts))])
+        formulas = [mechanism.formula for mechanism in mechanisms if mechanism.formula is not None]
+        used_parts = [
+            bool(np.any(acting[owners == at])) or any(_acts_in(part.feature, formula) for formula in formulas)
+            for at, part in enumerate(parts)
+        ]
+        faults += unused_part_faults(parts, used_parts)
     return mechanisms
 
 
 def _mechanism(
-    requirement: Requirement, parts: Sequence[Part], correlation: Array | None, faults: list[Fault]
+    requirement: Requirement,
+    parts: Sequence[Part],
+    correlation: Array | None,
+    steps: tuple[Intermediate, ...],
+    faults: list[Fault],
 ) -> Mechanism | None:
     """The mechanism of one requirement; None and every fault where the parts do not make one."""
     owner = tuple(at for at, part in enumerate(parts) for _ in part.pieces)
@@ -356,9 +418,11 @@ def _mechanism(
         lower=-np.inf if requirement.lower is None else requirement.lower,
         upper=np.inf if requirement.upper is None else requirement.upper,
         correlation=correlation,
+        discs=tuple(disc for at, part in enumerate(parts) if part.feature and (disc := part.feature.disc(owner, at))),
     )
-    kind = mechanism_with_formula if requirement.formula else _mechanism_with_sensitivities
-    return kind(bare, requirement, parts, faults)
+    if requirement.formula:
+        return mechanism_with_formula(bare, requirement, parts, steps, faults)
+    return _mechanism_with_sensitivities(bare, requirement, parts, faults)
 
 
 def _matrix(parts: Sequence[Part], correlations: Sequence[Correlation], faults: list[Fault]) -> Array | None:

@@ -10,7 +10,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...models.cost_reading import Joint
-from ...models.stack import Conditioned, Sample, Tolerances, condition_on_piece, half_width, joint_yield_percent
+from ...models.stack import (
+    Conditioned,
+    Sample,
+    Tolerances,
+    condition_on_piece,
+    half_width,
+    joint_yield_percent,
+    limit_of,
+    mean_and_deviation,
+    scaled,
+)
+from ...models.stack.mechanism import SIGMAS, fractions
 from ...section import Array, Integers, Kind, Output, Variable
 from ..limits import Limit
 from ..settings import Bound, Promise, Settings, VariableSetting
@@ -40,6 +51,7 @@ def joint_variations(requirements: Sequence[Measured], values: Mapping[str, Arra
     return {
         kind: np.max([measured.requirement.weight * values[measured.name(kind)] for measured in requirements], axis=0)
         for kind in VARIATIONS
+        if all(measured.name(kind) in values for measured in requirements)
     }
 
 
@@ -78,6 +90,8 @@ _MEANING = {
 }
 _WORST = ("sum of |sensitivity| times tolerance", "largest deviation over the corners of the tolerances")
 """Of a formula that its slopes describe, and of another."""
+_DEVIATIONS = ("three standard deviations of the linear model", "three standard deviations, by a sample of units")
+"""The same."""
 
 
 def variables_of(parts: Iterable[Part]) -> tuple[Variable, ...]:
@@ -92,7 +106,7 @@ def variables_of(parts: Iterable[Part]) -> tuple[Variable, ...]:
                 kind=Kind.HALF_WIDTH,
                 low=part.low,
                 high=high,
-                meaning=f"tolerance of part {part.name}",
+                meaning=part.meaning,
                 valid_low=0.0,
             )
         )
@@ -154,12 +168,16 @@ def _requirement_outputs(requirement: Requirement, measured: Measured | None, pa
     outputs = [
         Output(qualified("variation"), unit, meaning, low=0.0),
         Output(qualified("worst_case"), unit, _WORST[rough], low=0.0),
+<<<<<<< HEAD
         Output(qualified("rss"), unit, "three standard deviations of the linear model", low=0.0),
         Output(qualified("std"), unit, f"standard deviation of {name} by the linear model", low=0.0),
         *(
             Output(qualified(end), unit, f"{words} {name} of parts within their zones", larger_is_better=side < 0.0)
             for (end, side), words in zip(WINDOW.items(), ("least", "greatest"), strict=True)
         ),
+=======
+        Output(qualified("rss"), unit, _DEVIATIONS[rough], low=0.0),
+>>>>>>> features
         *_yields(qualified("yield_percent"), f"units with {name} within its limits"),
     ]
     if measured is None or measured.partial:
@@ -242,7 +260,7 @@ def slopes_by_count(stack: Stack, designs: Array) -> dict[str, Array]:
     by its slopes at the mid-limits: by central differences, on the units of a report.
     """
     rough = [measured for measured in stack.measured if measured.rough]
-    names = {measured.name(output) for measured in rough for output in ("yield_percent", "variation")}
+    names = {measured.name(output) for measured in rough for output in ("yield_percent", "variation", "rss")}
     names = (names | ({"yield_percent"} if rough else set())) & stack.required_outputs
     names -= {measured.name("variation") for measured in rough if measured.requirement.method == "worst_case"}
     derivatives = {name: np.zeros((len(designs), len(stack.definition.parts))) for name in names}
@@ -383,14 +401,47 @@ class Yields:
         for measured in self.measured:
             if measured.requirement.method == "monte_carlo":
                 by_output |= self._half_width(measured, t, searching, needed)
+<<<<<<< HEAD
         return by_output | self.percentages(t, searching, needed)
 
     def percentages(self, t: Tolerances, searching: bool = False, needed: bool = False) -> dict[str, Array]:
         """The yields and their errors (n,) [percent]; NaN without limits."""
         by_output: dict[str, Array] = {}
+=======
+            if measured.rough:
+                by_output |= self._deviations(measured, t, needed)
+>>>>>>> features
         for name, bounded in self._yields():
             by_output |= self._yield(name, bounded, t, searching, needed)
         return by_output
+
+    def _deviations(self, measured: Measured, t: Tolerances, needed: bool) -> dict[str, Array]:
+        """Root sum square, and what follows from it, of a formula that its slopes do not describe."""
+        method = measured.requirement.method
+        names = {"rss"} | ({"variation"} if method in ("rss", "shifted_rss") else set())
+        if needed and not self.required_outputs & ({measured.name(name) for name in names} | names):
+            return {measured.name(name): np.full(len(t), np.nan) for name in names}
+        mean, std = mean_and_deviation(measured.mechanism, t, self.reported)
+        rss = SIGMAS * std
+        shift = np.abs(mean - measured.mechanism.centre) if method == "shifted_rss" else 0.0
+        return {measured.name(name): rss + (shift if name == "variation" else 0.0) for name in names}
+
+    def shares(self, measured: Measured, t: Tolerances) -> dict[str, Array]:
+        """Contributions [%] of the parts (n,) where a formula is not described by its slopes.
+
+        Those in the growth of the standard deviation s with all tolerances, t_j ds/dt_j, which for a
+        linear formula are those in the variance.
+        """
+        if measured.requirement.method == "worst_case":
+            return measured.shares(t)
+        growth = np.zeros(limit_of(t).shape)
+        for at in measured.shown:
+            for side in (1.0, -1.0):
+                factor = np.ones(growth.shape[1])
+                factor[at] += side * RELATIVE_STEP
+                growth[:, at] += side * mean_and_deviation(measured.mechanism, scaled(t, factor), self.reported)[1]
+        shares = fractions(growth)
+        return {measured.contribution(at): 100.0 * shares[:, at] for at in measured.shown}
 
     def _yields(self) -> list[tuple[str, list[Measured]]]:
         """The yields by name, with the requirements that have limits."""

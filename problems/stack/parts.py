@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -16,7 +15,6 @@ from ...errors import Fault, nearest
 from ...models.capability import PartSample, read_sample
 from ...models.cost_reading import add_constant_cost, name_of, read_curve, read_extras, read_extras_by
 from ...models.costs import CostCurve, Reciprocal, Table
-from ...models.expressions import CONSTANTS, FUNCTIONS
 from ...models.input_reading import read_distribution
 from ...models.inputs import Normal, Zone
 from ...models.iso286 import (
@@ -36,7 +34,7 @@ from ...models.machine_offers import Offer, Owner, read_offers
 from ...section import POSITIVE, Range, Section, is_forced, shown
 from ...units import family
 from .definition import Part, Process, Requirement, natural_limit, processes_of
-from .formulas import read_sensitivities
+from .formulas import name_complaint, read_sensitivities
 
 
 def read_fits(top: Section, faults: list[Fault]) -> dict[str, str]:
@@ -291,7 +289,11 @@ def read_tolerance(section: Section, unit: str, nominal: float | None, fit: str 
             grades, alternatives=True, stated=stated_standard(section) | costs, assumed=unverified_grades(grades)
         )
     if given == ["t_min"]:
+<<<<<<< HEAD
         process = _process(section, unit, nominal)
+=======
+        process = read_process(section, unit)
+>>>>>>> features
         return None if process is None else Tolerance((process,))
     fixed = _read_fixed_zone(section, given[0], unit, nominal)
     curve = _read_cost(section) if "cost" in section else None
@@ -303,6 +305,7 @@ def read_tolerance(section: Section, unit: str, nominal: float | None, fit: str 
     return Tolerance((process,), True, False, shape.mid, **tolerance)
 
 
+<<<<<<< HEAD
 _PERCENT = re.compile(r"\s*([^\s%]+)\s*(?:%|percent)\s*")
 
 
@@ -334,6 +337,11 @@ def _process(section: Section, unit: str, nominal: float | None, name: str = "")
     if name and ("tolerance" in section or "price" in section):
         return _process_at_one_tolerance(section, unit, nominal, name)
     low, high = (_half_width(section, key, unit, nominal, POSITIVE) for key in ("t_min", "t_max"))
+=======
+def read_process(section: Section, unit: str, name: str = "") -> Process | None:
+    """A range with its cost."""
+    low, high = (section.number(key, unit, POSITIVE) for key in ("t_min", "t_max"))
+>>>>>>> features
     for key in ("t_min", "t_max"):
         if key not in section:
             section.fault(key, "is missing: a tolerance is searched from t_min to t_max")
@@ -413,7 +421,11 @@ def _alternatives(section: Section, unit: str, nominal: float | None) -> Toleran
         section.fault("cost", "belongs in each [[part.process]]; a machine has a price")
     processes: tuple[Process, ...] | None = ()
     if "process" in section:
+<<<<<<< HEAD
         processes = section.named_items("process", lambda table, name: _process(table, unit, nominal, name))
+=======
+        processes = section.named_items("process", lambda table, name: read_process(table, unit, name))
+>>>>>>> features
     if "machine" not in section:
         return None if processes is None else Tolerance(processes, alternatives=True)
     ends = [section.number(key, unit, POSITIVE) for key in ("t_min", "t_max")]
@@ -472,7 +484,6 @@ def _limits(text: str) -> Zone:
 # Reads `[[part]]`: every fault names the part.
 
 
-_NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 MAX_PIECES_PER_PART = 1000
 """Pieces of a part."""
 MAX_PIECES = 2000
@@ -484,7 +495,7 @@ SOBOL = 21_201
 def read_parts(top: Section, requirements: Sequence[Requirement], faults: list[Fault]) -> list[Part | None]:
     """The parts, None for each that is faulty."""
     parts = []
-    length_unit, fits = _length(requirements), read_fits(top, faults)
+    length_unit, fits = length_unit_of(requirements), read_fits(top, faults)
     for at in range(len(top.tables("part"))):
         part_faults: list[Fault] = []
         section = top.item("part", at, part_faults)
@@ -517,7 +528,7 @@ def _too_many(parts: Sequence[Part]) -> list[Fault]:
     return [Fault("part", f"has {pieces} pieces in all, {most} at most: merge some{remedy}")]
 
 
-def _length(requirements: Sequence[Requirement]) -> str:
+def length_unit_of(requirements: Sequence[Requirement]) -> str:
     """The unit of parts that state none: that of the requirements, where all are in one length."""
     units = {requirement.unit for requirement in requirements}
     return units.pop() if len(units) == 1 and family(min(units))[0] == "meter" else ""
@@ -575,8 +586,14 @@ def _read(section: Section, length_unit: str, requirements: Sequence[Requirement
         material=material,
         machines=zone.machines,
         sample=sample,
+<<<<<<< HEAD
         present=zone.present,
         **labels,
+=======
+        geometry=labels["geometry"],
+        drawing=labels["drawing"],
+        characteristic=labels["characteristic"],
+>>>>>>> features
     )
 
 
@@ -611,14 +628,20 @@ def _sample(
 
 
 def _labels(section: Section) -> dict[str, str]:
+<<<<<<< HEAD
     """Geometrical characteristic, number of the drawing, number of the characteristic on it, and
     where the tolerance comes from.
     """
     numbers = {key: _number(section, key) for key in ("drawing", "characteristic")}
     return {"geometry": section.text("geometry", SYMBOLS) or "", **numbers, "source": section.text("source") or ""}
+=======
+    """Geometrical characteristic, number of the drawing, number of the characteristic on it."""
+    numbers = {key: drawing_number(section, key) for key in ("drawing", "characteristic")}
+    return {"geometry": section.text("geometry", SYMBOLS) or "", **numbers}
+>>>>>>> features
 
 
-def _number(section: Section, key: str) -> str:
+def drawing_number(section: Section, key: str) -> str:
     """A number of a drawing: with quotes or without."""
     value = section.take(key)
     if isinstance(value, int) and not isinstance(value, bool):
@@ -632,11 +655,8 @@ def _name(section: Section) -> str | None:
         if "name" not in section:
             section.fault("name", "is missing: name the part")
         return None
-    if not _NAME.fullmatch(name):
-        section.fault("name", f'must be letters, digits and _, and begin with a letter, got "{name}"')
-        return None
-    if name in FUNCTIONS or name in CONSTANTS:
-        section.fault("name", f"{name} means something in formulas; choose another name")
+    if why := name_complaint(name):
+        section.fault("name", why)
         return None
     return name
 

@@ -177,10 +177,9 @@ def _domain(measured: Measured) -> str:
     name = measured.name("domain_margin")
     designs = f"designs that do are infeasible ({name} below 0)"
     if not measured.bound_to_domain:
-        designs = (
-            f"{name} is below 0 for designs that do, and limits.{name} = 0 refuses them "
-            f"({measured.requirement.method} knows the formula by its slopes alone)"
-        )
+        designs = f"{name} is below 0 for designs that do, and limits.{name} = 0 refuses them"
+        if not measured.assembles:
+            designs += f" ({measured.requirement.method} knows the formula by its slopes alone)"
     return (
         f"{measured.requirement.place}.formula leaves its domain within the widest tolerances: "
         f"{measured.mechanism.undefined}; {designs}; units that do are non-conforming"
@@ -188,7 +187,7 @@ def _domain(measured: Measured) -> str:
 
 
 def _nonlinearity_warning(stack: Stack, measured: Measured) -> str:
-    """What is not given of a formula that its slopes at the mid-limits do not describe, and what is."""
+    """How the outputs of a formula that its slopes at the mid-limits do not describe are computed."""
     mechanism, unit = measured.mechanism, f" {measured.requirement.unit}".rstrip()
     _, loosest = stack.ends_as_made
     first, worst = (
@@ -196,8 +195,9 @@ def _nonlinearity_warning(stack: Stack, measured: Measured) -> str:
     )
     text = (
         f"{measured.requirement.place}.formula has no slope at the mid-limits (0, not defined, or another one on each "
-        f"side) by {', '.join(mechanism.rough)}: no root sum square and no contributions are given; worst_case is that "
-        f"of the corners, {worst:.4g}{unit} at the loosest tolerances (first order: {first:.4g}{unit})"
+        f"side) by {', '.join(mechanism.rough)}: rss and contributions are those of the formula itself, by a sample of "
+        f"units; worst_case is that of the corners, {worst:.4g}{unit} at the loosest tolerances (first order: "
+        f"{first:.4g}{unit})"
     )
     if mechanism.bounded:
         percent, error = yield_percent(mechanism, loosest, stack.yields.drawn(WARNING_SAMPLES))
@@ -278,7 +278,7 @@ class Stack(ToleranceProblem):
             top.fault(fault.place, fault.message)
         known = [
             part or placeholder_part(table, at)
-            for at, (part, table) in enumerate(zip(parts, top.tables("part"), strict=True))
+            for at, (part, table) in enumerate(zip(parts, [*top.tables("part"), *top.tables("feature")], strict=True))
         ]
         mechanisms = measured(definition) if definition is not None else ()
         promise = read_promise(top)
@@ -387,7 +387,7 @@ class Stack(ToleranceProblem):
         names = [requirement.contribution(at) for at in requirement.shown]
         if searching and not self.required_outputs & set(names):
             return dict.fromkeys(names, np.full(len(t), np.nan))
-        return requirement.shares(t)
+        return self.yields.shares(requirement, t) if requirement.rough else requirement.shares(t)
 
     @cached_property
     def yields(self) -> Yields:

@@ -28,7 +28,7 @@ from ...models.stack import (
     spread_of,
     worst_by_corners,
 )
-from ...models.stack.mechanism import SIGMAS
+from ...models.stack.mechanism import SIGMAS, fractions
 from ...section import Array, Integers, Output
 from ..deviations import Draws, Sums
 from ..promise import assurances, contradictions, means_promise, outputs_of_promise
@@ -88,7 +88,7 @@ class Measured:
     @property
     def rough(self) -> bool:
         """Whether slopes at the mid-limits do not describe the formula: its worst case is then by
-        corners, and it has neither a root sum square nor contributions.
+        corners, its root sum square and its contributions by a sample (`Yields`).
         """
         return bool(self.mechanism.rough)
 
@@ -96,9 +96,15 @@ class Measured:
     def bound_to_domain(self) -> bool:
         """Whether designs must stay in the domain: where the variation is the formula's own.
 
-        The other methods know the formula by its slopes at the mid-limits alone.
+        The other methods know the formula by its slopes at the mid-limits alone. Units that cannot be
+        assembled only do not conform.
         """
-        return self.partial and (self.rough or self.requirement.method == "monte_carlo")
+        return self.partial and not self.assembles and (self.rough or self.requirement.method == "monte_carlo")
+
+    @property
+    def assembles(self) -> bool:
+        """Whether a unit for which its formula has no value is one that cannot be assembled."""
+        return self.mechanism.formula is not None and self.mechanism.formula.assembles
 
     def name(self, output: str) -> str:
         """The name of one of its outputs."""
@@ -116,9 +122,10 @@ class Measured:
         return self.name(f"contribution_{self.parts[at].name}_percent")
 
     def variations(self, t: Tolerances) -> dict[str, Array]:
-        """The linear variations (n,) by output, of tolerances (n, parts)."""
+        """The variations (n,) by output, of tolerances (n, parts), that take no sample."""
         by_output = {"worst_case": self.linear.worst_case(t), "rss": self.linear.rss(t)}
         if self.rough:
+<<<<<<< HEAD
             by_output = {"worst_case": worst_by_corners(self.mechanism, t), "rss": np.full(len(t), np.nan)}
         by_output["std"] = by_output["rss"] / SIGMAS
         if self.straight:
@@ -127,6 +134,13 @@ class Measured:
         if method == "shifted_rss":
             by_output["variation"] = self.linear.shifted_rss(t) + self.measured_shift
         elif method != "monte_carlo":
+=======
+            by_output = {"worst_case": worst_by_corners(self.mechanism, t)}
+        method = self.requirement.method
+        if method == "shifted_rss" and not self.rough:
+            by_output["variation"] = self.linear.shifted_rss(t)
+        elif method in by_output:
+>>>>>>> features
             by_output["variation"] = by_output[method]
         return {self.name(name): value for name, value in by_output.items()}
 
@@ -169,9 +183,10 @@ class Measured:
     def shares(self, t: Tolerances) -> dict[str, Array]:
         """Contributions [%] of its parts (n,)."""
         worst = self.requirement.method == "worst_case"
-        shares = self.linear.worst_shares(t) if worst else self.linear.variance_shares(t)
-        if self.rough:
-            shares = np.full_like(shares, np.nan)
+        if self.rough and worst:
+            shares = fractions(limit_of(t) * self._towards_tighter(worst_by_corners, limit_of(t)))
+        else:
+            shares = self.linear.worst_shares(t) if worst else self.linear.variance_shares(t)
         return {self.contribution(at): 100.0 * shares[:, at] for at in self.shown}
 
     # ---------------------------------------------------------------- slopes
@@ -247,10 +262,15 @@ class Measured:
         shift = self._shift(low) + self.measured_shift, self._shift(high) + self.measured_shift
         by_output = {"worst_case": worst, "rss": rss, "yield_percent": (0.0, self._most_yield(low))}
         if self.rough:
+<<<<<<< HEAD
             by_output = {"worst_case": (0.0, np.inf), "rss": (0.0, np.inf), "yield_percent": (0.0, 100.0)}
         by_output["std"] = by_output["rss"][0] / SIGMAS, by_output["rss"][1] / SIGMAS
         if self.straight and not self.rough:
             by_output |= {name: tuple(sorted(self.middle + side * w for w in worst)) for name, side in WINDOW.items()}
+=======
+            rss, shift = (0.0, np.inf), (0.0, 0.0)
+            by_output = {"worst_case": rss, "rss": rss, "yield_percent": (0.0, 100.0)}
+>>>>>>> features
         by_method = by_output | {"shifted_rss": (rss[0] + shift[0], rss[1] + shift[1])}
         if self.requirement.method in by_method:
             by_output["variation"] = by_method[self.requirement.method]

@@ -230,9 +230,43 @@ def test_a_formula_without_slope_is_measured_by_corners_and_units(
         assert measured.linear.worst_case(stack.tolerances(loosest))[0] == pytest.approx(first, abs=1e-12)
     error = np.hypot(outputs["yield_percent_error"][0], 0.003)
     assert outputs["yield_percent"][0] == pytest.approx(percent(), abs=4.0 * error)
-    assert np.isnan(outputs["rss"][0])
     (warning,) = (text for text in stack.warnings() if "no slope" in text)
-    assert f"by {rough}: no root sum square and no contributions are given" in warning
+    assert f"by {rough}: rss and contributions are those of the formula itself, by a sample of units" in warning
+
+
+def test_the_deviation_of_a_formula_without_slope_is_that_of_its_units() -> None:
+    """In closed form: T H/D of uniform parts, E[T^2] E[H^2] E[1/D^2]; a Rayleigh radius, s sqrt(2 - pi/2)."""
+    stack = of_case("zero_slope/pole.toml")
+    outputs = stack.outputs_of(stack.corner(tight=False)[None])
+    std = np.sqrt(0.01 / 3.0 * (90.0**2 + 4.5**2 / 3.0) / (5.75 * 6.25))
+    assert outputs["rss"][0] == pytest.approx(3.0 * std, rel=1e-4)
+    shares = {name: outputs[f"contribution_{name}_percent"][0] for name in "THD"}
+    assert sum(shares.values()) == pytest.approx(100.0)
+    # t dW/dt of the worst corner, 0.1 (90 + H)/(6 - D): 1, H/(90 + H), D/(6 - D)
+    growth = np.array([1.0, 4.5 / 94.5, 0.25 / 5.75])
+    np.testing.assert_allclose([shares[name] for name in "THD"], 100.0 * growth / growth.sum(), rtol=1e-5)
+    radial = of_case("zero_slope/true_position.toml")
+    outputs = radial.outputs_of(radial.corner(tight=False)[None])
+    assert outputs["rss"][0] == pytest.approx(0.1 * np.sqrt(2.0 - 0.5 * np.pi), rel=1e-3)
+    assert outputs["contribution_x_percent"][0] == pytest.approx(50.0, abs=0.05)
+
+
+def test_shares_of_a_formula_without_slope_are_those_of_the_variance(tmp_path: Path) -> None:
+    """a^2 + 2 b + c |d| about 0: variances 2 s_a^4, 4 s_b^2 and s_c^2 s_d^2, which grow as t^4, t^2 and t^2 t^2."""
+    parts = "".join(f"[[part]]\nname = '{n}'\nnominal = 0\ntolerance = {t}\n"
+                    for n, t in (("a", 1.5), ("b", 0.3), ("c", 1.2), ("d", 0.9)))  # fmt: skip
+    head = "problem = 'stack'\n[requirement]\nunit = 'mm'\nformula = 'a**2 + 2*b + c*abs(d)'\nmethod = 'shifted_rss'\n"
+    (tmp_path / "c.toml").write_text(head + parts, "utf-8")
+    stack = read(tmp_path / "c.toml").problem
+    assert isinstance(stack, Stack)
+    outputs = stack.outputs_of(stack.corner(tight=False)[None])
+    a, b, c, d = 0.5, 0.1, 0.4, 0.3
+    terms = np.array([2.0 * a**4, 4.0 * b**2, (c * d) ** 2])
+    assert outputs["rss"][0] == pytest.approx(3.0 * np.sqrt(terms.sum()), rel=5e-3)
+    assert outputs["variation"][0] == pytest.approx(a**2 + 3.0 * np.sqrt(terms.sum()), rel=5e-3)
+    growth = np.array([4.0 * terms[0], 2.0 * terms[1], 2.0 * terms[2], 2.0 * terms[2]])
+    found = [outputs[f"contribution_{name}_percent"][0] for name in "abcd"]
+    np.testing.assert_allclose(found, 100.0 * growth / growth.sum(), atol=0.5)
 
 
 @pytest.mark.parametrize(
@@ -304,7 +338,10 @@ cost = {{ model = "reciprocal", a = 1.0, b = 0.05 }}
 @pytest.mark.parametrize(
     ("method", "limit", "t"),
     [("monte_carlo", "yield_percent = 99.0", 0.3 / np.sqrt(2.0 * np.log(100.0))),  # Rayleigh, alike by symmetry
-     ("worst_case", "variation = 0.1", 0.1 / np.sqrt(2.0))],
+     ("worst_case", "variation = 0.1", 0.1 / np.sqrt(2.0)),
+     ("rss", "variation = 0.1", 0.1 / np.sqrt(2.0 - 0.5 * np.pi)),
+     ("worst_case", "rss = 0.1", 0.1 / np.sqrt(2.0 - 0.5 * np.pi)),
+     ("shifted_rss", "variation = 0.1", 0.1 / (np.sqrt(2.0 - 0.5 * np.pi) + np.sqrt(0.5 * np.pi) / 3.0))],
 )  # fmt: skip
 def test_the_least_cost_of_a_radial_position(method: str, limit: str, t: float, tmp_path: Path) -> None:
     (tmp_path / "c.toml").write_text(RADIAL.format(method=method, limit=limit), "utf-8")
@@ -316,21 +353,11 @@ def test_the_least_cost_of_a_radial_position(method: str, limit: str, t: float, 
     assert outputs["cost"].min() == pytest.approx(least, rel=5e-3)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ('"monte_carlo"', '"rss"', 'by x, y: a first-order standard deviation cannot be given; state method = "monte_'),
-        ('"monte_carlo"', '"shifted_rss"', "shifted_rss knows the formula by its slopes at the mid-limits alone"),
-        ("yield_percent = 99.0", "rss = 0.1", "use variation, worst_case, yield_percent"),
-    ],
-)
-def test_what_first_order_cannot_give_is_refused_in_words(old: str, new: str, message: str, tmp_path: Path) -> None:
-    text = RADIAL.format(method="monte_carlo", limit="yield_percent = 99.0")
-    assert old in text
-    (tmp_path / "c.toml").write_text(text.replace(old, new), "utf-8")
-    with pytest.raises(InputError) as caught:
+def test_a_promise_over_a_formula_without_slope_is_refused_in_words(tmp_path: Path) -> None:
+    text = RADIAL.format(method="monte_carlo", limit="") + "[promise]\nyield_percent = 99.0\nstatement = 'plug_in'\n"
+    (tmp_path / "c.toml").write_text(text, "utf-8")
+    with pytest.raises(InputError, match="promise: follows from slopes at the mid-limits, and requirement"):
         read(tmp_path / "c.toml")
-    assert message in str(caught.value)
 
 
 def test_a_part_of_which_only_a_formula_without_slope_knows_is_needed(tmp_path: Path) -> None:
