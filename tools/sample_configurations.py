@@ -67,7 +67,6 @@ STACK: dict[str, Any] = {
     "part": PARTS,
     "fit": [{"parts": ["k", "l"], "size": "25 H7/g6"}],
     "correlation": [{"parts": ["a_1", "c"], "coefficient": 0.5}],
-<<<<<<< HEAD
     "condition": [
         {
             "name": "warm",
@@ -75,7 +74,7 @@ STACK: dict[str, Any] = {
             "minimise": ["gap.rss"],
             "limits": {"gap": {"variation": {"min": 0.0, "max": 0.2}}},
         }
-=======
+    ],
     "feature": [
         {
             "name": "m",
@@ -93,7 +92,6 @@ STACK: dict[str, Any] = {
         },
         {"name": "n", "kind": "perpendicularity", "t_min": 0.01, "t_max": 0.1, "cost": COST, "height": 9.0, "arm": 9.0},
         {"name": "o", "kind": "float", "of": ["h", "f"]},
->>>>>>> features
     ],
     "limits": {"gap": {"variation": {"min": 0.0, "max": 0.2}}, "cost": {"max": 9.0}},
     "objectives": {"minimise": ["cost", "gap.variation"]},

@@ -233,19 +233,6 @@ def ends_by_corners(mechanism: Mechanism, t: Tolerances) -> tuple[Array, Array]:
     return np.concatenate(least), np.concatenate(greatest)
 
 
-def extremes_of(mechanism: Mechanism, t: Array) -> tuple[float, float, str]:
-    """Least and greatest y within the tolerances t (p,) about the mid-limits, and how they were found.
-
-    "corners": exact for a linear requirement and for one that is monotone in each piece while the
-    others are held; of another formula the extremes of the corners and of points between.
-    """
-    if mechanism.formula is None or mechanism.formula.linear:
-        reach = float(np.abs(mechanism.sensitivities) @ t[mechanism.owners])
-        return mechanism.centre - reach, mechanism.centre + reach, "corners"
-    least, greatest = ends_by_corners(mechanism, t[None, :])
-    return float(least[0]), float(greatest[0]), "corners"
-
-
 def _corners(mechanism: Mechanism, t: Tolerances) -> Iterator[dict[str, Array]]:
     """Quantities (n, m) of the formula at `_points` of the tolerances t (n, p), in blocks of designs."""
     formula, mids, scale = mechanism.formula, mechanism.mids, mechanism.scale

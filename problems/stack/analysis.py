@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...models.stack import AsMade, Mechanism, Tolerances, extremes_of, limit_of
+from ...models.stack import AsMade, Mechanism, Tolerances, limit_of
 from ...models.stack.mechanism import SIGMAS
 from ...section import Array, Integers
 from ..limits import keeps
 from .definition import Part
 from .formulas import nominal_sum
 from .problem import Stack
-from .promises import Measured
+from .promises import WINDOW, Measured
 
 BINS = 40
 """Bars of a histogram of units."""
@@ -46,6 +46,8 @@ REQUIREMENT_COLUMNS = (
     "kept_worst_case",
     "kept_statistical",
 )
+METHODS = ("rss", "worst_case")
+"""Of which contributions are given: shares in the variance and in the worst case."""
 CONTRIBUTION_COLUMNS = ("requirement", "part", "sensitivity", "variance_percent", "worst_case_percent")
 HISTOGRAM_COLUMNS = ("requirement", "from", "to", "units_percent")
 
@@ -78,12 +80,12 @@ def analyse(stack: Stack, design: Array, histograms: bool = True) -> Analysis:
     yields = stack.yields.percentages(made)
     rows, contributions, bars, notes, shifted = [], [], [], list[str](), dict[str, float]()
     for measured in stack.measured:
-        needed = histograms or not described_by_slopes(measured.mechanism)
+        needed = histograms or not measured.straight
         sample = _sampled_values(stack, measured, made) if needed else np.empty(0)
         percent = tuple(float(yields[measured.name(name)][0]) for name in ("yield_percent", "yield_percent_error"))
         row = _requirement_row(measured, made, sample, percent)
         rows.append(row)
-        contributions.append(_contributions(measured, made))
+        contributions.append(_contributions(stack, measured, made))
         bars.append(_histogram(label_of(measured), sample))
         notes += _notes(measured, row, sample)
         shift = np.nan if measured.rough else float(measured.linear.shifted_rss(made)[0])
@@ -109,7 +111,7 @@ def _requirement_row(
 ) -> dict[str, object]:
     mechanism, requirement = measured.mechanism, measured.requirement
     mean, std = _mean_and_deviation(measured, made, sample)
-    least, greatest, kind = extremes_of(_about_the_zones(measured), limit_of(made)[0])
+    least, greatest = _worst_ends(measured, made)
     rss = (mean - SIGMAS * std, mean + SIGMAS * std)
     lower, upper = mechanism.lower, mechanism.upper
     above, below = ((end / (SIGMAS * std) if std > 0.0 else np.inf) for end in (upper - mean, mean - lower))
@@ -124,7 +126,7 @@ def _requirement_row(
         "std": std,
         "worst_case_least": least,
         "worst_case_greatest": greatest,
-        "worst_case_kind": kind,
+        "worst_case_kind": "corners",
         "rss_least": rss[0],
         "rss_greatest": rss[1],
         "lower": lower if np.isfinite(lower) else np.nan,
@@ -137,6 +139,13 @@ def _requirement_row(
         "kept_worst_case": _kept(mechanism, least, greatest),
         "kept_statistical": _kept(mechanism, *rss),
     }
+
+
+def _worst_ends(measured: Measured, made: Tolerances) -> tuple[float, float]:
+    """Least and greatest value of parts within their zones."""
+    ends = measured.variations(made) | measured.window(made, asked=True)
+    least, greatest = (float(ends[measured.name(name)][0]) for name in WINDOW)
+    return least, greatest
 
 
 def _kept(mechanism: Mechanism, least: float, greatest: float) -> bool:
@@ -157,34 +166,15 @@ def _nominal(measured: Measured) -> float:
     return nominal_sum(requirement, parts) if all(part.nominal is not None for part in parts) else np.nan
 
 
-def _about_the_zones(measured: Measured) -> Mechanism:
-    """The mechanism about the middles of the zones of the drawing: a mean that was measured moves
-    the units, and no limit of a part.
-    """
-    mechanism = measured.mechanism
-    offsets = np.array([part.mean - part.mid for part in measured.parts])[mechanism.owners]
-    if not np.any(offsets):
-        return mechanism
-    if mechanism.formula is None or mechanism.mids is None or mechanism.scale is None:
-        return replace(mechanism, centre=mechanism.centre - float(mechanism.sensitivities @ offsets))
-    mids = mechanism.mids - mechanism.scale * offsets
-    return replace(mechanism, mids=mids, centre=_value_at(mechanism, mids))
-
-
 def _value_at(mechanism: Mechanism, x: Array) -> float:
     """The requirement at one point, pieces (k,) in the units of the formula."""
     assert mechanism.formula is not None
     return mechanism.gain * float(mechanism.formula.value(dict(zip(mechanism.names, x, strict=True))))
 
 
-def described_by_slopes(mechanism: Mechanism) -> bool:
-    """Whether the sensitivities describe the requirement everywhere, not at the mid-limits alone."""
-    return mechanism.formula is None or mechanism.formula.linear
-
-
 def _mean_and_deviation(measured: Measured, made: Tolerances, sample: Array) -> tuple[float, float]:
     """Mean and standard deviation of the units: in closed form, or those of the sample."""
-    if described_by_slopes(measured.mechanism):
+    if measured.straight:
         mean = measured.mechanism.centre + float(measured.linear.mean_shift(made)[0])
         return mean, float(np.sqrt(max(measured.linear.variance(made)[0], 0.0)))
     known = sample[np.isfinite(sample)]
@@ -197,66 +187,29 @@ def _sampled_values(stack: Stack, measured: Measured, made: Tolerances) -> Array
     return np.concatenate([y.ravel() for _, y in blocks])
 
 
-def _contributions(measured: Measured, made: Tolerances) -> pd.DataFrame:
+def _contributions(stack: Stack, measured: Measured, made: Tolerances) -> pd.DataFrame:
     """Sensitivity and shares of every part on which a requirement depends."""
-    linear, names = measured.linear, [part.name for part in measured.parts]
-    variance, worst = linear.variance_shares(made)[0], linear.worst_shares(made)[0]
-    slope = linear.slope.copy()
-    if measured.rough:
-        slope[_rough_parts(measured)] = np.nan
-        variance, worst = _shares_by_part(measured, made)
+    mechanism, names = measured.mechanism, [part.name for part in measured.parts]
+    rough = [owner for name, owner in zip(mechanism.names, mechanism.owner, strict=True) if name in mechanism.rough]
+    slope = measured.linear.slope.copy()
+    slope[rough] = np.nan
+    by_method = {
+        method: replace(measured, requirement=replace(measured.requirement, method=method)) for method in METHODS
+    }
+    shares = {
+        method: stack.yields.shares(own, made) if measured.rough else own.shares(made)
+        for method, own in by_method.items()
+    }
     rows = [
-        (label_of(measured), names[at], float(slope[at]), 100.0 * float(variance[at]), 100.0 * float(worst[at]))
+        (
+            label_of(measured),
+            names[at],
+            float(slope[at]),
+            *(float(shares[method][measured.contribution(at)][0]) for method in METHODS),
+        )
         for at in measured.shown
     ]
     return pd.DataFrame(rows, columns=list(CONTRIBUTION_COLUMNS))
-
-
-def _rough_parts(measured: Measured) -> list[int]:
-    mechanism = measured.mechanism
-    return sorted(
-        {owner for name, owner in zip(mechanism.names, mechanism.owner, strict=True) if name in mechanism.rough}
-    )
-
-
-LEVELS, WITHIN_LEVEL = 64, 256
-"""Values of a part, and units at each, of the variance that a part alone explains."""
-
-
-def _shares_by_part(measured: Measured, made: Tolerances) -> tuple[Array, Array]:
-    """Fractions of the variance, and of the worst case, of each part (p,) of a formula without slopes.
-
-    Of the variance: that of the mean of the requirement over the values of one part (first-order index
-    of Sobol); what parts do together is in none of them. Of the worst case: the range over one
-    part alone, the others at the middles of their zones, as a fraction of the sum of these ranges.
-    """
-    mechanism, parts = measured.mechanism, len(measured.parts)
-    rng = np.random.default_rng(0)
-    pieces = len(mechanism.owner)
-    uniform = rng.random((pieces, LEVELS * WITHIN_LEVEL))
-    fractions = (np.arange(LEVELS) + 0.5) / LEVELS
-    variance, worst = np.zeros(parts), np.zeros(parts)
-    total = 0.0
-    limits = limit_of(made)[0]
-    zones = _about_the_zones(measured)
-    for at in measured.shown:
-        own = np.flatnonzero(mechanism.owners == at)
-        index = np.zeros(1)
-        for piece in own:
-            u = uniform.copy()
-            u[piece] = np.repeat(fractions, WITHIN_LEVEL)
-            z = np.stack([mechanism.inputs[owner].quantile(u[i]) for i, owner in enumerate(mechanism.owner)])
-            y = mechanism.values(made, z)[0]
-            total = max(total, float(np.nanvar(y)))
-            means = np.nanmean(y.reshape(LEVELS, WITHIN_LEVEL), axis=1)
-            within = np.nanvar(y.reshape(LEVELS, WITHIN_LEVEL), axis=1).mean() / WITHIN_LEVEL
-            index += max(float(np.var(means)) - within, 0.0)
-        variance[at] = index[0]
-        alone = np.where(np.arange(parts) == at, limits, 0.0)
-        least, greatest, _ = extremes_of(zones, alone)
-        worst[at] = greatest - least
-    variance = variance / total if total > 0.0 else variance
-    return variance, worst / worst.sum() if worst.sum() > 0.0 else worst
 
 
 def _histogram(label: str, sample: Array) -> pd.DataFrame:
@@ -276,7 +229,7 @@ def _notes(measured: Measured, row: dict[str, object], sample: Array) -> list[st
     """How figures were found where that is not the plain way."""
     mechanism, label = measured.mechanism, label_of(measured)
     notes = []
-    if not described_by_slopes(mechanism):
+    if not measured.straight:
         how = "an outer bound" if row["worst_case_kind"] == "bound" else "those of the corners of the tolerances"
         notes.append(
             f"{label} is not linear: mean and standard deviation are those of {sample.size} units, the worst-case "
@@ -284,8 +237,8 @@ def _notes(measured: Measured, row: dict[str, object], sample: Array) -> list[st
         )
     if measured.rough:
         notes.append(
-            f"{label} has no slope at the mid-limits by {', '.join(mechanism.rough)}: contributions are those of each "
-            "part alone, and what parts do together is in none of them"
+            f"{label} has no slope at the mid-limits by {', '.join(mechanism.rough)}: contributions to the "
+            "variance are those in the growth of the standard deviation with each tolerance"
         )
     if lost := int(np.sum(~np.isfinite(sample))):
         notes.append(f"{label} has no value for {100.0 * lost / sample.size:.3g} % of the units: they do not conform")
@@ -361,9 +314,8 @@ STEP = 1e-4
 def _second_derivatives(mechanism: Mechanism, acting: Integers) -> Array:
     """Second derivatives (k, k) of a requirement by its acting pieces at the mid-limits."""
     none = np.zeros((len(acting), len(acting)))
-    if described_by_slopes(mechanism) or mechanism.mids is None or mechanism.scale is None:
+    if mechanism.formula is None or mechanism.formula.linear or mechanism.mids is None or mechanism.scale is None:
         return none
-    assert mechanism.formula is not None
     size = np.maximum(np.abs(mechanism.mids), 1.0) * STEP
     moves = np.zeros((len(mechanism.mids), 2, len(acting)))
     for column, piece in enumerate(acting):

@@ -97,17 +97,12 @@ class Part:
     what the configuration says about its zone, `assumed` what it leaves open. `sensitivities` are
     by the key of the requirement, those of formulas left out. `drawing` and `characteristic` are
     the numbers of its drawing and of the characteristic on it, `geometry` is the geometrical
-<<<<<<< HEAD
     characteristic (ISO 1101) that its zone is of, `source` where its tolerance comes from; empty
     where none is stated. `expansion` is the linear one [1/K], None where neither it nor a `material`
     is stated. `machines` are those that some of its processes use, `sample` is what measured parts
     say about its only one. `present` is the half-width of a part to be searched that the drawing has
-    now, None where it is not stated.
-=======
-    characteristic (ISO 1101) that its zone is of; empty where none is stated. `machines` are those
-    that some of its processes use, `sample` is what measured parts say about its only one.
-    `feature` is how a `[[feature]]` acts, whose half-width is half its zone.
->>>>>>> features
+    now, None where it is not stated. `feature` is how a `[[feature]]` acts, whose half-width is half its
+    zone.
     """
 
     name: str
@@ -130,11 +125,8 @@ class Part:
     material: str = ""
     machines: tuple[Offer, ...] = ()
     sample: PartSample | None = None
-<<<<<<< HEAD
     present: float | None = None
-=======
     feature: Feature | None = None
->>>>>>> features
 
     @property
     def natural(self) -> int:
@@ -255,11 +247,8 @@ class Correlation:
 class Definition:
     """A stack that has been read and checked: a mechanism for each requirement, over all parts.
 
-<<<<<<< HEAD
-    With `conditions` these are the requirements in each of them, and `stated` those of the configuration.
-=======
-    `intermediate` holds the tables `[[let]]` and `[[loop]]` as they are written.
->>>>>>> features
+    With `conditions` these are the requirements in each of them, and `stated` those of the
+    configuration. `intermediate` holds the tables `[[let]]` and `[[loop]]` as they are written.
     """
 
     requirements: tuple[Requirement, ...]
@@ -267,12 +256,9 @@ class Definition:
     mechanisms: tuple[Mechanism, ...]
     correlations: tuple[Correlation, ...] = ()
     promise: Promise | None = None
-<<<<<<< HEAD
     conditions: tuple[Condition, ...] = ()
     stated: tuple[Requirement, ...] = ()
-=======
     intermediate: Mapping[str, Any] = field(default_factory=dict)
->>>>>>> features
 
     @property
     def requirement(self) -> Requirement:

@@ -77,25 +77,6 @@ def yield_faults(stack: Stack) -> list[Fault]:
 def first_order_faults(stack: Stack) -> list[Fault]:
     """Promises over a formula that its slopes at the mid-limits do not describe."""
     faults = []
-<<<<<<< HEAD
-    for measured in (measured for measured in stack.measured if measured.rough):
-        why = (
-            f"follows from slopes at the mid-limits, and {measured.requirement.place}.formula has none there by "
-            f"{', '.join(measured.mechanism.rough)}"
-        )
-        names = {
-            measured.name("rss"),
-            measured.name("std"),
-            "rss",
-            *(measured.contribution(at) for at in measured.shown),
-        }
-        for name in sorted(names & stack.required_outputs):
-            place = "objectives.minimise" if name in stack.objectives else f"limits.{name}"
-            use = ", ".join(measured.name(other) for other in ("variation", "worst_case", "yield_percent"))
-            faults.append(Fault(place, f"{name} {why}; use {use}"))
-        if stack.definition.promise is not None and measured.mechanism.bounded:
-            faults.append(Fault("promise", f"{why}; leave [promise] out, and limit {measured.name(YIELD)}"))
-=======
     for measured in (measured for measured in stack.measured if measured.rough and measured.mechanism.bounded):
         if stack.definition.promise is not None:
             why = (
@@ -103,7 +84,6 @@ def first_order_faults(stack: Stack) -> list[Fault]:
                 f"{', '.join(measured.mechanism.rough)}; leave [promise] out, and limit {measured.name(YIELD)}"
             )
             faults.append(Fault("promise", why))
->>>>>>> features
     return faults
 
 

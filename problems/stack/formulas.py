@@ -188,13 +188,8 @@ def mechanism_with_formula(
     if why := _undefined_reason(mechanism, nominals[bare.owners], parts):
         faults.append(Fault(place, why))
         return None
-<<<<<<< HEAD
     mechanism, without_effect = linearise_mechanism(mechanism, np.array([part.high for part in parts])[bare.owners])
-    faults += _slope_faults(mechanism, without_effect, parts, requirement)
-=======
-    mechanism, without_effect = _linearise_mechanism(mechanism, np.array([part.high for part in parts])[bare.owners])
     faults += _effect_faults(mechanism, without_effect, parts, requirement)
->>>>>>> features
     faults += _nominal_faults(requirement, gain * _evaluate_at_point(formula, mechanism, nominals[bare.owners]))
     loosest = np.array([[part.high for part in parts]])
     return replace(mechanism, undefined=domain_violation(mechanism, loosest[0], least_margin(mechanism, loosest)[0]))

@@ -90,7 +90,7 @@ _MEANING = {
 }
 _WORST = ("sum of |sensitivity| times tolerance", "largest deviation over the corners of the tolerances")
 """Of a formula that its slopes describe, and of another."""
-_DEVIATIONS = ("three standard deviations of the linear model", "three standard deviations, by a sample of units")
+_BY = ("by the linear model", "by a sample of units")
 """The same."""
 
 
@@ -168,16 +168,12 @@ def _requirement_outputs(requirement: Requirement, measured: Measured | None, pa
     outputs = [
         Output(qualified("variation"), unit, meaning, low=0.0),
         Output(qualified("worst_case"), unit, _WORST[rough], low=0.0),
-<<<<<<< HEAD
-        Output(qualified("rss"), unit, "three standard deviations of the linear model", low=0.0),
-        Output(qualified("std"), unit, f"standard deviation of {name} by the linear model", low=0.0),
+        Output(qualified("rss"), unit, f"three standard deviations, {_BY[rough]}", low=0.0),
+        Output(qualified("std"), unit, f"standard deviation of {name}, {_BY[rough]}", low=0.0),
         *(
             Output(qualified(end), unit, f"{words} {name} of parts within their zones", larger_is_better=side < 0.0)
             for (end, side), words in zip(WINDOW.items(), ("least", "greatest"), strict=True)
         ),
-=======
-        Output(qualified("rss"), unit, _DEVIATIONS[rough], low=0.0),
->>>>>>> features
         *_yields(qualified("yield_percent"), f"units with {name} within its limits"),
     ]
     if measured is None or measured.partial:
@@ -401,16 +397,13 @@ class Yields:
         for measured in self.measured:
             if measured.requirement.method == "monte_carlo":
                 by_output |= self._half_width(measured, t, searching, needed)
-<<<<<<< HEAD
+            if measured.rough:
+                by_output |= self._deviations(measured, t, needed)
         return by_output | self.percentages(t, searching, needed)
 
     def percentages(self, t: Tolerances, searching: bool = False, needed: bool = False) -> dict[str, Array]:
         """The yields and their errors (n,) [percent]; NaN without limits."""
         by_output: dict[str, Array] = {}
-=======
-            if measured.rough:
-                by_output |= self._deviations(measured, t, needed)
->>>>>>> features
         for name, bounded in self._yields():
             by_output |= self._yield(name, bounded, t, searching, needed)
         return by_output
@@ -418,13 +411,14 @@ class Yields:
     def _deviations(self, measured: Measured, t: Tolerances, needed: bool) -> dict[str, Array]:
         """Root sum square, and what follows from it, of a formula that its slopes do not describe."""
         method = measured.requirement.method
-        names = {"rss"} | ({"variation"} if method in ("rss", "shifted_rss") else set())
+        names = {"rss", "std"} | ({"variation"} if method in ("rss", "shifted_rss") else set())
         if needed and not self.required_outputs & ({measured.name(name) for name in names} | names):
             return {measured.name(name): np.full(len(t), np.nan) for name in names}
         mean, std = mean_and_deviation(measured.mechanism, t, self.reported)
         rss = SIGMAS * std
         shift = np.abs(mean - measured.mechanism.centre) if method == "shifted_rss" else 0.0
-        return {measured.name(name): rss + (shift if name == "variation" else 0.0) for name in names}
+        values = {"rss": rss, "std": std, "variation": rss + shift}
+        return {measured.name(name): values[name] for name in names}
 
     def shares(self, measured: Measured, t: Tolerances) -> dict[str, Array]:
         """Contributions [%] of the parts (n,) where a formula is not described by its slopes.

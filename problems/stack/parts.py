@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -270,7 +271,7 @@ def read_tolerance(section: Section, unit: str, nominal: float | None, fit: str 
         section.fault(given[0], f"is a second statement in addition to {fit} of its [[fit]]: keep only one")
         return None
     if given == ["t_min", "tolerance"]:
-        process, present = _process(section, unit, nominal), _present(section, unit, nominal)
+        process, present = read_process(section, unit, nominal), _present(section, unit, nominal)
         return None if process is None else Tolerance((process,), present=present)
     if set(given) in MADE:
         return _alternatives(section, unit, nominal)
@@ -289,11 +290,7 @@ def read_tolerance(section: Section, unit: str, nominal: float | None, fit: str 
             grades, alternatives=True, stated=stated_standard(section) | costs, assumed=unverified_grades(grades)
         )
     if given == ["t_min"]:
-<<<<<<< HEAD
-        process = _process(section, unit, nominal)
-=======
-        process = read_process(section, unit)
->>>>>>> features
+        process = read_process(section, unit, nominal)
         return None if process is None else Tolerance((process,))
     fixed = _read_fixed_zone(section, given[0], unit, nominal)
     curve = _read_cost(section) if "cost" in section else None
@@ -305,7 +302,6 @@ def read_tolerance(section: Section, unit: str, nominal: float | None, fit: str 
     return Tolerance((process,), True, False, shape.mid, **tolerance)
 
 
-<<<<<<< HEAD
 _PERCENT = re.compile(r"\s*([^\s%]+)\s*(?:%|percent)\s*")
 
 
@@ -332,16 +328,11 @@ def _present(section: Section, unit: str, nominal: float | None) -> float | None
     return _half_width(section, "tolerance", unit, nominal, POSITIVE)
 
 
-def _process(section: Section, unit: str, nominal: float | None, name: str = "") -> Process | None:
+def read_process(section: Section, unit: str, nominal: float | None, name: str = "") -> Process | None:
     """A range with its cost, or one tolerance with its price."""
     if name and ("tolerance" in section or "price" in section):
         return _process_at_one_tolerance(section, unit, nominal, name)
     low, high = (_half_width(section, key, unit, nominal, POSITIVE) for key in ("t_min", "t_max"))
-=======
-def read_process(section: Section, unit: str, name: str = "") -> Process | None:
-    """A range with its cost."""
-    low, high = (section.number(key, unit, POSITIVE) for key in ("t_min", "t_max"))
->>>>>>> features
     for key in ("t_min", "t_max"):
         if key not in section:
             section.fault(key, "is missing: a tolerance is searched from t_min to t_max")
@@ -421,11 +412,7 @@ def _alternatives(section: Section, unit: str, nominal: float | None) -> Toleran
         section.fault("cost", "belongs in each [[part.process]]; a machine has a price")
     processes: tuple[Process, ...] | None = ()
     if "process" in section:
-<<<<<<< HEAD
-        processes = section.named_items("process", lambda table, name: _process(table, unit, nominal, name))
-=======
-        processes = section.named_items("process", lambda table, name: read_process(table, unit, name))
->>>>>>> features
+        processes = section.named_items("process", lambda table, name: read_process(table, unit, nominal, name))
     if "machine" not in section:
         return None if processes is None else Tolerance(processes, alternatives=True)
     ends = [section.number(key, unit, POSITIVE) for key in ("t_min", "t_max")]
@@ -586,14 +573,8 @@ def _read(section: Section, length_unit: str, requirements: Sequence[Requirement
         material=material,
         machines=zone.machines,
         sample=sample,
-<<<<<<< HEAD
         present=zone.present,
         **labels,
-=======
-        geometry=labels["geometry"],
-        drawing=labels["drawing"],
-        characteristic=labels["characteristic"],
->>>>>>> features
     )
 
 
@@ -628,17 +609,11 @@ def _sample(
 
 
 def _labels(section: Section) -> dict[str, str]:
-<<<<<<< HEAD
     """Geometrical characteristic, number of the drawing, number of the characteristic on it, and
     where the tolerance comes from.
     """
-    numbers = {key: _number(section, key) for key in ("drawing", "characteristic")}
-    return {"geometry": section.text("geometry", SYMBOLS) or "", **numbers, "source": section.text("source") or ""}
-=======
-    """Geometrical characteristic, number of the drawing, number of the characteristic on it."""
     numbers = {key: drawing_number(section, key) for key in ("drawing", "characteristic")}
-    return {"geometry": section.text("geometry", SYMBOLS) or "", **numbers}
->>>>>>> features
+    return {"geometry": section.text("geometry", SYMBOLS) or "", **numbers, "source": section.text("source") or ""}
 
 
 def drawing_number(section: Section, key: str) -> str:

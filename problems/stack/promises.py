@@ -125,22 +125,15 @@ class Measured:
         """The variations (n,) by output, of tolerances (n, parts), that take no sample."""
         by_output = {"worst_case": self.linear.worst_case(t), "rss": self.linear.rss(t)}
         if self.rough:
-<<<<<<< HEAD
-            by_output = {"worst_case": worst_by_corners(self.mechanism, t), "rss": np.full(len(t), np.nan)}
-        by_output["std"] = by_output["rss"] / SIGMAS
+            by_output = {"worst_case": worst_by_corners(self.mechanism, t)}
+        else:
+            by_output["std"] = by_output["rss"] / SIGMAS
         if self.straight:
             by_output |= {name: self.middle + side * by_output["worst_case"] for name, side in WINDOW.items()}
         method = self.requirement.method
-        if method == "shifted_rss":
-            by_output["variation"] = self.linear.shifted_rss(t) + self.measured_shift
-        elif method != "monte_carlo":
-=======
-            by_output = {"worst_case": worst_by_corners(self.mechanism, t)}
-        method = self.requirement.method
         if method == "shifted_rss" and not self.rough:
-            by_output["variation"] = self.linear.shifted_rss(t)
+            by_output["variation"] = self.linear.shifted_rss(t) + self.measured_shift
         elif method in by_output:
->>>>>>> features
             by_output["variation"] = by_output[method]
         return {self.name(name): value for name, value in by_output.items()}
 
@@ -262,15 +255,11 @@ class Measured:
         shift = self._shift(low) + self.measured_shift, self._shift(high) + self.measured_shift
         by_output = {"worst_case": worst, "rss": rss, "yield_percent": (0.0, self._most_yield(low))}
         if self.rough:
-<<<<<<< HEAD
-            by_output = {"worst_case": (0.0, np.inf), "rss": (0.0, np.inf), "yield_percent": (0.0, 100.0)}
-        by_output["std"] = by_output["rss"][0] / SIGMAS, by_output["rss"][1] / SIGMAS
-        if self.straight and not self.rough:
-            by_output |= {name: tuple(sorted(self.middle + side * w for w in worst)) for name, side in WINDOW.items()}
-=======
             rss, shift = (0.0, np.inf), (0.0, 0.0)
             by_output = {"worst_case": rss, "rss": rss, "yield_percent": (0.0, 100.0)}
->>>>>>> features
+        by_output["std"] = rss[0] / SIGMAS, rss[1] / SIGMAS
+        if self.straight and not self.rough:
+            by_output |= {name: tuple(sorted(self.middle + side * w for w in worst)) for name, side in WINDOW.items()}
         by_method = by_output | {"shifted_rss": (rss[0] + shift[0], rss[1] + shift[1])}
         if self.requirement.method in by_method:
             by_output["variation"] = by_method[self.requirement.method]

@@ -2,40 +2,24 @@
 
 from __future__ import annotations
 
-<<<<<<< HEAD
-import re
 from dataclasses import asdict
-=======
->>>>>>> features
 from typing import Any
 
 from ...errors import Fault, nearest
 from ...models.cost_reading import curve_table
-<<<<<<< HEAD
 from ...models.costs import Reciprocal
-=======
 from ...models.expressions import Intermediate
->>>>>>> features
 from ...models.input_reading import written
 from ...models.inputs import Normal
 from ...models.machine_offers import samples_of
 from ...section import POSITIVE, Assumption, Range, Section
 from ...units import family
 from ..settings import SAMPLED, process_assumption, read_promise
-<<<<<<< HEAD
 from .definition import METHODS, Condition, Correlation, Definition, Part, Process, Requirement
-from .formulas import mechanisms_of, nominal_sum, sensitivity_faults
-=======
-from .definition import METHODS, Correlation, Definition, Part, Process, Requirement
 from .formulas import NAME, mechanisms_of, nominal_sum, sensitivity_faults
->>>>>>> features
 from .parts import read_parts
 from .promises import WINDOW
 
-<<<<<<< HEAD
-NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
-=======
->>>>>>> features
 RESERVED = (
     "cost",
     "variation",
@@ -154,16 +138,13 @@ def read_definition(
     requirements = read_requirements(top, faults)
     promise = read_promise(top)
     parts = read_parts(top, requirements, faults)
-<<<<<<< HEAD
     conditions = _conditions(top, requirements, faults)
-=======
     top.accept(("feature",))
     if "feature" in top:
         from .features import read_features  # few stacks have any
 
         parts += read_features(top, requirements, parts, faults)
     whole = [part for part in parts if part is not None]
->>>>>>> features
     if top.take("part") is None or top.take("part") == []:
         faults.append(Fault("part", "is missing: a stack needs [[part]] tables"))
     intermediate, steps = _intermediate(top, whole if len(whole) == len(parts) else None, faults)
@@ -174,17 +155,16 @@ def read_definition(
     else:
         faults += _check_formula_or_sensitivities(requirements[0], top, parts)
     if faults or not parts:
-<<<<<<< HEAD
         return parts, requirements, conditions, None
-    mechanisms, stated = mechanisms_of(requirements, whole, correlations, faults), requirements
+    mechanisms, stated = mechanisms_of(requirements, whole, correlations, steps, faults), requirements
     if conditions and not faults:
         from .conditions import stack_at
 
         requirements, mechanisms = stack_at(conditions, stated, whole, mechanisms, faults)
     if faults:
         return parts, stated, conditions, None
-    definition = Definition(requirements, tuple(whole), mechanisms, correlations, promise, conditions, stated)
-    return parts, stated, conditions, definition
+    given = correlations, promise, conditions, stated, intermediate
+    return parts, stated, conditions, Definition(requirements, tuple(whole), mechanisms, *given)
 
 
 def _conditions(top: Section, requirements: tuple[Requirement, ...], faults: list[Fault]) -> tuple[Condition, ...]:
@@ -195,14 +175,6 @@ def _conditions(top: Section, requirements: tuple[Requirement, ...], faults: lis
     from .conditions import read_conditions  # few stacks have any
 
     return read_conditions(top, requirements, faults)
-=======
-        return parts, requirements, None
-    mechanisms = mechanisms_of(requirements, whole, correlations, steps, faults)
-    if faults:
-        return parts, requirements, None
-    definition = Definition(requirements, tuple(whole), mechanisms, correlations, promise, intermediate)
-    return parts, requirements, definition
->>>>>>> features
 
 
 def _intermediate(
@@ -283,14 +255,9 @@ def tables_of(definition: Definition) -> dict[str, Any]:
     """`[requirement]` or each `[[requirement]]`, `[[part]]` and `[[correlation]]`."""
     requirements = [_requirement(requirement) for requirement in definition.stated]
     tables: dict[str, Any] = {
-<<<<<<< HEAD
         "requirement": requirements if definition.stated[0].key else requirements[0],
-        "part": [_part(part) for part in definition.parts],
-=======
-        "requirement": requirements if definition.requirement.key else requirements[0],
         "part": [_part(part) for part in definition.parts if part.feature is None],
         **definition.intermediate,
->>>>>>> features
     }
     if features := [dict(part.feature.stated) for part in definition.parts if part.feature is not None]:
         tables["feature"] = features
@@ -383,14 +350,9 @@ def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
             assumptions.append(Assumption(place, sample.statement(part.unit), "", process))
         for key, why in part.assumed.items():
             value = values.get(key) or str(part.stated.get(key, ""))
-<<<<<<< HEAD
-            assumptions.append(Assumption(f"part.{part.name}.{key}", value, "", why))
-    for requirement, mechanism in zip(definition.stated, definition.mechanisms, strict=False):
-=======
             kind = "part" if part.feature is None else "feature"
             assumptions.append(Assumption(f"{kind}.{part.name}.{key}", value, "", why))
-    for requirement, mechanism in zip(definition.requirements, definition.mechanisms, strict=True):
->>>>>>> features
+    for requirement, mechanism in zip(definition.stated, definition.mechanisms, strict=False):
         if not requirement.formula and requirement.nominal is None and mechanism.bounded:
             place = f"{requirement.place}.nominal"
             text = f"sum of sensitivity times nominal; {place} is not given"
