@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -284,10 +284,10 @@ class Stack(ToleranceProblem):
         promise = read_promise(top)
         outputs = outputs_of(requirements, known, () if conditions else mechanisms, promise)
         if conditions:
-            from .conditions import outputs_at
+            from .conditions import limitable, requirements_at
 
-            every = partial(outputs_of, parts=known, measured=mechanisms, promise=promise)
-            outputs = outputs_at(conditions, requirements, outputs, every, top)
+            every = outputs_of(requirements_at(conditions, requirements), known, mechanisms, promise)
+            outputs = limitable(every, outputs, conditions, top)
         declaration = _declare_stack(variables_of(known), outputs)
         declaration = replace(declaration, conditions=tuple(condition.name for condition in conditions))
         return ConfiguredProblem(declaration, cls, {"definition": definition})

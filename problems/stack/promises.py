@@ -122,7 +122,7 @@ class Measured:
             by_output = {"worst_case": worst_by_corners(self.mechanism, t), "rss": np.full(len(t), np.nan)}
         by_output["std"] = by_output["rss"] / SIGMAS
         if self.straight:
-            by_output |= {name: self.middle + side * by_output["worst_case"] for name, side in WINDOW.items()}
+            by_output |= {name: self.drawn.centre + side * by_output["worst_case"] for name, side in WINDOW.items()}
         method = self.requirement.method
         if method == "shifted_rss":
             by_output["variation"] = self.linear.shifted_rss(t) + self.measured_shift
@@ -149,11 +149,6 @@ class Measured:
         """Shifts of measured means from the middles of the zones, all in the worst direction."""
         off = np.array([abs(part.mean - part.mid) for part in self.parts])
         return float(np.abs(self.mechanism.sensitivities) @ off[self.mechanism.owners])
-
-    @property
-    def middle(self) -> float:
-        """Value at the middles of the zones, of a linear requirement."""
-        return self.drawn.centre
 
     def window(self, t: Tolerances, asked: bool) -> dict[str, Array]:
         """Least and greatest value (n,) of a formula that is not linear, by corners; NaN if not `asked` for."""
@@ -250,7 +245,9 @@ class Measured:
             by_output = {"worst_case": (0.0, np.inf), "rss": (0.0, np.inf), "yield_percent": (0.0, 100.0)}
         by_output["std"] = by_output["rss"][0] / SIGMAS, by_output["rss"][1] / SIGMAS
         if self.straight and not self.rough:
-            by_output |= {name: tuple(sorted(self.middle + side * w for w in worst)) for name, side in WINDOW.items()}
+            by_output |= {
+                name: tuple(sorted(self.drawn.centre + side * w for w in worst)) for name, side in WINDOW.items()
+            }
         by_method = by_output | {"shifted_rss": (rss[0] + shift[0], rss[1] + shift[1])}
         if self.requirement.method in by_method:
             by_output["variation"] = by_method[self.requirement.method]
