@@ -50,9 +50,9 @@ if TYPE_CHECKING:
     from .problem import Stack
 
 Interval = tuple[float, float]
-WINDOW = {"worst_case_least": -1.0, "worst_case_greatest": 1.0}
+LEAST, GREATEST = "worst_case_least", "worst_case_greatest"
+WINDOW = {LEAST: -1.0, GREATEST: 1.0}
 """The ends that no unit within the zones of its parts exceeds, and their sides."""
-LEAST = next(iter(WINDOW))
 STEP = 1e-6
 """Relative step of a tolerance for the slope of a domain margin, which is nearly linear."""
 
@@ -245,8 +245,10 @@ class Measured:
             by_output = {"worst_case": (0.0, np.inf), "rss": (0.0, np.inf), "yield_percent": (0.0, 100.0)}
         by_output["std"] = by_output["rss"][0] / SIGMAS, by_output["rss"][1] / SIGMAS
         if self.straight and not self.rough:
+            centre = self.drawn.centre
             by_output |= {
-                name: tuple(sorted(self.drawn.centre + side * w for w in worst)) for name, side in WINDOW.items()
+                LEAST: (centre - worst[1], centre - worst[0]),
+                GREATEST: (centre + worst[0], centre + worst[1]),
             }
         by_method = by_output | {"shifted_rss": (rss[0] + shift[0], rss[1] + shift[1])}
         if self.requirement.method in by_method:
