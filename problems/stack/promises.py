@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -194,11 +194,11 @@ class Measured:
 
     def _window_slopes(self, t: Tolerances, wanted: Collection[str]) -> dict[str, Array]:
         """Derivatives (n, parts) of the ends by corners that are wanted."""
-        return {
-            self.name(name): self._towards_tighter(lambda m, t, at=at: ends_by_corners(m, t)[at], limit_of(t))  # type: ignore[misc]
-            for at, name in enumerate(WINDOW)
-            if not self.straight and self.name(name) in wanted
-        }
+        names = [self.name(name) for name in WINDOW if not self.straight and self.name(name) in wanted]
+        return {name: self._towards_tighter(partial(self._end, name), limit_of(t)) for name in names}
+
+    def _end(self, name: str, _: Mechanism, t: Tolerances) -> Array:
+        return self.window(t, asked=True)[name]
 
     def _rough_slopes(self, t: Tolerances, wanted: Collection[str]) -> dict[str, Array]:
         """Derivatives (n, parts) of the worst case by corners, and of a domain margin that is wanted."""

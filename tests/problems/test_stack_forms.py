@@ -207,7 +207,7 @@ def test_what_a_supplier_cannot_state() -> None:
         "part[0].measured.n: is missing: the number of parts that were measured",
         "part[0].measured.s: give either s, the standard deviation, or cpk",
         "part[1].measured.n: must be at least 5, got 3",
-        "part[2].measured.cp: is stated in addition to mean: keep only one of the two",
+        "part[2].measured.cp: is stated in addition to s or mean: keep only one of the two",
         "part[2].measured.cpk: must not be above cp (1), got 1.2",
         "part[3].measured.made_to: is missing: the half-width that the measured parts were made to, as their scatter "
         "is proportional to it",
