@@ -399,24 +399,24 @@ def _read_summary(
     mean = None if corrected else section.number("mean", stated_unit)
     made_to = _read_production_tolerance(section, stated_unit, unit, t, follows)
     section.finish()
-    before = len(section.faults)
-    if "n" not in section:
-        section.fault("n", "is missing: the number of parts that were measured")
-    if ("s" in section) == ("cpk" in section):
-        section.fault("s", "give either s, the standard deviation, or cpk")
-    for key, other in (("s", "cp"), ("mean", "cp")):
-        if key in section and other in section:
-            section.fault(other, f"is stated in addition to {key}: keep only one of the two")
-    if cp is not None and cpk is not None and cpk > cp:
-        section.fault("cpk", f"must not be above cp ({cp:g}), got {cpk:g}")
-    if "cpk" in section and not made_to and made_to is not None:
-        section.fault("cpk", "needs made_to, the half-width that it refers to: state made_to, or s in place of cpk")
-    if natural and (mean is None or "cp" in section):
-        section.fault("mean", "is missing: a characteristic with one limit has a mean of its own, and no cp")
-    if len(section.faults) > before or n is None or made_to is None or (s is None and cpk is None):
+    has = set(section.all_keys())
+    wrong = {
+        "n": "n" not in has and "is missing: the number of parts that were measured",
+        "s": ("s" in has) == ("cpk" in has) and "give either s, the standard deviation, or cpk",
+        "cp": "cp" in has and has & {"s", "mean"} and "is stated in addition to s or mean: keep only one of the two",
+        "cpk": (cp and cpk and cpk > cp and f"must not be above cp ({cp:g}), got {cpk:g}")
+        or ("cpk" in has and made_to == 0.0 and "needs made_to, the half-width that it refers to: state it, or s"),
+        "mean": natural and mean is None and "is missing: with one limit alone there is no mid-limit, and no cp",
+    }
+    for key, text in wrong.items():
+        if text:
+            section.fault(key, str(text))
+    if any(wrong.values()) or n is None or made_to is None or (s is None and cpk is None):
         return None
-    size = None if mean is None else np.array([float(converted(mean, stated_unit, unit))])
-    off = 0.0 if size is None else float(size[0] - _origin(size, nominal) - mid)
+    off = 0.0
+    if mean is not None:
+        size = float(converted(mean, stated_unit, unit))
+        off = size - _origin(np.array([size]), nominal) - mid
     if s is not None:
         std = float(converted(s, stated_unit, unit))
     else:

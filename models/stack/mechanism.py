@@ -212,12 +212,8 @@ def worst_by_corners(mechanism: Mechanism, t: Tolerances) -> Array:
 
     Exact where y is monotone in each piece while the others are held.
     """
-    assert mechanism.formula is not None
-    worst = [np.empty(0)]
-    for x in _corners(mechanism, t):
-        deviations = np.abs(mechanism.gain * mechanism.formula.value(x) - mechanism.centre)
-        worst.append(np.where(np.isfinite(deviations), deviations, 0.0).max(axis=1))
-    return np.concatenate(worst)
+    least, greatest = ends_by_corners(mechanism, t)
+    return np.maximum(np.maximum(greatest - mechanism.centre, mechanism.centre - least), 0.0)
 
 
 def ends_by_corners(mechanism: Mechanism, t: Tolerances) -> tuple[Array, Array]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -139,16 +139,11 @@ def _expanded(mechanism: Mechanism, parts: Sequence[Part], growth: Array) -> Mec
     return replace(larger, undefined=domain_violation(larger, loosest, least_margin(larger, loosest[None, :])[0]))
 
 
-def outputs_at(
-    conditions: Sequence[Condition],
-    requirements: Sequence[Requirement],
-    plain: Sequence[Output],
-    outputs_of: Callable[[Sequence[Requirement]], Sequence[Output]],
-    top: Section,
+def limitable(
+    outputs: Sequence[Output], plain: Sequence[Output], conditions: Sequence[Condition], top: Section
 ) -> tuple[Output, ...]:
-    """The outputs in every condition, and those that a limit may name without one; elsewhere it is a fault."""
-    outputs = outputs_of(requirements_at(conditions, requirements))
-    limited = {output.name: output for output in plain} | {output.name: output for output in outputs}
+    """The `outputs` in every condition, and the `plain` ones, which limits may name; elsewhere it is a fault."""
+    limited = {output.name: output for output in (*plain, *outputs)}
     alone = limited.keys() - {output.name for output in outputs}
     objectives = top.section("objectives").take("minimise")
     named = [("objectives.minimise", name) for name in objectives] if isinstance(objectives, list) else []

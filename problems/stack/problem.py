@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -118,6 +118,8 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
         sentences += () if part.sample is None else part.sample.departures(f"part {part.name}")
     for part in stack.definition.parts:
         sentences += departures_from_normality(part.machines, f"part {part.name}")
+    every = len(stack.definition.stated)  # a note on the first condition is one on all
+    sentences += filter(None, [_ignored_means_note(stack, values) for values in stack.measured[:every]])
     for values in stack.measured:
         if text := values.off_nominal:
             most = "fewer than half of the units conform whatever the tolerances" if values.off_limits else ""
@@ -125,7 +127,6 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
                 f"{values.requirement.place} {text}: {most or 'the tolerances are not what breaks its limits'}; move "
                 "the nominal values or the limits"
             )
-        sentences += filter(None, [_ignored_means_note(stack, values)])
         sentences += [_domain(values)] if values.partial else []
         sentences += [_nonlinearity_warning(stack, values)] if values.rough else []
         if values.mechanism.formula is not None and not values.rough:
@@ -284,10 +285,10 @@ class Stack(ToleranceProblem):
         promise = read_promise(top)
         outputs = outputs_of(requirements, known, () if conditions else mechanisms, promise)
         if conditions:
-            from .conditions import outputs_at
+            from .conditions import limitable, requirements_at
 
-            every = partial(outputs_of, parts=known, measured=mechanisms, promise=promise)
-            outputs = outputs_at(conditions, requirements, outputs, every, top)
+            every = outputs_of(requirements_at(conditions, requirements), known, mechanisms, promise)
+            outputs = limitable(every, outputs, conditions, top)
         declaration = _declare_stack(variables_of(known), outputs)
         declaration = replace(declaration, conditions=tuple(condition.name for condition in conditions))
         return ConfiguredProblem(declaration, cls, {"definition": definition})

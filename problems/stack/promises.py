@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,9 +50,9 @@ if TYPE_CHECKING:
     from .problem import Stack
 
 Interval = tuple[float, float]
-WINDOW = {"worst_case_least": -1.0, "worst_case_greatest": 1.0}
+LEAST, GREATEST = "worst_case_least", "worst_case_greatest"
+WINDOW = {LEAST: -1.0, GREATEST: 1.0}
 """The ends that no unit within the zones of its parts exceeds, and their sides."""
-LEAST = next(iter(WINDOW))
 STEP = 1e-6
 """Relative step of a tolerance for the slope of a domain margin, which is nearly linear."""
 
@@ -129,7 +129,7 @@ class Measured:
         else:
             by_output["std"] = by_output["rss"] / SIGMAS
         if self.straight:
-            by_output |= {name: self.middle + side * by_output["worst_case"] for name, side in WINDOW.items()}
+            by_output |= {name: self.drawn.centre + side * by_output["worst_case"] for name, side in WINDOW.items()}
         method = self.requirement.method
         if method == "shifted_rss" and not self.rough:
             by_output["variation"] = self.linear.shifted_rss(t) + self.measured_shift
@@ -156,11 +156,6 @@ class Measured:
         """Shifts of measured means from the middles of the zones, all in the worst direction."""
         off = np.array([abs(part.mean - part.mid) for part in self.parts])
         return float(np.abs(self.mechanism.sensitivities) @ off[self.mechanism.owners])
-
-    @property
-    def middle(self) -> float:
-        """Value at the middles of the zones, of a linear requirement."""
-        return self.drawn.centre
 
     def window(self, t: Tolerances, asked: bool) -> dict[str, Array]:
         """Least and greatest value (n,) of a formula that is not linear, by corners; NaN if not `asked` for."""
@@ -207,11 +202,11 @@ class Measured:
 
     def _window_slopes(self, t: Tolerances, wanted: Collection[str]) -> dict[str, Array]:
         """Derivatives (n, parts) of the ends by corners that are wanted."""
-        return {
-            self.name(name): self._towards_tighter(lambda m, t, at=at: ends_by_corners(m, t)[at], limit_of(t))  # type: ignore[misc]
-            for at, name in enumerate(WINDOW)
-            if not self.straight and self.name(name) in wanted
-        }
+        names = [self.name(name) for name in WINDOW if not self.straight and self.name(name) in wanted]
+        return {name: self._towards_tighter(partial(self._end, name), limit_of(t)) for name in names}
+
+    def _end(self, name: str, _: Mechanism, t: Tolerances) -> Array:
+        return self.window(t, asked=True)[name]
 
     def _rough_slopes(self, t: Tolerances, wanted: Collection[str]) -> dict[str, Array]:
         """Derivatives (n, parts) of the worst case by corners, and of a domain margin that is wanted."""
@@ -259,7 +254,11 @@ class Measured:
             by_output = {"worst_case": rss, "rss": rss, "yield_percent": (0.0, 100.0)}
         by_output["std"] = rss[0] / SIGMAS, rss[1] / SIGMAS
         if self.straight and not self.rough:
-            by_output |= {name: tuple(sorted(self.middle + side * w for w in worst)) for name, side in WINDOW.items()}
+            centre = self.drawn.centre
+            by_output |= {
+                LEAST: (centre - worst[1], centre - worst[0]),
+                GREATEST: (centre + worst[0], centre + worst[1]),
+            }
         by_method = by_output | {"shifted_rss": (rss[0] + shift[0], rss[1] + shift[1])}
         if self.requirement.method in by_method:
             by_output["variation"] = by_method[self.requirement.method]

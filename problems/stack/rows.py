@@ -226,19 +226,19 @@ def _window_rows(stack: Stack) -> list[Row]:
     """Limits on the ends that no unit exceeds, as limits on the worst case about the middles of the zones."""
     rows = []
     for measured in (measured for measured in stack.measured if measured.straight and not measured.rough):
-        nothing = np.zeros_like(measured.linear.worst)
+        worst = measured.linear.worst
         for name, side in WINDOW.items():
-            bound = next((end for limit, end in _ends_of_limits(stack, side) if limit == measured.name(name)), np.inf)
-            if np.isfinite(bound):
-                most = bound - side * measured.middle
-                row = Row(measured.name(name), measured, "worst_case", measured.linear.worst, nothing, most=most)
+            if np.isfinite(bound := _window_limit(stack, measured.name(name))):
+                most = bound - side * measured.drawn.centre
+                row = Row(measured.name(name), measured, "worst_case", worst, np.zeros_like(worst), most=most)
                 rows.append(replace(row, limit=ENDS[side]))
     return rows
 
 
-def _ends_of_limits(stack: Stack, side: float) -> list[tuple[str, float]]:
-    """Names of limits, and what side times the limited value must not exceed."""
-    return [(limit.name, limit.high if side > 0.0 else -limit.low) for limit in stack.limits]
+def _window_limit(stack: Stack, name: str) -> float:
+    """What an end, times its side, must not exceed; infinite without a limit."""
+    upper = WINDOW[name.rpartition(".")[2]] > 0.0
+    return min((limit.high if upper else -limit.low for limit in stack.limits if limit.name == name), default=np.inf)
 
 
 def _yield_rows(stack: Stack) -> list[Row]:
@@ -404,7 +404,7 @@ def shortfall(stack: Stack, row: str, designs: Array, outputs: Mapping[str, Arra
     if stack.promises is not None and (promised := stack.promises.row(row)) is not None:
         return promised.lacking(t)
     if (side := WINDOW.get(row.rpartition(".")[2])) is not None:
-        return np.asarray(side * outputs[row] - dict(_ends_of_limits(stack, side))[row])
+        return np.asarray(side * outputs[row] - _window_limit(stack, row))
     laws = [
         measured.law
         for measured in stack.measured

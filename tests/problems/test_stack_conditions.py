@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,10 @@ def configuration(**changed: Any) -> dict[str, Any]:
     } | changed
 
 
+def built(source: dict[str, Any], overrides: Sequence[str] = ()) -> Any:
+    return read(source, overrides).problem
+
+
 def faults(**changed: Any) -> list[str]:
     with pytest.raises(InputError) as caught:
         read(configuration(**changed))
@@ -61,7 +66,7 @@ WITHOUT_FORMULA = {"requirement": {"name": "fit", "unit": "mm", "lower": -0.005,
 @pytest.mark.parametrize("stated", [{}, WITHOUT_FORMULA], ids=["formula", "sensitivities"])
 def test_a_thermal_fit_at_three_temperatures(stated: dict[str, Any]) -> None:
     """Each size is 1 + alpha (T - 20) times as large, with its deviations: ends, spread and yield by hand."""
-    problem = read(configuration(**stated)).problem
+    problem = built(configuration(**stated))
     t = np.array([[0.02, 6.5]])
     row = {name: float(value[0]) for name, value in problem.outputs_of(t).items()}
     yields, worst = [], []
@@ -99,7 +104,7 @@ def test_a_formula_that_is_not_linear_at_a_temperature() -> None:
             {"name": name, "unit": "mm", "nominal": nominal, "material": material, "tolerance": 0.01}
             for name, nominal, material in (("h", 10.0, height), ("l", 80.0, "steel"))
         ]
-        return read(configuration(requirement=angle, part=parts, limits={})).problem
+        return built(configuration(requirement=angle, part=parts, limits={}))
 
     t = np.array([[0.01, 0.01]])
     same, other = problem("steel").outputs_of(t), problem("aluminium").outputs_of(t)
@@ -119,7 +124,7 @@ def test_a_limit_without_a_condition_holds_in_all_and_a_condition_has_its_own() 
         {"name": "warm", "temperature_C": 80.0, "limits": {"std": {"max": 0.004}}},
     ]
     made = configuration(condition=conditions, limits={"worst_case_greatest": 0.105, "std": 0.006})
-    problem = read(made).problem
+    problem = built(made)
     limits = {limit.name: (limit.low, limit.high) for limit in problem.limits}
     inf = np.inf
     assert limits == {
@@ -154,7 +159,7 @@ def test_several_requirements_in_conditions_and_what_they_minimise() -> None:
     made = configuration(
         requirement=requirement, condition=conditions, limits={"size.std": 0.01, "fit": {"variation": 0.05}}
     )
-    problem = read(made).problem
+    problem = built(made)
     assert problem.objectives == ("cost", "cold.fit.variation")
     assert {limit.name for limit in problem.limits} == {
         "warm.fit.yield_percent",
@@ -163,7 +168,7 @@ def test_several_requirements_in_conditions_and_what_they_minimise() -> None:
         "cold.fit.variation",
         "warm.fit.variation",
     }
-    again = read(problem.tables() | {"problem": "stack", "limits": {"warm.fit.yield_percent": 95.0}}).problem
+    again = built(problem.tables() | {"problem": "stack", "limits": {"warm.fit.yield_percent": 95.0}})
     assert [requirement.key for requirement in again.definition.requirements] == [
         "cold.fit",
         "cold.size",
@@ -184,7 +189,7 @@ def test_a_resolved_configuration_is_the_same_stack(tmp_path: Any) -> None:
 
 
 def test_a_temperature_is_set_by_name() -> None:
-    problem = read(configuration(), ["condition.warm.temperature_C=100"]).problem
+    problem = built(configuration(), ["condition.warm.temperature_C=100"])
     assert problem.definition.conditions[2].temperature_C == 100.0
 
 

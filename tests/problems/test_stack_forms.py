@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,11 @@ def stack(*parts: dict[str, Any], limits: dict[str, Any] | None = None, **requir
 
 
 def problem(*parts: dict[str, Any], **keys: Any) -> Any:
-    return read(stack(*parts, **keys)).problem
+    return built(stack(*parts, **keys))
+
+
+def built(source: dict[str, Any], overrides: Sequence[str] = ()) -> Any:
+    return read(source, overrides).problem
 
 
 def faults(*parts: dict[str, Any], **keys: Any) -> list[str]:
@@ -58,7 +63,7 @@ def test_per_cent_of_the_nominal_is_a_half_width() -> None:
         part("c", 6.0, process=[{"name": "turned", "tolerance": "0.2%", "price": 3.0}]),
     )
     np.testing.assert_allclose(made.ends_of_t, [[0.08, 0.012, 0.012], [0.08, 0.3, 0.012]], rtol=1e-12)
-    again = read(made.tables() | {"problem": "stack"}).problem
+    again = built(made.tables() | {"problem": "stack"})
     np.testing.assert_array_equal(again.ends_of_t, made.ends_of_t)
     assert made.tables()["part"][0]["tolerance"] == "1 %"  # follows a change of the nominal
 
@@ -110,7 +115,7 @@ def test_a_price_includes_set_up_and_inspection() -> None:
         )
     )
     assert made.cost_of(np.array([[0.01, 0.0]]))[0] == 5.5
-    assert read(made.tables() | {"problem": "stack"}).problem.cost_of(np.array([[0.01, 0.0]]))[0] == 5.5
+    assert built(made.tables() | {"problem": "stack"}).cost_of(np.array([[0.01, 0.0]]))[0] == 5.5
 
 
 # ---------------------------------------------------------------- names of ISO 1101
@@ -152,7 +157,7 @@ def test_a_misspelt_characteristic_names_the_nearest() -> None:
 def values_of(n: int, mean: float, s: float) -> list[float]:
     """Values whose mean and standard deviation are these."""
     z = stats.norm.ppf((np.arange(n) + 0.5) / n)
-    return (mean + s * (z - z.mean()) / z.std(ddof=1)).tolist()
+    return [float(value) for value in mean + s * (z - z.mean()) / z.std(ddof=1)]
 
 
 @pytest.mark.parametrize("statement", ["plug_in", "predictive", "assured"])
@@ -202,7 +207,7 @@ def test_what_a_supplier_cannot_state() -> None:
         "part[0].measured.n: is missing: the number of parts that were measured",
         "part[0].measured.s: give either s, the standard deviation, or cpk",
         "part[1].measured.n: must be at least 5, got 3",
-        "part[2].measured.cp: is stated in addition to mean: keep only one of the two",
+        "part[2].measured.cp: is stated in addition to s or mean: keep only one of the two",
         "part[2].measured.cpk: must not be above cp (1), got 1.2",
         "part[3].measured.made_to: is missing: the half-width that the measured parts were made to, as their scatter "
         "is proportional to it",
@@ -249,7 +254,7 @@ def test_the_window_is_about_the_middles_of_the_zones() -> None:
 
 
 def test_the_window_of_a_formula_by_its_corners() -> None:
-    made = read(_of_formula()).problem
+    made = built(_of_formula())
     t = np.array([[0.1, 0.2], [0.3, 0.05]])
     row = made.outputs_of(t)
     np.testing.assert_allclose(row["worst_case_greatest"], np.hypot(3.0 + t[:, 0], 4.0 + t[:, 1]), rtol=1e-14)
@@ -317,12 +322,12 @@ def test_keys_of_named_tables_are_set_by_name() -> None:
         "requirement.gap.upper=20.5",
         "part.a.nominal = 11",
     ]
-    made = read(given, settings).problem
+    made = built(given, settings)
     assert made.ends_of_t[0].tolist() == [0.02, 0.01]
     assert made.definition.parts[0].fixed and made.definition.parts[0].nominal == 11.0
     assert made.definition.parts[1].processes[1].curve.a == 7.0
     assert made.definition.requirement.upper == 20.5
-    back = read(given, ["part.a.tolerance=0.02", "part.a.t_min=0.01", "part.a.t_max=0.1"]).problem
+    back = built(given, ["part.a.tolerance=0.02", "part.a.t_min=0.01", "part.a.t_max=0.1"])
     assert not back.definition.parts[0].fixed
 
 

@@ -36,12 +36,7 @@ class Named(str):
 # Merging of tables: `--set`, and keys given in addition to an object, change a configuration.
 
 
-INSTEAD = {
-    "value": ("low", "high"),
-    **dict.fromkeys(("low", "high"), ("value",)),
-    "tolerance": ("t_min", "t_max"),
-    **dict.fromkeys(("t_min", "t_max"), ("tolerance",)),
-}
+INSTEAD = {"value": ("low", "high"), **dict.fromkeys(("low", "high"), ("value",)), "tolerance": ("t_min", "t_max")}
 """Keys that are removed when another is set: a fixed value replaces a range, and the reverse."""
 
 
