@@ -46,6 +46,7 @@ OF_NAMES = frozenset(
         "free",
         "grouping",
         "limits",
+        "loop[].unknown",
         "noise",
         "orders",
         "parameters",
