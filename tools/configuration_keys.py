@@ -47,6 +47,7 @@ OF_NAMES = frozenset(
         "free",
         "grouping",
         "limits",
+        "loop[].unknown",
         "noise",
         "orders",
         "parameters",

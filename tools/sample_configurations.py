@@ -101,8 +101,11 @@ STACK: dict[str, Any] = {
 }
 ONE = {
     "problem": "stack",
-    "requirement": {"name": "gap", "unit": "mm", "formula": "a - rest", "lower": 0.0, "upper": 1.0},
+    "requirement": {"name": "gap", "unit": "mm", "formula": "u + rest", "lower": 0.0, "upper": 30.0},
     "let": [{"name": "rest", "formula": "b"}],
+    "loop": [{"name": "triangle", "unknown": {"u": 14.0, "phi": "-45 deg"},
+              "link": [{"length": "a", "angle": "45 deg"}, {"length": "b", "angle": "phi"},
+                       {"length": "u", "direction": [-1, 0]}]}],
     "part": [{"name": name, "nominal": 10.0, "t_min": 0.01, "t_max": 0.1, "cost": COST}
              for name in "ab"],
 }  # fmt: skip

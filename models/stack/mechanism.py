@@ -210,7 +210,8 @@ def worst_by_corners(mechanism: Mechanism, t: Tolerances) -> Array:
     """Largest deviation (n,) of y from its value at the mid-limits, over the corners of the
     tolerances t (n, p) and points between; of units for which y has a value.
 
-    Exact where y is monotone in each piece while the others are held.
+    Exact where y is monotone in each piece while the others are held. Of more than `CORNERS` pieces
+    a bound where their corners are too many: see `models/stack/extremes.py`.
     """
     least, greatest = ends_by_corners(mechanism, t)
     return np.maximum(np.maximum(greatest - mechanism.centre, mechanism.centre - least), 0.0)
@@ -221,7 +222,16 @@ def ends_by_corners(mechanism: Mechanism, t: Tolerances) -> tuple[Array, Array]:
     for which y has a value. Exact where y is monotone in each piece while the others are held.
     """
     assert mechanism.formula is not None
+<<<<<<< HEAD
     least, greatest = [np.empty(0)], [np.empty(0)]
+=======
+    if sum(name in mechanism.formula.names for name in mechanism.names) > CORNERS:
+        from .extremes import extremes  # few formulas have as many parts
+
+        ends = np.array([extremes(mechanism, limit_of(t)[at : at + 1])[:2] for at in range(len(t))])
+        return np.asarray(np.max(np.abs(ends.reshape(-1, 2) - mechanism.centre), axis=1))
+    worst = [np.empty(0)]
+>>>>>>> formulas
     for x in _corners(mechanism, t):
         y = mechanism.gain * mechanism.formula.value(x)
         least.append(np.where(np.isfinite(y), y, np.inf).min(axis=1))
