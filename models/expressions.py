@@ -84,14 +84,18 @@ def _check_arctangent_cut(y: Array, x: Array) -> str:
     return "jumps by 2 pi: its first argument crosses 0 while the second is negative" if jumps else ""
 
 
-def _reduce_arguments(reduce: Callable[..., Array]) -> Callable[..., Array]:
-    return lambda *x: reduce(np.stack(np.broadcast_arrays(*x)), axis=0)
+def _of_all(extremum: Callable[..., Array]) -> Callable[..., Array]:
+    return lambda *x: reduce(extremum, x)
 
 
-def _extremum_slopes(place: Callable[..., Array]) -> Callable[..., tuple[Array, ...]]:
+def _extremum_slopes(before: Callable[..., Any], not_after: Callable[..., Any]) -> Callable[..., tuple[Array, ...]]:
     """Slope 1 for the first argument that is the extremum, 0 for the others."""
-    place_of = _reduce_arguments(place)
-    return lambda *x: tuple(np.where(place_of(*x) == at, 1.0, 0.0) for at in range(len(x)))
+
+    def slope(at: int, x: tuple[Array, ...]) -> Array:
+        own = (before(x[at], other) if k < at else not_after(x[at], other) for k, other in enumerate(x) if k != at)
+        return reduce(np.multiply, own, np.asarray(1.0))
+
+    return lambda *x: tuple(slope(at, x) for at in range(len(x)))
 
 
 FUNCTIONS: Mapping[str, Function] = MappingProxyType(
@@ -109,8 +113,8 @@ FUNCTIONS: Mapping[str, Function] = MappingProxyType(
         "exp": Function(np.exp, lambda x: (np.exp(x),)),
         "log": Function(np.log, lambda x: (1.0 / x,), _positive),
         "abs": Function(np.abs, lambda x: (np.sign(x),)),
-        "min": Function(_reduce_arguments(np.min), _extremum_slopes(np.argmin), least=2, most=16),
-        "max": Function(_reduce_arguments(np.max), _extremum_slopes(np.argmax), least=2, most=16),
+        "min": Function(_of_all(np.minimum), _extremum_slopes(np.less, np.less_equal), least=2, most=16),
+        "max": Function(_of_all(np.maximum), _extremum_slopes(np.greater, np.greater_equal), least=2, most=16),
     }
 )
 KINKED = ("abs", "min", "max")
@@ -182,7 +186,8 @@ class Name(Expression):
         return 1.0
 
     def value(self, below: Values, x: Mapping[str, Array]) -> Array:
-        return np.asarray(x[self.name])
+        value: Any = x[self.name]
+        return np.asarray(value) if isinstance(value, int | float) else value
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,7 +244,7 @@ class Operation(Expression):
                 return a * b
             case "/":
                 return a / b
-        return np.asarray(a**b)
+        return a**b
 
     def slopes(self, below: Values) -> Sequence[Array]:
         a, b = below
@@ -716,7 +721,7 @@ class Let(Intermediate):
         return {self.name: self.formula.value(x)}
 
     def slopes(self, x: Mapping[str, Array]) -> dict[str, Slopes]:
-        return {self.name: self.formula.gradient(x)}
+        return {self.name: self.formula.dual(x)[1]}
 
     def trouble(self, x: Mapping[str, Array]) -> str:
         return self.formula.trouble(x)

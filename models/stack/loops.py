@@ -21,6 +21,8 @@ STAGES = 8
 """Stages from the mid-limits to a unit that Newton does not reach in one."""
 HALVINGS = 20
 """Bisections for how far from the mid-limits a loop can be closed."""
+FAR = 1e100
+"""Gap that stands for one without a value while the start is improved."""
 SINGULAR = 1e-5
 """Least singular value of the closure, per unit of each unknown's effect, from which the unknowns
 do not follow from the parts."""
@@ -61,7 +63,7 @@ class Loops(Intermediate):
         return self.unknowns
 
     @cached_property
-    def inputs(self) -> Mapping[str, int]:  # type: ignore[override]
+    def inputs(self) -> Mapping[str, int]:
         names = (name for terms in self.equations for term in terms for name in term.names)
         return {name: 1 for name in names if name not in self.unknowns}
 
@@ -211,11 +213,14 @@ class Loops(Intermediate):
 
         at = {name: np.array([value]) for name, value in x.items()}
 
+        def finite(values: Array) -> Array:
+            return np.asarray(np.nan_to_num(values, nan=FAR, posinf=FAR, neginf=-FAR))
+
         def gaps(u: Array) -> Array:
-            return np.nan_to_num(self._closure(at, u[:, None], self.unknowns)[0][:, 0], nan=1e300)
+            return finite(self._closure(at, u[:, None], self.unknowns)[0][:, 0])
 
         def slopes(u: Array) -> Array:
-            return np.nan_to_num(self._closure(at, u[:, None], self.unknowns)[1][0])
+            return finite(self._closure(at, u[:, None], self.unknowns)[1][0])
 
         start = np.array(self.start)
         with np.errstate(all="ignore"):
@@ -276,8 +281,8 @@ class Loops(Intermediate):
             margin[rest] = low - 1.0
         own = margin.reshape(shape)
         for _, formula in self.sources:
-            own = np.fmin(own, domain_margin(formula, x, middle))
-        return own
+            own = np.asarray(np.fmin(own, domain_margin(formula, x, middle)))
+        return np.asarray(own)
 
 
 def _divided(matrices: Array, right: Array) -> Array:

@@ -210,9 +210,15 @@ def worst_by_corners(mechanism: Mechanism, t: Tolerances) -> Array:
     """Largest deviation (n,) of y from its value at the mid-limits, over the corners of the
     tolerances t (n, p) and points between; of units for which y has a value.
 
-    Exact where y is monotone in each piece while the others are held.
+    Exact where y is monotone in each piece while the others are held. Of more than `CORNERS` pieces
+    a bound where their corners are too many: see `models/stack/extremes.py`.
     """
     assert mechanism.formula is not None
+    if sum(name in mechanism.formula.names for name in mechanism.names) > CORNERS:
+        from .extremes import extremes  # few formulas have as many parts
+
+        ends = np.array([extremes(mechanism, limit_of(t)[at : at + 1])[:2] for at in range(len(t))])
+        return np.asarray(np.max(np.abs(ends.reshape(-1, 2) - mechanism.centre), axis=1))
     worst = [np.empty(0)]
     for x in _corners(mechanism, t):
         deviations = np.abs(mechanism.gain * mechanism.formula.value(x) - mechanism.centre)

@@ -134,7 +134,7 @@ def _read_link(section: Section, sources: list[tuple[str, str]]) -> tuple[str, .
     length = _text(section, "length", section.take("length"), sources)
     if "angle" in section:
         angle = _text(section, "angle", section.take("angle"), sources, "rad")
-        along = () if angle is None else (f"cos({angle})", f"sin({angle})")
+        along: tuple[str, ...] = () if angle is None else (f"cos({angle})", f"sin({angle})")
     else:
         along = _along(section, sources)
     return () if length is None else tuple(f"({length})*{part}" for part in along)
@@ -165,12 +165,12 @@ def _text(section: Section, key: str, value: Any, sources: list[tuple[str, str]]
         return None
     if not isinstance(value, str) or (unit and _WITH_UNIT.fullmatch(value)):
         number = section.as_number(key, value, unit)
-        value = None if number is None else repr(number)
-    elif _formula(section, key, value) is None:
-        value = None
-    if value is not None:
-        sources.append((section.place(key), value))
-    return value
+        text = None if number is None else repr(number)
+    else:
+        text = None if _formula(section, key, value) is None else value
+    if text is not None:
+        sources.append((section.place(key), text))
+    return text
 
 
 # The order in which the quantities follow from the parts.
@@ -183,7 +183,7 @@ def arranged(
     ambiguous or unknown, where a quantity depends on itself, or where loops have more or fewer
     unknowns than equations.
     """
-    before, places = len(faults), {}
+    before, places = len(faults), dict[str, str]()
     for part in parts:
         places |= dict.fromkeys(part.names, part.label)
     stated = [(let.name, let.place) for let in lets]

@@ -411,10 +411,10 @@ class Yields:
         """
         if measured.requirement.method == "worst_case":
             return measured.shares(t)
-        growth = np.zeros(limit_of(t).shape)
+        growth = np.zeros_like(limit_of(t))
         for at in measured.shown:
             for side in (1.0, -1.0):
-                factor = np.ones(growth.shape[1])
+                factor = np.ones(len(measured.parts))
                 factor[at] += side * RELATIVE_STEP
                 growth[:, at] += side * mean_and_deviation(measured.mechanism, scaled(t, factor), self.reported)[1]
         shares = fractions(growth)

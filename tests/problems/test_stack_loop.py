@@ -64,7 +64,8 @@ def units_of(problem: Stack, seed: int = 0, spread: float = 1.0) -> tuple[dict[s
 
 CLUTCH = loop({"b": 4.0, "phi": "10 deg"}, link("b", 0), link("a + c", "pi/2"), link("e - c", "-pi/2 - phi"))
 CLUTCH_PARTS = [part("a", 27.645, 0.05), part("c", 11.43, 0.01), part("e", 50.8, 0.05)]
-CRANK = loop({"s": 120.0, "phi": -0.1}, link("r", "theta"), link("rod", "phi"), link("h", "-90 deg"), link("s", "pi"))
+CRANK_LINKS = link("r", "theta"), link("rod", "phi"), link("h", "-90 deg"), link("s", "pi")
+CRANK = loop({"s": 120.0, "phi": -0.1}, *CRANK_LINKS)
 CRANK_PARTS = [part("r", 40.0, 0.1), part("rod", 110.0, 0.1), part("h", 10.0, 0.2),
                part("theta", 50.0, 2.0, unit="deg")]  # fmt: skip
 GENEVA = loop({"d": 60.0, "beta": 0.3}, link("c", 0.0), link("r", "pi - alpha"), link("d", "beta + pi"))
@@ -80,7 +81,7 @@ def rocker(r1: Array, r2: Array, r3: Array, r4: Array, theta: Array) -> Array:
     x, y = r4 - r1 * np.cos(theta), -r1 * np.sin(theta)  # from the crank pin to the fixed pivot
     d = np.hypot(x, y)
     inside = np.arccos((r3**2 + d**2 - r2**2) / (2.0 * r3 * d))
-    return np.arctan2(-y, -x) - inside
+    return np.asarray(np.arctan2(-y, -x) - inside)
 
 
 STACKED = [
@@ -94,7 +95,7 @@ STACKED_PARTS = [part("h", 20.0, 0.1), part("w", 50.0, 0.2), part("r", 12.0, 0.0
 def resting(h: Array, w: Array, r: Array, wall: Array) -> Array:
     """Height of a cylinder that lies on a plate, which leans on a block, and touches a wall."""
     beta = np.arctan2(h, w)
-    return (r + (wall - r) * np.sin(beta)) / np.cos(beta)
+    return np.asarray((r + (wall - r) * np.sin(beta)) / np.cos(beta))
 
 
 SHARED = [  # three unknowns in the first loop and one in the second: neither can be solved alone
@@ -110,7 +111,7 @@ def shared(a: Array, b: Array, c: Array, d: Array, h: Array) -> Array:
     sin_p = -b * h / (a * d - b * c)
     sin_q = -a * sin_p / b
     cos_p, cos_q = np.sqrt(1.0 - sin_p**2), np.sqrt(1.0 - sin_q**2)
-    return (a + c) * cos_p + (b + d) * cos_q
+    return np.asarray((a + c) * cos_p + (b + d) * cos_q)
 
 
 def rssr(a: Array, c: Array, r: Array, f: Array, theta: Array) -> Array:
@@ -119,7 +120,7 @@ def rssr(a: Array, c: Array, r: Array, f: Array, theta: Array) -> Array:
     """
     px, py = a * np.cos(theta), a * np.sin(theta)
     big = (f - px) ** 2 + py**2 + r**2 - c**2
-    return np.arccos(big / (2.0 * r * py))
+    return np.asarray(np.arccos(big / (2.0 * r * py)))
 
 
 RSSR = loop({"psi": 1.2, "u": -0.2, "w": 0.6},
@@ -282,14 +283,14 @@ def test_a_search_with_a_loop_is_that_with_its_formula(tmp_path: Path) -> None:
         ([loop({"s": 120.0, "phi": -0.1}, link("r", "theta"), link("rod/30", "phi"), link("h + 30", "-90 deg"),
                link("s", "pi"))], ["loop[0]: cannot be closed at the nominal sizes: the joint of",
                                    "link[3] and link[0] stays open by 5.692 (x", "y -5.692) at s = "]),
-        ([loop({"s": 120.0}, *CRANK["link"])], ["loop[0].link[1].angle: column 1: \"phi\" is not a part"]),
-        ([loop({"s": 120.0, "phi": 0.0, "d": 1.0}, *CRANK["link"])], ["loop[0].unknown: no link depends on d"]),
-        ([loop({"s": 120.0, "phi": 0.0, "d": 1.0}, *CRANK["link"], link("d", 0.3))],
+        ([loop({"s": 120.0}, *CRANK_LINKS)], ["loop[0].link[1].angle: column 1: \"phi\" is not a part"]),
+        ([loop({"s": 120.0, "phi": 0.0, "d": 1.0}, *CRANK_LINKS)], ["loop[0].unknown: no link depends on d"]),
+        ([loop({"s": 120.0, "phi": 0.0, "d": 1.0}, *CRANK_LINKS, link("d", 0.3))],
          ["has 3 unknowns (s, phi, d) and 2 equations (2 for each loop in the plane)"]),
-        ([loop({"s": 120.0, "r": 0.0}, *CRANK["link"])], ['loop[0].unknown: "r" is already a name of part r']),
-        ([loop({"s": 120.0, "2": 0.0}, *CRANK["link"])], ['loop[0].unknown.2: must be letters, digits and _']),
-        ([loop({"s": "120 mm", "phi": "x"}, *CRANK["link"])], ["loop[0].unknown.s:", "loop[0].unknown.phi:"]),
-        ([loop({"s": 120.0, "phi": 0.0}, *CRANK["link"], name="")], ["loop[0].name: is missing"]),
+        ([loop({"s": 120.0, "r": 0.0}, *CRANK_LINKS)], ['loop[0].unknown: "r" is already a name of part r']),
+        ([loop({"s": 120.0, "2": 0.0}, *CRANK_LINKS)], ['loop[0].unknown.2: must be letters, digits and _']),
+        ([loop({"s": "120 mm", "phi": "x"}, *CRANK_LINKS)], ["loop[0].unknown.s:", "loop[0].unknown.phi:"]),
+        ([loop({"s": 120.0, "phi": 0.0}, *CRANK_LINKS, name="")], ["loop[0].name: is missing"]),
         ([loop({"s": 120.0, "phi": 0.0}, link("r", "theta"))], ["loop[0].link: must list at least two"]),
         ([loop({"s": 1.0, "phi": 0.0}, {"angle": 0.0}, {"length": "r"}, link("rod +", "phi"), link("rod", "phi +"),
                link("s", [0, 0]), link("s", [1]), link("s", ["a +", 1]), {"length": True, "angle": 0, "colour": 1})],
