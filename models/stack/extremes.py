@@ -39,7 +39,9 @@ def extremes(mechanism: Mechanism, t: Tolerances) -> Extremes:
     A piece on which the formula rises or falls everywhere, by the interval of its slope, stands at
     one end. Of up to `ENUMERATED` other pieces all corners are tried, and points between; of more,
     the interval of the formula is the bound. Formulas with loops, whose slopes have no intervals here,
-    have all corners of up to `ENUMERATED` pieces tried, and a sample of more.
+    have all corners of up to `ENUMERATED` pieces tried, and a sample of more. A place in two directions
+    stands on the circle of its zone, at right angles from where the slopes say; that is exact where the
+    formula is linear in it, else "sample".
 
     Reference: Moore, Kearfott & Cloud (2009), Introduction to Interval Analysis, SIAM (test of
     monotonicity, mean value form).
@@ -54,29 +56,36 @@ def extremes(mechanism: Mechanism, t: Tolerances) -> Extremes:
         for at, name in enumerate(mechanism.names)
         if name in mechanism.formula.names
     }
-    least, greatest = (_extreme(mechanism.formula, ends, side) for side in (-1.0, 1.0))
+    least, greatest = (_extreme(mechanism, ends, side) for side in (-1.0, 1.0))
     kind = next(kind for kind in ("sample", "bound", "corners") if kind in (least[1], greatest[1]))
     low, high = sorted((float(mechanism.gain * least[0]), float(mechanism.gain * greatest[0])))
     return Extremes(low, high, kind)
 
 
-def _extreme(formula: Formula, ends: Mapping[str, Ends], side: float) -> tuple[float, str]:
+def _extreme(mechanism: Mechanism, ends: Mapping[str, Ends], side: float) -> tuple[float, str]:
     """The greatest (side 1) or least (-1) value of a formula over a box, and its kind."""
+    formula, names = mechanism.formula, mechanism.names
+    assert formula is not None
+    places = [name for disc in mechanism.discs for name in disc.named(names) if ends.keys() >= set(disc.named(names))]
     at, rest, slopes = dict[str, Array](), dict(ends), dict[str, Interval]()
     while rest and not formula.assembles:
         x: dict[str, Any] = at | {name: Interval(*pair) for name, pair in rest.items()}
         slopes = {name: Interval.of(slope) for name, slope in formula.dual(x, rest)[1].items()}
-        rising = {name: slopes[name].low >= 0.0 for name in rest if slopes[name].low >= 0.0 or slopes[name].high <= 0.0}
+        free = [name for name in rest if name not in places]
+        rising = {name: slopes[name].low >= 0.0 for name in free if slopes[name].low >= 0.0 or slopes[name].high <= 0.0}
         if not rising:
             break
         at |= {name: np.asarray(rest.pop(name)[int(up == (side > 0.0))]) for name, up in rising.items()}
     if len(rest) > ENUMERATED and not formula.assembles:
         return _bound(formula, at, rest, slopes, side), "bound"
-    z = _points(len(rest))
+    z = mechanism.rounded(_points(len(rest)), [names.index(name) for name in rest])
+    straight = all(slopes[name].low == slopes[name].high for name in places) if slopes else not places
     inside = {name: 0.5 * (a + b) + 0.5 * (b - a) * row for (name, (a, b)), row in zip(rest.items(), z, strict=True)}
     values = side * np.broadcast_to(formula.value(at | inside), z.shape[1])
     best = float(np.max(values[np.isfinite(values)], initial=-np.inf))
-    return (side * best if np.isfinite(best) else np.nan), "corners" if len(rest) <= ENUMERATED else "sample"
+    return (side * best if np.isfinite(best) else np.nan), "corners" if len(
+        rest
+    ) <= ENUMERATED and straight else "sample"
 
 
 def _points(pieces: int) -> Array:

@@ -48,6 +48,10 @@ class Disc:
         """Whether one component restricts the other; normal ones are independent."""
         return self.law != "normal"
 
+    def named(self, names: Sequence[str]) -> list[str]:
+        """Its components by name."""
+        return [names[piece] for piece in self.pieces]
+
     def turned(self, slopes: Array) -> Array:
         """Slopes (k,) by the pieces with those of this place replaced by their length, and 0."""
         along, across = self.pieces

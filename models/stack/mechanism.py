@@ -222,16 +222,12 @@ def ends_by_corners(mechanism: Mechanism, t: Tolerances) -> tuple[Array, Array]:
     for which y has a value. Exact where y is monotone in each piece while the others are held.
     """
     assert mechanism.formula is not None
-<<<<<<< HEAD
-    least, greatest = [np.empty(0)], [np.empty(0)]
-=======
-    if sum(name in mechanism.formula.names for name in mechanism.names) > CORNERS:
+    if not mechanism.discs and sum(name in mechanism.formula.names for name in mechanism.names) > CORNERS:
         from .extremes import extremes  # few formulas have as many parts
 
-        ends = np.array([extremes(mechanism, limit_of(t)[at : at + 1])[:2] for at in range(len(t))])
-        return np.asarray(np.max(np.abs(ends.reshape(-1, 2) - mechanism.centre), axis=1))
-    worst = [np.empty(0)]
->>>>>>> formulas
+        ends = np.array([extremes(mechanism, limit_of(t)[at : at + 1])[:2] for at in range(len(t))]).reshape(-1, 2)
+        return ends[:, 0], ends[:, 1]
+    least, greatest = [np.empty(0)], [np.empty(0)]
     for x in _corners(mechanism, t):
         y = mechanism.gain * mechanism.formula.value(x)
         least.append(np.where(np.isfinite(y), y, np.inf).min(axis=1))

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from ...models.stack import AsMade, Mechanism, Tolerances, limit_of
+from ...models.stack.extremes import extremes
 from ...models.stack.mechanism import SIGMAS
 from ...section import Array, Integers
 from ..limits import keeps
@@ -46,6 +47,12 @@ REQUIREMENT_COLUMNS = (
     "kept_worst_case",
     "kept_statistical",
 )
+HOW = {
+    "corners": "those of the corners of the tolerances",
+    "bound": "a bound that no unit exceeds",
+    "sample": "those of a sample of the corners, and others may lie beyond",
+}
+"""How the ends of a requirement that is not linear were found."""
 METHODS = ("rss", "worst_case")
 """Of which contributions are given: shares in the variance and in the worst case."""
 CONTRIBUTION_COLUMNS = ("requirement", "part", "sensitivity", "variance_percent", "worst_case_percent")
@@ -111,7 +118,7 @@ def _requirement_row(
 ) -> dict[str, object]:
     mechanism, requirement = measured.mechanism, measured.requirement
     mean, std = _mean_and_deviation(measured, made, sample)
-    least, greatest = _worst_ends(measured, made)
+    least, greatest, kind = _worst_ends(measured, made)
     rss = (mean - SIGMAS * std, mean + SIGMAS * std)
     lower, upper = mechanism.lower, mechanism.upper
     above, below = ((end / (SIGMAS * std) if std > 0.0 else np.inf) for end in (upper - mean, mean - lower))
@@ -126,7 +133,7 @@ def _requirement_row(
         "std": std,
         "worst_case_least": least,
         "worst_case_greatest": greatest,
-        "worst_case_kind": "corners",
+        "worst_case_kind": kind,
         "rss_least": rss[0],
         "rss_greatest": rss[1],
         "lower": lower if np.isfinite(lower) else np.nan,
@@ -141,11 +148,13 @@ def _requirement_row(
     }
 
 
-def _worst_ends(measured: Measured, made: Tolerances) -> tuple[float, float]:
-    """Least and greatest value of parts within their zones."""
+def _worst_ends(measured: Measured, made: Tolerances) -> tuple[float, float, str]:
+    """Least and greatest value of parts within their zones, and how they were found."""
+    if not measured.straight and not measured.mechanism.discs:
+        return extremes(measured.drawn, limit_of(made))
     ends = measured.variations(made) | measured.window(made, asked=True)
     least, greatest = (float(ends[measured.name(name)][0]) for name in WINDOW)
-    return least, greatest
+    return least, greatest, "corners"
 
 
 def _kept(mechanism: Mechanism, least: float, greatest: float) -> bool:
@@ -230,7 +239,7 @@ def _notes(measured: Measured, row: dict[str, object], sample: Array) -> list[st
     mechanism, label = measured.mechanism, label_of(measured)
     notes = []
     if not measured.straight:
-        how = "an outer bound" if row["worst_case_kind"] == "bound" else "those of the corners of the tolerances"
+        how = HOW[str(row["worst_case_kind"])]
         notes.append(
             f"{label} is not linear: mean and standard deviation are those of {sample.size} units, the worst-case "
             f"ends are {how}"

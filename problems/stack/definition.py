@@ -200,13 +200,6 @@ class Part:
         return self.pieces if self.feature is None else self.feature.names
 
     @property
-    def meaning(self) -> str:
-        """What its half-width is, in words."""
-        if self.feature is None:
-            return f"tolerance of part {self.name}"
-        return f"half the zone of feature {self.name}" if self.unit else f"place of feature {self.name} in its room"
-
-    @property
     def label(self) -> str:
         """What it is called where faults name it."""
         return f"{'part' if self.feature is None else 'feature'} {self.name}"

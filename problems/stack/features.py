@@ -85,9 +85,8 @@ class Feature:
         """Its quantities in the units of a formula: the SI factor of each kind, 1 where it has none."""
         kind, factor = family(self.unit)
         lengths = [repr(length * factor / base.get(kind, factor)) for length in self.lengths]
-        return tuple(
-            Let(name, Formula(text.format("", *lengths)), self.place) for name, text in self.quantities.items()
-        )
+        formulas = {name: Formula(text.format("", *lengths)) for name, text in self.quantities.items()}
+        return tuple(Let(name, formula, self.place) for name, formula in formulas.items())
 
 
 def read_features(
@@ -113,8 +112,8 @@ def read_features(
         for clash in (known for known in names if isinstance(known, str) and known in taken):
             section.fault("name", f'"{clash}" is already a name of {taken[clash]}; rename one of the two')
         taken |= {known: f"feature {name}" for known in names if isinstance(known, str)}
-        text = f" (feature {name})" if isinstance(name, str) else ""
-        faults += [Fault(fault.place, f"{fault.message}{text}") for fault in own]
+        label = f" (feature {name})" if isinstance(name, str) else ""
+        faults += [Fault(fault.place, fault.message + label) for fault in own]
     return features
 
 
@@ -133,6 +132,7 @@ def _read(
         section.accept(section.all_keys())
         return None
     kind = KINDS[key]
+    section.accept(kind.takes)
     for other in (other for other in ZONE + SIZE + LEVER if other in section and other not in kind.takes):
         section.take(other)
         section.fault(other, f"does not apply to {key}")
@@ -234,23 +234,20 @@ def _widened(
     internal = section.flag("internal")
     if not {"size", "of"} & set(section.all_keys()):
         section.fault("size", f"is missing: name the part whose size gives the bonus at {material.upper()}")
-    for name, part in size:
-        if part is None:
-            continue
-        if not part.fixed:
-            text = (
-                f"{name} has no fixed limits, so that its {material.upper()} size is not known: state its tolerance, "
-            )
-            section.fault("size" if "size" in section else "of", f"{text}limits, grade or fit")
-        if internal is None and isinstance(fit := part.stated.get("fit"), str):
-            internal = str(Fit.of_text(fit)).isupper()
-        if internal is None and "internal" not in section:
-            section.fault("internal", f"is missing: state true if {name} is a hole or a slot, false if it is a pin")
-        least = internal == (material == "mmc")
-        limit, half = _limits(part)[not least] / family(unit)[1], 0.0 if process is None else process.high
-        departure = f"({name} - {{1}})" if least else f"({{1}} - {name})"
-        return (f"{{0}}*(1 + {departure}/(2*{{2}}))" if half else f"{{0}}*{departure}/2"), (limit, half)
-    return "", ()
+    name, part = size[0] if size else ("", None)
+    if part is None:
+        return "", ()
+    if not part.fixed:
+        text = f"{name} has no fixed limits, so that its {material.upper()} size is not known: state its "
+        section.fault("size" if "size" in section else "of", f"{text}tolerance, limits, grade or fit")
+    if internal is None and isinstance(fit := part.stated.get("fit"), str):
+        internal = str(Fit.of_text(fit)).isupper()
+    if internal is None and "internal" not in section:
+        section.fault("internal", f"is missing: state true if {name} is a hole or a slot, false if it is a pin")
+    least, half = internal == (material == "mmc"), 0.0 if process is None else process.high
+    departure = f"({name} - {{1}})" if least else f"({{1}} - {name})"
+    text = f"{{0}}*(1 + {departure}/(2*{{2}}))" if half else f"{{0}}*{departure}/2"
+    return text, (_limits(part)[not least] / family(unit)[1], half)
 
 
 def _clearance(section: Section, of: Named) -> str:
@@ -276,8 +273,5 @@ def _quantities(name: str, law: str, text: str, plane: bool) -> tuple[tuple[str,
     if law == "pushed":
         return names, (), {name: text.replace("{0}*", "")}
     pieces = tuple(f"{component}_in_zone" for component in components)
-    return (
-        names,
-        pieces,
-        {own: text.replace("{0}", piece) for own, piece in zip(components, pieces, strict=True)} | alias,
-    )
+    formulas = [text.replace("{0}", piece) for piece in pieces]
+    return names, pieces, dict(zip(components, formulas, strict=True)) | alias

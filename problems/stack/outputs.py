@@ -106,7 +106,7 @@ def variables_of(parts: Iterable[Part]) -> tuple[Variable, ...]:
                 kind=Kind.HALF_WIDTH,
                 low=part.low,
                 high=high,
-                meaning=part.meaning,
+                meaning=f"{'tolerance' if part.feature is None else 'reach'} of {part.label}",
                 valid_low=0.0,
             )
         )

@@ -350,8 +350,7 @@ def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
             assumptions.append(Assumption(place, sample.statement(part.unit), "", process))
         for key, why in part.assumed.items():
             value = values.get(key) or str(part.stated.get(key, ""))
-            kind = "part" if part.feature is None else "feature"
-            assumptions.append(Assumption(f"{kind}.{part.name}.{key}", value, "", why))
+            assumptions.append(Assumption(f"{part.label.replace(' ', '.')}.{key}", value, "", why))
     for requirement, mechanism in zip(definition.stated, definition.mechanisms, strict=False):
         if not requirement.formula and requirement.nominal is None and mechanism.bounded:
             place = f"{requirement.place}.nominal"

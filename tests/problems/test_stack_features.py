@@ -213,6 +213,18 @@ def test_the_variance_and_its_shares_have_the_closed_form_of_a_product(tmp_path:
     np.testing.assert_allclose(shares, 100.0 * growth / growth.sum(), rtol=5e-3)
 
 
+def test_places_are_independent_of_parts_that_are_correlated(tmp_path: Path) -> None:
+    text = (
+        requirement("b - a + sqrt(at_x**2 + at_y**2)", "upper = 1.08\nmethod = 'monte_carlo'")
+        + part("a", 9.0, "tolerance = 0.06") + part("b", 10.0, "tolerance = 0.03")
+        + "[[correlation]]\nparts = ['a', 'b']\ncoefficient = 0.8\n" + feature("at", "position", "zone = 0.12")
+    )  # fmt: skip
+    rng = np.random.default_rng(11)
+    first, second = rng.normal(size=(2, UNITS))
+    gap = 1.0 + 0.01 * (0.8 * first + 0.6 * second) - 0.02 * first + 0.06 * np.sqrt(rng.uniform(size=UNITS))
+    agrees(problem_of(text, tmp_path), gap <= 1.08)
+
+
 # ---------------------------------------------------------------- features that keep a formula linear
 
 
