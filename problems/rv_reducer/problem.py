@@ -6,6 +6,7 @@ from collections import OrderedDict
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -45,6 +46,9 @@ from .declared import (
 )
 from .evaluation import MEASURES, Evaluation, Populations, UnitModel, is_unit_statistic, unit_tables
 from .promising import PromisingUnits
+
+if TYPE_CHECKING:
+    from .bound import CommonErrorBound
 
 # Designs of `rv_reducer` that a search by gradients begins from.
 
@@ -458,11 +462,17 @@ class RvReducer(PromisingUnits, Machined):
 
     def faults(self) -> list[Fault]:
         ends = {name: super(RvReducer, self).interval(name) for name in ("dr_rp_mm", "dr_p_mm")}
-        return [
+        faults = [
             *declared.faults(self.model.geometry, self.given, ends),
             *unpriced_error_faults({variable.name for variable in self.free}, self.settings.costs),
             *(size_faults(self.count, MAX_CACHED_EVALUATIONS) or super().faults()),
         ]
+        return faults or self.cost_bound().faults()
+
+    def cost_bound(self) -> CommonErrorBound:
+        from .bound import CommonErrorBound  # not before one is asked for
+
+        return CommonErrorBound(self)
 
     def search_faults(self) -> list[Fault]:
         return unlimited_interference_faults(self.settings.limits, self.settings.parameters)
