@@ -57,12 +57,15 @@ def submit_retested_points(run: Run, points: Sequence[tuple[Branch, int]]) -> No
 def feasible_afresh(run: Run, branch: Branch, y: Array, f: Array, search: bool) -> Array:
     """The search vector (1, variables) of a point, after its limits hold on fresh units.
 
-    With `search` it is solved again with every limit moved by the difference between fresh units
-    and the sample, and the cheapest point accepted on fresh units is taken; else the nearest.
+    With `search` it is solved again on the larger sample of the problem, with every limit moved by the
+    difference between fresh units and that sample, and the cheapest point accepted on fresh units is
+    taken; else the nearest.
     """
-    limit = np.full(len(f), np.inf)
-    limit[1:] = f[1:]
-    accepted: list[tuple[float, Array]] = []
+    limit, accepted, finer = f.copy(), list[tuple[float, Array]](), run.problem.finer()
+    if search and finer is not run.problem:
+        branch = Branch(Run(finer, Budget(), seed=0), branch.smooth.x, branch.unit)
+        limit = np.where(np.isfinite(f), branch.smooth.values(y)[0], np.inf)
+    limit[0] = np.inf
     rounds = ALONE if run.problem.n_obj == 1 else ROUNDS
     for _ in range(rounds if search else 0):
         excess = _excess_afresh(run, branch, y, accepted)
