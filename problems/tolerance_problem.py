@@ -387,6 +387,10 @@ class ToleranceProblem(Problem):
         """The same problem on a smaller sample, for algorithms that evaluate much."""
         return self
 
+    def finer(self) -> ToleranceProblem:
+        """The same problem on a larger sample, on which the points of a search are solved again."""
+        return self
+
     def smooth(self) -> ToleranceProblem:
         """The same problem whose values in a search are smooth, for searches by gradients."""
         return self

@@ -238,7 +238,7 @@ class RvReducer(PromisingUnits, Machined):
         },
     )
     machinable = frozenset(TERMS)
-    _drawn_again = frozenset(("_searched", "_reported", "_recent", "_verdicts", "_mixed", "_promised_units"))
+    _drawn_again = frozenset(("_searched", "_reported", "_recent", "_verdicts", "_mixed", "_promised_units", "_finer"))
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
@@ -439,6 +439,18 @@ class RvReducer(PromisingUnits, Machined):
         positions = nearest_prime(min(31, self.count("positions")), self.model.geometry)
         small = {"search_units": min(256, self._search_units), "search_positions": positions}
         return RvReducer(replace(self.given, parameters=dict(self.given.parameters) | small))
+
+    def finer(self) -> RvReducer:
+        """On as many units as reported points are tested on, others than those, at the same positions."""
+        return self._finer
+
+    @cached_property
+    def _finer(self) -> RvReducer:
+        units, alike = self.count("report_units"), {self.count("positions"), 0}
+        if units <= self._search_units and self.count("search_positions") in alike:
+            return self
+        large = {"search_units": max(units, self._search_units), "search_positions": 0}
+        return type(self)(replace(self.given, parameters=dict(self.given.parameters) | large))
 
     def interval(self, output: str) -> Interval:
         """Proven bounds: no unit has less backlash than its involute stage."""

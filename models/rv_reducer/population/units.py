@@ -541,10 +541,10 @@ class Profile:
             return Profile.of(self.geometry, self.phase, (shift - half, shift + half)).at(shift)
         x = (2.0 * shift - low - high) / (high - low)
         identity = np.eye(len(self.coefficients))
-        basis = np.array([chebyshev.chebval(x, row) for row in identity])
-        slope = np.array([chebyshev.chebval(x, chebyshev.chebder(row)) for row in identity])
-        slope *= 2.0 / (high - low)
-        return np.einsum("k,kic->ic", basis, self.coefficients), np.einsum("k,kic->ic", slope, self.coefficients)
+        basis = np.stack([chebyshev.chebval(x, identity), chebyshev.chebval(x, chebyshev.chebder(identity))])
+        basis[1] *= 2.0 / (high - low)
+        values, slopes = np.einsum("sk,kic->sic", basis, self.coefficients)
+        return values, slopes
 
 
 @lru_cache(maxsize=16)

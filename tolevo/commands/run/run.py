@@ -20,6 +20,7 @@ import pandas as pd
 
 from ...algorithms.archive import nondominated
 from ...algorithms.checkpoint import Checkpoint
+from ...algorithms.exact.solver import Exact
 from ...algorithms.run import Progress
 from ...algorithms.search import SearchResult, search
 from ...directory import Ownership, own_folder
@@ -63,7 +64,17 @@ from .proofs import (
     searchable,
     solved_front,
 )
-from .references import REDUCERS, SideSearch, compare, documents, side_searches, store_reducer_fronts, table, violated
+from .references import (
+    REDUCERS,
+    SideSearch,
+    compare,
+    documents,
+    searches_from_front,
+    side_searches,
+    store_reducer_fronts,
+    table,
+    violated,
+)
 from .tolerances import roughness_assumptions
 
 # The side searches of a run, by an executor during the main search where there are workers.
@@ -115,7 +126,6 @@ class Sides(Closing):
     ) -> None:
         self.searches, self._progress = searches, progress
         self.checkpoint = checkpoint
-        checkpoint.keep_only([side.key for side in searches])
         self.where = workers if isinstance(workers, Execution) else Execution(workers)
         name = secrets.token_hex(8)
         self._open = deque(
@@ -308,9 +318,7 @@ def _run(
     checkpoint.write()
     store_reducer_fronts(plan.problem, out)
     try:
-        search_result, fronts = _run_searches(
-            plan, checkpoint, Sides(searches, workers, checkpoint, progress), progress
-        )
+        search_result, fronts = _run_searches(plan, checkpoint, searches, printed, workers, progress)
         if search_result.interrupted or any(side_front is None for side_front in fronts.values()):
             checkpoint.write()
             return _write_interrupted(plan, out, search_result, printed, start)
@@ -362,7 +370,7 @@ def _conclude_run(
     front, dropped, joined = join_references(searched, references, plan.problem)
     front, front_proof = add_bounds(front, plan.problem)
     before = next((side_front for side, side_front in fronts.items() if side.apart), None)
-    overlays = {s.label: o for s, o in fronts.items() if s.overlay and o is not None}
+    overlays = effects.overlays_of(fronts, searched)
     relaxed = {side.label: side_front for side, side_front in fronts.items() if side.relaxed}
     if len(references):
         references, _ = add_bounds(references, plan.problem, rows_in_range(references, plan.problem))
@@ -370,7 +378,7 @@ def _conclude_run(
     status = "done" if len(front) else "no_feasible_point"
     names = list(plan.problem.objectives)
     for other_front in overlays.values():
-        front = effects.add_distance(front, other_front, names)
+        front = effects.add_distance(front, other_front, names, between=not isinstance(plan.algorithm, Exact))
     comparisons = [
         n for label, other_front in overlays.items() for n in effects.notes(front, label, other_front, names)
     ]
@@ -418,9 +426,18 @@ def _write_interrupted(
 
 
 def _run_searches(
-    plan: RunPlan, checkpoint: Checkpoint, searches: Sides, progress: Callable[[Progress], None] | None
+    plan: RunPlan,
+    checkpoint: Checkpoint,
+    searches: tuple[SideSearch, ...],
+    printed: pd.DataFrame,
+    workers: Execution | int,
+    progress: Callable[[Progress], None] | None,
 ) -> tuple[SearchResult, Fronts]:
-    with searches as sides, Designs(plan.problem, sides.where, sides.free) as designs:
+    """The main search with those beside it, then those that begin from its front."""
+    with (
+        Sides(searches, workers, checkpoint, progress) as sides,
+        Designs(plan.problem, sides.where, sides.free) as designs,
+    ):
 
         def report(state: Progress) -> None:
             sides.collect()
@@ -431,8 +448,13 @@ def _run_searches(
             search_result = search(
                 plan.problem, plan.algorithm, plan.budget, plan.seed, report, plan.engine, checkpoint, designs.values
             )
-        if not search_result.interrupted:
-            sides.finish()
+        if search_result.interrupted:
+            return search_result, sides.fronts()
+        sides.finish()
+    searches += searches_from_front(plan, printed, search_result.chosen)
+    checkpoint.keep_only([side.key for side in searches])
+    with Sides(searches, workers, checkpoint, progress) as sides:
+        sides.finish()
         return search_result, sides.fronts()
 
 
