@@ -22,6 +22,8 @@ __all__ = [
     "Beta",
     "Distribution",
     "Empirical",
+    "Exponential",
+    "LogNormal",
     "Normal",
     "Rayleigh",
     "SkewNormal",
@@ -409,6 +411,90 @@ class Rayleigh(Distribution):
     def quantile(self, probability: Array) -> Array:
         radius = np.sqrt(-2.0 * xlog1py(1.0, -probability))
         return np.asarray(self.sigma * np.minimum(radius, RAYLEIGH_REACH))
+
+
+# One-sided inputs with one tail: deviations of form, runouts, unbalances.
+
+
+EXPONENTIAL_REACH = 32.5
+"""Largest z in units of its mean; beyond it lies 8e-15 of the mass."""
+
+
+@dataclass(frozen=True, slots=True)
+class Exponential(Distribution):
+    """z >= 0 with the density exp(-z/m)/m: small deviations are the most frequent ones.
+
+    As for `Rayleigh`, z = 1 is the only limit, and the fraction Phi(-3 Cp) lies beyond it, so that
+    the mean and standard deviation are m = -1/ln Phi(-3 Cp).
+
+    Reference: Johnson, Kotz & Balakrishnan (1994), Continuous Univariate Distributions I, ch. 19.
+    """
+
+    one_sided: ClassVar[bool] = True
+
+    cp: float = field(default=1.0, metadata={"low": 0.0, "open_low": True})
+
+    @property
+    def scale(self) -> float:
+        """Mean and standard deviation of z."""
+        return float(-1.0 / log_ndtr(-3.0 * self.cp))
+
+    @property
+    def support(self) -> tuple[float, float]:
+        return 0.0, EXPONENTIAL_REACH * self.scale
+
+    def raw_moments(self, order: int) -> Array:
+        k = np.arange(order + 1)
+        return np.asarray(self.scale**k * special_gamma(1.0 + k))
+
+    def partial_moments(self, z: Array) -> tuple[Array, Array, Array]:
+        scale, u = self.scale, np.maximum(z, 0.0)
+        mass, beyond = -np.expm1(-u / scale), np.exp(-u / scale)
+        first = scale * mass - u * beyond
+        return mass, first, 2.0 * scale * first - u**2 * beyond
+
+    def quantile(self, probability: Array) -> Array:
+        return np.asarray(self.scale * np.minimum(-xlog1py(1.0, -probability), EXPONENTIAL_REACH))
+
+
+@dataclass(frozen=True, slots=True)
+class LogNormal(Distribution):
+    """z > 0 whose logarithm is normal with the standard deviation `shape`, without default.
+
+    As for `Rayleigh`, z = 1 is the only limit, and the fraction Phi(-3 Cp) lies beyond it, so that
+    ln z has the mean -3 Cp `shape`. At 0.1 z is nearly normal, at 1 it has a long tail.
+
+    Reference: Johnson, Kotz & Balakrishnan (1994), Continuous Univariate Distributions I, ch. 14.
+    """
+
+    one_sided: ClassVar[bool] = True
+
+    shape: float = field(metadata={"low": 0.0, "high": 1.0, "open_low": True})
+    cp: float = field(default=1.0, metadata={"low": 0.0, "open_low": True})
+
+    @property
+    def _median(self) -> float:
+        """Mean of ln z."""
+        return -3.0 * self.cp * self.shape
+
+    @property
+    def support(self) -> tuple[float, float]:
+        low, high = np.exp(self._median + self.shape * np.array([-TAIL, TAIL]))
+        return float(low), float(high)
+
+    def raw_moments(self, order: int) -> Array:
+        k = np.arange(order + 1)
+        return np.asarray(np.exp(k * self._median + 0.5 * (k * self.shape) ** 2))
+
+    def partial_moments(self, z: Array) -> tuple[Array, Array, Array]:
+        low, high = self.support
+        x = (np.log(np.clip(z, low, high)) - self._median) / self.shape
+        whole = self.raw_moments(2)
+        mass, first, second = (np.where(z < low, 0.0, whole[k] * ndtr(x - k * self.shape)) for k in range(3))
+        return mass, first, second
+
+    def quantile(self, probability: Array) -> Array:
+        return np.asarray(np.exp(self._median + self.shape * np.clip(ndtri(probability), -TAIL, TAIL)))
 
 
 # Skew normal input: a process that is skewed to one side, for example by tool wear or a stop.

@@ -62,6 +62,8 @@ class Declaration:
     """Variables without a cost at some parameters, though there are curves for them."""
     machined: tuple[str, ...] = ()
     """Variables whose tolerances are made by the machines of a configuration."""
+    conditions: tuple[str, ...] = ()
+    """Names of the conditions of `[[condition]]`: outputs there are `<condition>.<output>`."""
     tables: tuple[str, ...] = ()
     """Top-level tables of a configuration that only this problem reads."""
     reducers: tuple[str, ...] = ()

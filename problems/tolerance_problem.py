@@ -612,6 +612,13 @@ class ToleranceProblem(Problem):
         """What the user should know before trusting a run of this problem."""
         return ()
 
+    def requirements_at(self, design: Array | None = None) -> pd.DataFrame | None:
+        """The requirements at one full design (all variables,), by default as they are drawn now, a row
+        each: ends, spread, capability and yield, in the columns of `requirements.csv` of an analysis. None
+        where a problem has no such table.
+        """
+        return None
+
     def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
         """Remarks on the reported points; `front` has a row for each, as `frame` makes them."""
         return ()

@@ -29,6 +29,13 @@ def test_the_mechanism_of_the_readme_comes_out_as_it_says(tmp_path: Path, monkey
     exec(code, names)
     result = names["result"]
     assert isinstance(result, tolevo.Run)
+    sheet = names["sheet"]
+    assert isinstance(sheet, tolevo.Analysis)
+    row, shares = sheet.requirements.iloc[0], sheet.contributions.set_index("part")["variance_percent"]
+    words = " ".join(text.split())
+    assert f"{row['worst_case_least']:.2f} to {row['worst_case_greatest']:.2f} mm in the worst case" in words
+    assert f"Cpk is {row['cpk']:.2f} and {row['yield_percent']:.2f} % of the assemblies" in words
+    assert f"the housing has {shares['housing']:.1f} % of the variance" in words
     assert result.allocation is not None
     cost, said = result.front["cost"].iloc[0], re.search(r"least cost is ([\d.]+) EUR", text)
     assert said is not None

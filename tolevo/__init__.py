@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from .lazy import Renamed, lazily
 
 __all__ = [
+    "Analysis",
     "ConfigurationError",
     "Gap",
     "Reproduction",
@@ -14,6 +15,7 @@ __all__ = [
     "Study",
     "__version__",
     "algorithms",
+    "analyse",
     "check",
     "evaluate",
     "gap",
@@ -32,17 +34,29 @@ if TYPE_CHECKING:
     from typing import Final
 
     from . import algorithms
-    from .api import check, evaluate, gap, read, report, reproduce, run, search, simulate, study
+    from .api import analyse, check, evaluate, gap, read, report, reproduce, run, search, simulate, study
     from .errors import ConfigurationError
-    from .results import Gap, Reproduction, Run, Study
+    from .results import Analysis, Gap, Reproduction, Run, Study
     from .tables import read_aqdef, read_table
 
     __version__: Final[str] = ""
 
 _ROOMS = {
-    ".api": ("check", "evaluate", "gap", "read", "report", "reproduce", "run", "search", "simulate", "study"),
+    ".api": (
+        "analyse",
+        "check",
+        "evaluate",
+        "gap",
+        "read",
+        "report",
+        "reproduce",
+        "run",
+        "search",
+        "simulate",
+        "study",
+    ),
     ".errors": ("ConfigurationError",),
-    ".results": ("Gap", "Reproduction", "Run", "Study"),
+    ".results": ("Analysis", "Gap", "Reproduction", "Run", "Study"),
     ".tables": ("read_aqdef", "read_table"),
 }
 _PLACES = {name: room for room, names in _ROOMS.items() for name in names} | {"algorithms": ""}

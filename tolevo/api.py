@@ -25,7 +25,7 @@ from .configuration.reader import read as read_raw
 from .configuration.source import at_hand as once_read
 from .errors import Fault, InputError, raise_all, refuse
 from .files import unwritable
-from .results import Gap, Reproduction, Run, Scratch, Study
+from .results import Analysis, Gap, Reproduction, Run, Scratch, Study
 
 if TYPE_CHECKING:
     from pymoo.core.problem import Problem
@@ -355,6 +355,41 @@ def check(source: Source, settings: Sequence[str] = ()) -> str:
     )
     raise_all(faults)
     return text
+
+
+def analyse(
+    source: Source,
+    out: AnyPath | None = None,
+    *,
+    settings: Sequence[str] = (),
+    tell: Tell | None = None,
+    overwrite: bool = False,
+) -> Analysis:
+    """Every requirement of a stack at the tolerances that its parts have, without a search.
+
+    `.requirements` has a row for each requirement (nominal, worst case, mean +- 3 standard
+    deviations, capability, yield), `.contributions` one for each part of it. Parts that are to be
+    searched are analysed at the `tolerance` beside their range, else at their loosest, and limits need
+    not be attainable. Raises
+    ConfigurationError with every fault.
+    """
+    from .commands.analyse.analyse import analysis_of, lines_of, write_analysis
+
+    faults = start_faults_of(out, None, False, overwrite)
+    source = at_hand(source)
+
+    def configuration() -> Configuration:
+        if isinstance(source, Configuration):
+            return read(source, settings)
+        return read_raw(raw(source), settings, reachable=False)
+
+    found = collected(configuration, faults)
+    raise_all(faults)
+    result = analysis_of(found)
+    report_lines(tell, "warning", result.summary["warnings"])
+    folder, scratch = folder_for(out)
+    write_analysis(result, folder, overwrite or out is None)
+    return Analysis("done", lines_of(result), result, folder, scratch)
 
 
 def run(

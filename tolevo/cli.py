@@ -270,7 +270,7 @@ def _print_ending(finished: Finished) -> int:
     for line in finished.lines:
         typer.echo(line, err=finished.status != "done")
     page = finished.folder / "report.html"
-    if page.is_file():
+    if page.is_file() and finished.scratch is None:
         typer.echo(f"page: {page}")
     return STATUS[finished.status]
 
@@ -288,6 +288,20 @@ def _root(version: Annotated[bool, typer.Option("--version", help="Print the ver
 def run(config: Config, *, into: Into, asked: Asked) -> Finished:
     """Run one optimisation: from a configuration to a Pareto front."""
     return _call_with_progress("run", asked, config, **into.arguments(), **asked.arguments())
+
+
+@command("analyse")
+def analyse(
+    config: Config,
+    *,
+    out: Annotated[Path | None, typer.Option("--out", help="Where tables and page go.", show_default="none")] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what OUT holds.")] = False,
+    asked: Asked,
+) -> Finished:
+    """Analyse a stack as it stands: worst case, statistics, yield, contributions; no search."""
+    from .api import analyse
+
+    return analyse(config, out, overwrite=overwrite, **asked.arguments())
 
 
 @command("gap")

@@ -58,9 +58,10 @@ class RunResult:
     `choices`, `choice_sensitivity`, `allocation`, `contributions` and `exact_front` are the tables
     of the files of these names, None where there is none. `overlays` are fronts of other algorithms
     by label (`overlays.csv`). `unit_turn`, `population` and `assumptions_cost` are the tables of
-    the files of these names, of problems that know units; `requirements` and `drivers` of those
-    with several requirements. `prices`, `changes` and `relaxed` (the fronts whose limits are as loose
-    as those of a reference, under its `label`) are those of these names, and `tolerances` the records of
+    the files of these names, of problems that know units; `analysis` has the requirements of a stack at
+    its loosest and at its chosen tolerances, `requirements` and `drivers` are of those with several.
+    `prices`, `changes` and `relaxed` (the fronts whose limits are as loose as those of a reference, under
+    its `label`) are those of these names, and `tolerances` the records of
     `tolerances.json`: what a drawing and a price need to know of each variable. `promise`,
     `next_parts` are the tables of these names, of runs that promise a yield, `capability` that of
     runs with measured parts.
@@ -87,6 +88,7 @@ class RunResult:
     unit_turn: pd.DataFrame | None = None
     population: pd.DataFrame | None = None
     assumptions_cost: pd.DataFrame | None = None
+    analysis: pd.DataFrame | None = None
     requirements: pd.DataFrame | None = None
     drivers: pd.DataFrame | None = None
     prices: pd.DataFrame | None = None
@@ -247,6 +249,31 @@ class StudyResult:
     notes: tuple[str, ...] = ()
     configuration: str = field(default="", repr=False)
     mechanism: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class AnalysisResult:
+    """One finished analysis of a stack, without a search.
+
+    `requirements`, `contributions` and `histograms` are the tables of the files of these names,
+    `tolerances` has a row for each part: unit, nominal, middle and half-width of its zone. `summary` is
+    `summary.json`; `quick` the model of second order that the page calculates with, empty where no
+    requirement has one.
+    """
+
+    title: str
+    requirements: pd.DataFrame
+    contributions: pd.DataFrame
+    histograms: pd.DataFrame
+    tolerances: pd.DataFrame
+    summary: Mapping[str, Any]
+    quick: Mapping[str, Any]
+    configuration: str = field(default="", repr=False)
+
+
+def range_text(low: float, high: float) -> str:
+    """A range in words, as "-0.15 to 0.55"; empty where an end is not known."""
+    return "" if low != low or high != high else f"{low:.5g} to {high:.5g}"
 
 
 @dataclass(frozen=True, slots=True)

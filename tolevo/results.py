@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from .commands.gap.records import GapResult
     from .commands.reproduce.records import ClaimsResult
     from .commands.study.plan import StudyData
-    from .records import RunResult
+    from .records import AnalysisResult, RunResult
 
 FIGURE = "front.svg"
 
@@ -125,6 +125,29 @@ class Run(Finished):
     @property
     def contributions(self) -> pd.DataFrame | None:
         """What each tolerance contributes at the chosen points."""
+        return self.record.contributions
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """What `summary.json` holds."""
+        return self.record.summary
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis(Finished):
+    """A finished analysis of a stack: the tables of its files, as frames."""
+
+    record: AnalysisResult
+    command = "analyse"
+
+    @property
+    def requirements(self) -> pd.DataFrame:
+        """One row per requirement: nominal, ends, spread, capability, yield."""
+        return self.record.requirements
+
+    @property
+    def contributions(self) -> pd.DataFrame:
+        """One row per requirement and part: sensitivity and shares."""
         return self.record.contributions
 
     @property

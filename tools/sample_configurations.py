@@ -33,13 +33,17 @@ PARTS = [
     {**PART, "name": "c", "t_min": 0.01, "t_max": 0.1, "cost": COST, "measured": MEASURED},
     {**PART, "name": "d", "process": [{"name": "p", "t_min": 0.01, "t_max": 0.1, "cost": COST,
                                         "setup": {"price": 9.0, "lot": 9},
-                                        "inspection": {"price": 0.3}}]},
+                                        "inspection": {"price": 0.3}},
+                                       {"name": "q", "tolerance": 0.01, "price": 4.0}],
+     "material": "steel", "source": "guess"},
     {**PART, "name": "e", "grade": ["IT5", "IT8"], "price": {"IT5": 4.0, "IT8": 1.0}},
     {**PART, "name": "f", "fit": "25 g6"},
     {**PART, "name": "g", "general": "m", "feature": "radius", "leg": 10.0},
     {**PART, "name": "h", "limits": "+0.02/-0.01", "cost": COST},
     {**PART, "name": "i", "grade": "IT6"},
-    {**PART, "name": "j", "tolerance": 0.01, "shift": 0.1},
+    {**PART, "name": "j", "tolerance": 0.01, "shift": 0.1, "expansion": 1e-5},
+    {**PART, "name": "m", "tolerance": 0.01, "measured": {"n": 9, "mean": 10.0, "s": 0.003}},
+    {**PART, "name": "n", "tolerance": 0.01, "measured": {"n": 9, "cp": 1.2, "cpk": 1.0}},
     {**PART, "name": "k"},
     {**PART, "name": "l"},
 ]  # fmt: skip
@@ -81,6 +85,14 @@ STACK: dict[str, Any] = {
         {"name": "n", "kind": "perpendicularity", "t_min": 0.01, "t_max": 0.1, "cost": COST, "height": 9.0, "arm": 9.0},
         {"name": "o", "kind": "float", "of": ["h", "f"]},
     ],
+    "condition": [
+        {
+            "name": "warm",
+            "temperature_C": 60.0,
+            "minimise": ["gap.rss"],
+            "limits": {"gap": {"variation": {"min": 0.0, "max": 0.2}}},
+        }
+    ],
     "limits": {"gap": {"variation": {"min": 0.0, "max": 0.2}}, "cost": {"max": 9.0}},
     "objectives": {"minimise": ["cost", "gap.variation"]},
     "promise": {"yield_percent": 99.0, "statement": "assured", "confidence_percent": 95.0},
@@ -89,8 +101,11 @@ STACK: dict[str, Any] = {
 }
 ONE = {
     "problem": "stack",
-    "requirement": {"name": "gap", "unit": "mm", "formula": "a - rest", "lower": 0.0, "upper": 1.0},
+    "requirement": {"name": "gap", "unit": "mm", "formula": "u + rest", "lower": 0.0, "upper": 30.0},
     "let": [{"name": "rest", "formula": "b"}],
+    "loop": [{"name": "triangle", "unknown": {"u": 14.0, "phi": "-45 deg"},
+              "link": [{"length": "a", "angle": "45 deg"}, {"length": "b", "angle": "phi"},
+                       {"length": "u", "direction": [-1, 0]}]}],
     "part": [{"name": name, "nominal": 10.0, "t_min": 0.01, "t_max": 0.1, "cost": COST}
              for name in "ab"],
 }  # fmt: skip

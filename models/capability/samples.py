@@ -15,7 +15,7 @@ import scipy
 from ...section import POSITIVE, Array, Range, Section
 from ...units import converted, fits, unit_hint
 from ..inputs import Distribution, Mixture, Normal
-from .knowledge import Gauge, Knowledge, Prior, knowledge_of
+from .knowledge import MIN_SAMPLE_PARTS, Gauge, Knowledge, Prior, knowledge_of
 from .subpopulations import RANDOM, Subpopulations, subpopulations
 
 # Capability and performance indices of a characteristic, with confidence limits.
@@ -34,14 +34,18 @@ class Index:
 
 
 def capability(values: Array, lower: float | None, upper: float | None) -> dict[str, Index]:
-    """Cp and Cpk (those that the limits allow) of normal values (n,), n >= 2.
+    """Cp and Cpk (those that the limits allow) of normal values (n,), n >= 2."""
+    return indices_of(len(values), float(np.mean(values)), float(np.std(values, ddof=1)), lower, upper)
+
+
+def indices_of(n: int, mean: float, std: float, lower: float | None, upper: float | None) -> dict[str, Index]:
+    """Cp and Cpk (those that the limits allow) of n >= 2 normal values of a mean and standard deviation.
 
     Limits of Cp are exact (chi-square); those of Cpk are approximate.
 
     Reference: ISO 22514-2:2017, clause 6; Bissell (1990), How reliable is your capability index?,
     Applied Statistics 39(3), 331-340.
     """
-    n, mean, std = len(values), float(np.mean(values)), float(np.std(values, ddof=1))
     if std <= 0.0:
         return {}
     indices: dict[str, Index] = {}
@@ -208,6 +212,7 @@ class PartSample:
     to (0 where it is not known), `offset` the deviation of the mean of all later parts. `limits`
     are deviations as well, None where there is none or a natural one: a coaxiality ends at 0.
     `subpopulations` are the groups that differ, where the allocation is for parts of all of them.
+    Where a supplier states number, mean and standard deviation alone there are no deviations: n is 0.
     """
 
     deviations: Array
@@ -222,6 +227,11 @@ class PartSample:
     mid: float = 0.0
     subpopulations: Subpopulations | None = None
     unit: str = ""
+
+    @property
+    def parts(self) -> int:
+        """Number of measured parts."""
+        return len(self.deviations) or int(self.knowledge.n)
 
     @property
     def one_sided(self) -> bool:
@@ -248,8 +258,8 @@ class PartSample:
 
     @property
     def type(self) -> str:
-        """The distribution model of ISO 22514-2."""
-        return distribution_type(self.findings)
+        """The distribution model of ISO 22514-2; empty where no values are known."""
+        return distribution_type(self.findings) if len(self.deviations) else ""
 
     def departures(self, owner: str) -> tuple[str, ...]:
         """Departures from a single stable normal process; `owner` names what was measured."""
@@ -288,8 +298,9 @@ class PartSample:
         mean, std = f"{self.mean:+.4g} {unit}", f"{self.knowledge.std:.4g} {unit}"
         indices = [f"{name} {i.value:.2f} ({i.low:.2f} to {i.high:.2f})" for name, i in self.indices.items()]
         origin = "nominal" if self.one_sided else "mid-limit"
-        first = f"{len(self.deviations)} parts: mean {mean} from the {origin}, s = {std}"
-        return ", ".join([first, *indices, f"distribution {self.type} (ISO 22514-2)"])
+        first = f"{self.parts} parts: mean {mean} from the {origin}, s = {std}"
+        shape = f"distribution {self.type} (ISO 22514-2)" if len(self.deviations) else "normal, as no values are stated"
+        return ", ".join([first, *indices, shape])
 
 
 def read_sample(
@@ -308,6 +319,8 @@ def read_sample(
     used. `natural` is -1 where the lower limit of its zone is a natural one, 1 where the upper is.
     """
     section = owner.section("measured")
+    if any(key in section for key in SUMMARY) and not {"values", "file"} & set(section.all_keys()):
+        return _read_summary(owner, unit, nominal, mid, t, follows, natural)
     stated_unit = _unit(section, unit)
     numbers, groups, subgroups = section.numbers("values"), _groupings(section), section.take("subgroups")
     mean = section.text("mean", MEANS)
@@ -361,6 +374,72 @@ def read_sample(
         limits=limits,
         mid=mid,
         subpopulations=differing,
+        unit=unit,
+    )
+
+
+SUMMARY = ("n", "s", "cp", "cpk")
+"""What a supplier states in the place of values, with `mean`."""
+CENTRED = "no mean is stated: that of the parts is taken to be at the mid-limit"
+
+
+def _read_summary(
+    owner: Section, unit: str, nominal: float | None, mid: float, t: float | None, follows: bool, natural: int
+) -> PartSample | None:
+    """`measured = { n = 50, mean = 25.003, s = 0.004 }`, or `cpk` (with `cp` or `mean`) in the place of s.
+
+    By Cpk = (made_to - |mean|)/(3 s); where only cp and cpk are stated, the mean is towards the upper limit.
+    """
+    section = owner.section("measured")
+    stated_unit = _unit(section, unit) or unit
+    n = section.integer("n", Range(low=MIN_SAMPLE_PARTS))
+    s = section.number("s", stated_unit, POSITIVE)
+    cp, cpk = (section.number(key, within=POSITIVE) for key in ("cp", "cpk"))
+    corrected = section.take("mean") == "corrected"
+    mean = None if corrected else section.number("mean", stated_unit)
+    made_to = _read_production_tolerance(section, stated_unit, unit, t, follows)
+    section.finish()
+    before = len(section.faults)
+    if "n" not in section:
+        section.fault("n", "is missing: the number of parts that were measured")
+    if ("s" in section) == ("cpk" in section):
+        section.fault("s", "give either s, the standard deviation, or cpk")
+    for key, other in (("s", "cp"), ("mean", "cp")):
+        if key in section and other in section:
+            section.fault(other, f"is stated in addition to {key}: keep only one of the two")
+    if cp is not None and cpk is not None and cpk > cp:
+        section.fault("cpk", f"must not be above cp ({cp:g}), got {cpk:g}")
+    if "cpk" in section and not made_to and made_to is not None:
+        section.fault("cpk", "needs made_to, the half-width that it refers to: state made_to, or s in place of cpk")
+    if natural and (mean is None or "cp" in section):
+        section.fault("mean", "is missing: a characteristic with one limit has a mean of its own, and no cp")
+    if len(section.faults) > before or n is None or made_to is None or (s is None and cpk is None):
+        return None
+    size = None if mean is None else np.array([float(converted(mean, stated_unit, unit))])
+    off = 0.0 if size is None else float(size[0] - _origin(size, nominal) - mid)
+    if s is not None:
+        std = float(converted(s, stated_unit, unit))
+    else:
+        assert cpk is not None
+        off = off if cp is None else made_to * (1.0 - cpk / cp)
+        std = (made_to + natural * off if natural else made_to - abs(off)) / (3.0 * cpk)
+        if std <= 0.0:
+            section.fault("cpk", f"contradicts mean: it is {abs(off):.4g} {unit} off, made_to is {made_to:g} {unit}")
+            return None
+    if not _are_plausible_deviations(section, unit, np.array([off - std, off, off + std]), made_to):
+        return None
+    limits = _limits(None, 0.0, made_to, natural)
+    return PartSample(
+        deviations=np.empty(0),
+        knowledge=Knowledge(off, std, float(n), n - 1.0),
+        made_to=made_to,
+        offset=0.0 if corrected else off,
+        findings=(),
+        indices=indices_of(n, off, std, *limits),
+        stated=dict(owner.take("measured")),
+        assumed={} if corrected or mean is not None or cp is not None else {"measured.mean": CENTRED},
+        limits=limits,
+        mid=mid,
         unit=unit,
     )
 

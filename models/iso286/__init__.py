@@ -1,7 +1,7 @@
 """Standards of drawings: limits and fits (ISO 286), general tolerances (2768), symbols (1101)."""
 
 from .fits import GRADES, MAX_SIZE_MM, UNVERIFIED, Fit, grade_um, pair_of_text, zone
-from .general import SYMBOLS, angle_rad, geometrical_mm, linear_mm
+from .general import SYMBOLS, angle_rad, characteristic_of, geometrical_mm, linear_mm
 
 __all__ = [
     "GRADES",
@@ -10,6 +10,7 @@ __all__ = [
     "UNVERIFIED",
     "Fit",
     "angle_rad",
+    "characteristic_of",
     "geometrical_mm",
     "grade_um",
     "linear_mm",

@@ -78,9 +78,10 @@ def geometrical_mm(characteristic: str, kind: str, size: float) -> float:
     Reference: ISO 2768-2:1989, tables 1 to 4.
     """
     _check_class(kind, GEOMETRICAL)
-    if characteristic not in _ZONES:
+    covered = SYNONYMS.get(characteristic, characteristic)
+    if covered not in _ZONES:
         raise ValueError(f"ISO 2768-2 has general tolerances of {', '.join(_ZONES)} only, got {characteristic}")
-    return _value(*_ZONES[characteristic], kind, size, 0.0)
+    return _value(*_ZONES[covered], kind, size, 0.0)
 
 
 def _check_class(kind: str, classes: tuple[str, ...]) -> None:
@@ -116,3 +117,20 @@ SYMBOLS = {
     "total_runout": "\u2330",
 }
 """By name; ISO 1101:2017, table 2."""
+SYNONYMS = {
+    "circularity": "roundness",
+    "coaxiality": "concentricity",
+    "profile_of_a_line": "line_profile",
+    "profile_of_a_surface": "surface_profile",
+    "squareness": "perpendicularity",
+    "true_position": "position",
+    "runout": "circular_runout",
+}
+"""Other names of the same characteristics, in standards and on drawings."""
+SYMBOLS |= {name: SYMBOLS[same] for name, same in SYNONYMS.items()}
+
+
+def characteristic_of(text: str) -> str:
+    """The name in `SYMBOLS` of what a drawing may write as "Total run-out"; other text as it is."""
+    plain = "_".join(text.lower().replace("-", " ").split()).replace("run_out", "runout")
+    return plain if plain in SYMBOLS else text

@@ -106,7 +106,7 @@ def window(transform: Spectrum, start: Integers, first: Integers, points: int) -
 REACH = 9.0
 """Standard deviations that the lattice covers on either side where the inputs are unbounded."""
 HEAVY = 1e-9
-"""Mass that an input may have beyond REACH standard deviations; with more its bounds are used."""
+"""Mass that an input may have beyond REACH standard deviations; with more, its quantiles are used."""
 ROUNDING = 1e-12
 """Floor of the stated errors: rounding of the transforms, relative to the step or probability."""
 
@@ -176,7 +176,7 @@ def _range(terms: tuple[Term, ...]) -> tuple[Array, Array, Array]:
     """Lower end, upper end and width of the range of a sum of terms, each (n,)."""
     ends = np.array([term.bounds() for term in terms]).sum(axis=0)
     light = [_is_light_tailed(term) for term in terms]
-    wide = [term.bounds() for term, covered in zip(terms, light, strict=True) if not covered]
+    wide = [_ends_of_heavy(term) for term, covered in zip(terms, light, strict=True) if not covered]
     straight = tuple(term for term, covered in zip(terms, light, strict=True) if covered)
     low, high = np.array(wide).sum(axis=0) if wide else np.zeros_like(ends)
     if straight:
@@ -185,6 +185,16 @@ def _range(terms: tuple[Term, ...]) -> tuple[Array, Array, Array]:
         high = high + mean + REACH * np.sqrt(variance)
     low, high = np.maximum(ends[0], low), np.minimum(ends[1], high)
     return low, high, high - low
+
+
+def _ends_of_heavy(term: Term) -> tuple[Array, Array]:
+    """Lower and upper end (n,) of a term beyond which `HEAVY` of its mass lies at most; its bounds where
+    it is not linear.
+    """
+    if term.quadratic is not None:
+        return term.bounds()
+    ends = term.constant + np.outer(term.distribution.quantile(np.array([HEAVY, 1.0 - HEAVY])), term.linear)
+    return ends.min(axis=0), ends.max(axis=0)
 
 
 def _is_light_tailed(term: Term) -> bool:

@@ -210,20 +210,42 @@ def worst_by_corners(mechanism: Mechanism, t: Tolerances) -> Array:
     """Largest deviation (n,) of y from its value at the mid-limits, over the corners of the
     tolerances t (n, p) and points between; of units for which y has a value.
 
-    Exact where y is monotone in each piece while the others are held. Of more than `CORNERS` pieces
-    a bound where their corners are too many: see `models/stack/extremes.py`.
+    As `ends_by_corners`.
+    """
+    least, greatest = ends_by_corners(mechanism, t)
+    return np.maximum(np.maximum(mechanism.centre - least, greatest - mechanism.centre), 0.0)
+
+
+def ends_by_corners(mechanism: Mechanism, t: Tolerances) -> tuple[Array, Array]:
+    """Least and greatest y (n,) over the corners of the tolerances t (n, p) and points between; of units
+    for which y has a value. Exact where y is monotone in each piece while the others are held. Of more
+    than `CORNERS` pieces those of `models/stack/extremes.py`.
     """
     assert mechanism.formula is not None
     if sum(name in mechanism.formula.names for name in mechanism.names) > CORNERS:
         from .extremes import extremes  # few formulas have as many parts
 
-        ends = np.array([extremes(mechanism, limit_of(t)[at : at + 1])[:2] for at in range(len(t))])
-        return np.asarray(np.max(np.abs(ends.reshape(-1, 2) - mechanism.centre), axis=1))
-    worst = [np.empty(0)]
+        ends = [extremes(mechanism, row)[:2] for row in limit_of(t)]
+        return tuple(np.array(ends).reshape(-1, 2).T)
+    least, greatest = [np.empty(0)], [np.empty(0)]
     for x in _corners(mechanism, t):
-        deviations = np.abs(mechanism.gain * mechanism.formula.value(x) - mechanism.centre)
-        worst.append(np.where(np.isfinite(deviations), deviations, 0.0).max(axis=1))
-    return np.concatenate(worst)
+        y = mechanism.gain * mechanism.formula.value(x)
+        least.append(np.where(np.isfinite(y), y, np.inf).min(axis=1))
+        greatest.append(np.where(np.isfinite(y), y, -np.inf).max(axis=1))
+    return np.concatenate(least), np.concatenate(greatest)
+
+
+def extremes_of(mechanism: Mechanism, t: Array) -> tuple[float, float, str]:
+    """Least and greatest y within the tolerances t (p,) about the mid-limits, and how they were found.
+
+    As `Extremes` of `models/stack/extremes.py`; "corners" of a linear requirement.
+    """
+    if mechanism.formula is None or mechanism.formula.linear:
+        reach = float(np.abs(mechanism.directed) @ t[mechanism.owners])
+        return mechanism.centre - reach, mechanism.centre + reach, "corners"
+    from .extremes import extremes
+
+    return extremes(mechanism, t)
 
 
 def _corners(mechanism: Mechanism, t: Tolerances) -> Iterator[dict[str, Array]]:

@@ -16,6 +16,7 @@ from ...section import Array, Flags, Integers
 from ..forms import Feature, Form, Way
 from ..limits import Limit, narrow_range, overlap
 from .definition import Part, Process, limits_of, process_by_spread, spread_and_mean
+from .promises import LEAST
 from .rows import YIELD, Row, quantile_of, rows_of, surplus_of
 
 if TYPE_CHECKING:
@@ -151,7 +152,7 @@ def form_of(stack: Stack, gaussian: bool = False) -> Form | None:
     return Form(
         outputs=tuple(row.output for row in rows),
         features=tuple(feature for feature, _ in features),
-        offset=linear[:, settled] @ t[settled],
+        offset=linear[:, settled] @ t[settled] + [row.constant for row in rows],
         constant=np.array(rooted),
         statement=_statement(stack, rows, left_out),
         base=float(sum(_fixed_cost(p) for p, out in zip(parts, settled, strict=True) if out)),
@@ -303,7 +304,7 @@ def _omitted_limits(stack: Stack, rows: set[str]) -> tuple[str, ...]:
 
 def _drops_a_side(limit: Limit) -> bool:
     """Whether the form leaves out one side of a limit on an output that it has."""
-    return bool(np.isfinite(limit.high if limit.name.endswith(YIELD) else limit.low))
+    return bool(np.isfinite(limit.high if limit.name.endswith((YIELD, LEAST)) else limit.low))
 
 
 def _domains(stack: Stack) -> set[str]:

@@ -59,6 +59,14 @@ class Requirement:
 
 
 @dataclass(frozen=True, slots=True)
+class Condition:
+    """A temperature [degC] at which all requirements hold, and its name."""
+
+    name: str
+    temperature_C: float
+
+
+@dataclass(frozen=True, slots=True)
 class Process:
     """One way of making a part: half-width t from `low` to `high` at a cost.
 
@@ -89,9 +97,12 @@ class Part:
     what the configuration says about its zone, `assumed` what it leaves open. `sensitivities` are
     by the key of the requirement, those of formulas left out. `drawing` and `characteristic` are
     the numbers of its drawing and of the characteristic on it, `geometry` is the geometrical
-    characteristic (ISO 1101) that its zone is of; empty where none is stated. `machines` are those
-    that some of its processes use, `sample` is what measured parts say about its only one.
-    `feature` is how a `[[feature]]` acts, whose half-width is half its zone.
+    characteristic (ISO 1101) that its zone is of, `source` where its tolerance comes from; empty
+    where none is stated. `expansion` is the linear one [1/K], None where neither it nor a `material`
+    is stated. `machines` are those that some of its processes use, `sample` is what measured parts
+    say about its only one. `present` is the half-width of a part to be searched that the drawing has
+    now, None where it is not stated. `feature` is how a `[[feature]]` acts, whose half-width is half its
+    zone.
     """
 
     name: str
@@ -109,8 +120,12 @@ class Part:
     drawing: str = ""
     characteristic: str = ""
     geometry: str = ""
+    source: str = ""
+    expansion: float | None = None
+    material: str = ""
     machines: tuple[Offer, ...] = ()
     sample: PartSample | None = None
+    present: float | None = None
     feature: Feature | None = None
 
     @property
@@ -225,7 +240,8 @@ class Correlation:
 class Definition:
     """A stack that has been read and checked: a mechanism for each requirement, over all parts.
 
-    `intermediate` holds the tables `[[let]]` and `[[loop]]` as they are written.
+    `intermediate` holds the tables `[[let]]` and `[[loop]]` as they are written. With `conditions` the
+    requirements are those in each of them, and `stated` those of the configuration.
     """
 
     requirements: tuple[Requirement, ...]
@@ -234,6 +250,8 @@ class Definition:
     correlations: tuple[Correlation, ...] = ()
     promise: Promise | None = None
     intermediate: Mapping[str, Any] = field(default_factory=dict)
+    conditions: tuple[Condition, ...] = ()
+    stated: tuple[Requirement, ...] = ()
 
     @property
     def requirement(self) -> Requirement:

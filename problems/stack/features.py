@@ -213,7 +213,7 @@ def _zone(section: Section, kind: Kind, unit: str, material: str) -> Process | N
         section.fault(searched[0], f"is not possible together with {other}: leave one of the two out")
         return None
     if searched:
-        return read_process(section, unit)
+        return read_process(section, unit, None)
     zone = section.number("zone", unit, POSITIVE if material == "rfs" else Range(low=0.0)) if kind.takes else 0.0
     return None if zone is None and "zone" in section else Process(0.5 * (zone or 0.0), 0.5 * (zone or 0.0))
 

@@ -188,11 +188,11 @@ def mechanism_with_formula(
     if why := _undefined_reason(mechanism, nominals[bare.owners], parts):
         faults.append(Fault(place, why))
         return None
-    mechanism, without_effect = _linearise_mechanism(mechanism, np.array([part.high for part in parts])[bare.owners])
+    mechanism, without_effect = linearise_mechanism(mechanism, np.array([part.high for part in parts])[bare.owners])
     faults += _effect_faults(mechanism, without_effect, parts, requirement)
     faults += _nominal_faults(requirement, gain * _evaluate_at_point(formula, mechanism, nominals[bare.owners]))
     loosest = np.array([[part.high for part in parts]])
-    return replace(mechanism, undefined=_domain_violation(mechanism, loosest[0], least_margin(mechanism, loosest)[0]))
+    return replace(mechanism, undefined=domain_violation(mechanism, loosest[0], least_margin(mechanism, loosest)[0]))
 
 
 def _steps_of(parts: Sequence[Part], base: Mapping[str, float]) -> Iterator[Intermediate]:
@@ -205,7 +205,7 @@ def _evaluate_at_point(formula: Formula, mechanism: Mechanism, x: Array) -> floa
     return float(formula.value(dict(zip(mechanism.names, x, strict=True))))
 
 
-def _linearise_mechanism(mechanism: Mechanism, loosest: Array) -> tuple[Mechanism, list[str]]:
+def linearise_mechanism(mechanism: Mechanism, loosest: Array) -> tuple[Mechanism, list[str]]:
     """The mechanism with its value and sensitivities at the mid-limits, and the pieces of the formula
     on which it does not depend anywhere within the loosest tolerances (k,).
 
@@ -316,7 +316,7 @@ def _points_within(mechanism: Mechanism, t: Array) -> dict[str, Array]:
     return {mechanism.names[i]: mids[i] + reach[i] * z for i, z in zip(used, points, strict=True)}
 
 
-def _domain_violation(mechanism: Mechanism, loosest: Array, margin: float) -> str:
+def domain_violation(mechanism: Mechanism, loosest: Array, margin: float) -> str:
     """Where the formula leaves its domain within the loosest tolerances (p,); empty if nowhere."""
     formula = mechanism.formula
     assert formula is not None

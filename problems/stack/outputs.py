@@ -26,7 +26,7 @@ from ...section import Array, Integers, Kind, Output, Variable
 from ..limits import Limit
 from ..settings import Bound, Promise, Settings, VariableSetting
 from .definition import Definition, Part, Requirement
-from .promises import Interval, Measured, promise_limits, promise_outputs
+from .promises import WINDOW, Interval, Measured, promise_limits, promise_outputs
 
 if TYPE_CHECKING:
     from .problem import Stack
@@ -90,7 +90,7 @@ _MEANING = {
 }
 _WORST = ("sum of |sensitivity| times tolerance", "largest deviation over the corners of the tolerances")
 """Of a formula that its slopes describe, and of another."""
-_DEVIATIONS = ("three standard deviations of the linear model", "three standard deviations, by a sample of units")
+_DEVIATIONS = (" by the linear model", ", by a sample of units")
 """The same."""
 
 
@@ -168,7 +168,12 @@ def _requirement_outputs(requirement: Requirement, measured: Measured | None, pa
     outputs = [
         Output(qualified("variation"), unit, meaning, low=0.0),
         Output(qualified("worst_case"), unit, _WORST[rough], low=0.0),
-        Output(qualified("rss"), unit, _DEVIATIONS[rough], low=0.0),
+        Output(qualified("rss"), unit, f"three standard deviations{_DEVIATIONS[rough]}", low=0.0),
+        Output(qualified("std"), unit, f"standard deviation of {name}{_DEVIATIONS[rough]}", low=0.0),
+        *(
+            Output(qualified(end), unit, f"{words} {name} of parts within their zones", larger_is_better=side < 0.0)
+            for (end, side), words in zip(WINDOW.items(), ("least", "greatest"), strict=True)
+        ),
         *_yields(qualified("yield_percent"), f"units with {name} within its limits"),
     ]
     if measured is None or measured.partial:
@@ -251,7 +256,7 @@ def slopes_by_count(stack: Stack, designs: Array) -> dict[str, Array]:
     by its slopes at the mid-limits: by central differences, on the units of a report.
     """
     rough = [measured for measured in stack.measured if measured.rough]
-    names = {measured.name(output) for measured in rough for output in ("yield_percent", "variation", "rss")}
+    names = {measured.name(output) for measured in rough for output in ("yield_percent", "variation", "rss", "std")}
     names = (names | ({"yield_percent"} if rough else set())) & stack.required_outputs
     names -= {measured.name("variation") for measured in rough if measured.requirement.method == "worst_case"}
     derivatives = {name: np.zeros((len(designs), len(stack.definition.parts))) for name in names}
@@ -376,6 +381,12 @@ class Yields:
     required_outputs: frozenset[str]
     smooth: bool = False
     _conditioned: dict[tuple[tuple[int, ...], bool], Conditioned | None] = field(default_factory=dict, init=False)
+    _samples: dict[int, Sample] = field(default_factory=dict, init=False)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Everything but the samples, which another process draws again."""
+        drawn = ("reported", "searching", "_samples")
+        return {name: value for name, value in self.__dict__.items() if name not in drawn} | {"_samples": {}}
 
     def outputs(self, t: Tolerances, searching: bool, needed: bool) -> dict[str, Array]:
         """Half-widths and yields; NaN without limits.
@@ -388,6 +399,11 @@ class Yields:
                 by_output |= self._half_width(measured, t, searching, needed)
             if measured.rough:
                 by_output |= self._deviations(measured, t, needed)
+        return by_output | self.percentages(t, searching, needed)
+
+    def percentages(self, t: Tolerances, searching: bool = False, needed: bool = False) -> dict[str, Array]:
+        """The yields and their errors (n,) [percent]; NaN without limits."""
+        by_output: dict[str, Array] = {}
         for name, bounded in self._yields():
             by_output |= self._yield(name, bounded, t, searching, needed)
         return by_output
@@ -395,13 +411,14 @@ class Yields:
     def _deviations(self, measured: Measured, t: Tolerances, needed: bool) -> dict[str, Array]:
         """Root sum square, and what follows from it, of a formula that its slopes do not describe."""
         method = measured.requirement.method
-        names = {"rss"} | ({"variation"} if method in ("rss", "shifted_rss") else set())
+        names = {"rss", "std"} | ({"variation"} if method in ("rss", "shifted_rss") else set())
         if needed and not self.required_outputs & ({measured.name(name) for name in names} | names):
             return {measured.name(name): np.full(len(t), np.nan) for name in names}
         mean, std = mean_and_deviation(measured.mechanism, t, self.reported)
         rss = SIGMAS * std
-        shift = np.abs(mean - measured.mechanism.centre) if method == "shifted_rss" else 0.0
-        return {measured.name(name): rss + (shift if name == "variation" else 0.0) for name in names}
+        shift = np.abs(mean - measured.mechanism.centre) + measured.measured_shift if method == "shifted_rss" else 0.0
+        by_output = {"rss": rss, "std": std, "variation": rss + shift}
+        return {measured.name(name): by_output[name] for name in names}
 
     def shares(self, measured: Measured, t: Tolerances) -> dict[str, Array]:
         """Contributions [%] of the parts (n,) where a formula is not described by its slopes.
@@ -560,10 +577,12 @@ class Yields:
         return self.drawn(SEARCH_SAMPLES)
 
     def drawn(self, most: int) -> Sample:
-        """At most so many units; fewer are the first ones of more."""
-        rng = np.random.default_rng(self.settings.seed)
+        """At most so many units, drawn once; fewer are the first ones of more."""
         samples = min(most, self.settings.propagation.samples)
-        return Sample.draw(self.measured[0].mechanism, samples, rng)
+        if samples not in self._samples:
+            rng = np.random.default_rng(self.settings.seed)
+            self._samples[samples] = Sample.draw(self.measured[0].mechanism, samples, rng)
+        return self._samples[samples]
 
 
 def _error_of_count(percent: Array, units: int) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -23,6 +24,7 @@ from ...models.iso286 import (
     UNVERIFIED,
     Fit,
     angle_rad,
+    characteristic_of,
     geometrical_mm,
     grade_um,
     linear_mm,
@@ -30,7 +32,7 @@ from ...models.iso286 import (
     zone,
 )
 from ...models.machine_offers import Offer, Owner, read_offers
-from ...section import POSITIVE, Range, Section, is_forced
+from ...section import POSITIVE, Range, Section, is_forced, shown
 from ...units import family
 from .definition import Part, Process, Requirement, natural_limit, processes_of
 from .formulas import name_complaint, read_sensitivities
@@ -232,7 +234,8 @@ def _unverified_note(key: str, grades: list[str]) -> dict[str, str]:
 
 KEYS = ("t_min", "tolerance", "limits", "grade", "fit", "general", "process", "machine")
 """The statements of a zone, by their first key; exactly one is given, except that machines may be
-given with processes, and with t_min and t_max, the limits of their inspection."""
+given with processes, and with t_min and t_max, the limits of their inspection, and that a tolerance
+beside t_min and t_max is the one that the drawing has now."""
 MADE = ({"process"}, {"machine"}, {"process", "machine"}, {"t_min", "machine"})
 REMEDY = (
     "t_min and t_max with a cost, [[part.process]] or [[part.machine]] tables, or a fixed "
@@ -252,6 +255,7 @@ class Tolerance:
     stated: dict[str, Any] = field(default_factory=dict)
     assumed: dict[str, str] = field(default_factory=dict)
     machines: tuple[Offer, ...] = ()
+    present: float | None = None
 
 
 def read_tolerance(section: Section, unit: str, nominal: float | None, fit: str = "") -> Tolerance | None:
@@ -266,6 +270,9 @@ def read_tolerance(section: Section, unit: str, nominal: float | None, fit: str 
     elif fit:
         section.fault(given[0], f"is a second statement in addition to {fit} of its [[fit]]: keep only one")
         return None
+    if given == ["t_min", "tolerance"]:
+        process, present = read_process(section, unit, nominal), _present(section, unit, nominal)
+        return None if process is None else Tolerance((process,), present=present)
     if set(given) in MADE:
         return _alternatives(section, unit, nominal)
     if len(given) != 1:
@@ -283,7 +290,7 @@ def read_tolerance(section: Section, unit: str, nominal: float | None, fit: str 
             grades, alternatives=True, stated=stated_standard(section) | costs, assumed=unverified_grades(grades)
         )
     if given == ["t_min"]:
-        process = read_process(section, unit)
+        process = read_process(section, unit, nominal)
         return None if process is None else Tolerance((process,))
     fixed = _read_fixed_zone(section, given[0], unit, nominal)
     curve = _read_cost(section) if "cost" in section else None
@@ -295,9 +302,37 @@ def read_tolerance(section: Section, unit: str, nominal: float | None, fit: str 
     return Tolerance((process,), True, False, shape.mid, **tolerance)
 
 
-def read_process(section: Section, unit: str, name: str = "") -> Process | None:
-    """A range with its cost."""
-    low, high = (section.number(key, unit, POSITIVE) for key in ("t_min", "t_max"))
+_PERCENT = re.compile(r"\s*([^\s%]+)\s*(?:%|percent)\s*")
+
+
+def _half_width(section: Section, key: str, unit: str, nominal: float | None, within: Range) -> float | None:
+    """A half-width as a number, with a unit, or as a percentage of the nominal: "1 %"."""
+    value = section.take(key)
+    percent = _PERCENT.fullmatch(value) if isinstance(value, str) and family(unit)[0] else None
+    if percent is None:
+        return section.number(key, unit, within)
+    try:
+        share = float(percent[1])
+    except ValueError:
+        section.fault(key, f'must be a percentage of the nominal, like "1 %", got {shown(value)}')
+        return None
+    if not nominal:
+        what = "is missing" if nominal is None else "is 0"
+        section.fault(key, f"is {share:g} % of the nominal, which {what}: state the half-width in {unit}")
+        return None
+    return section.as_number(key, float(f"{share * abs(nominal) / 100.0:.12g}"), unit, within)
+
+
+def _present(section: Section, unit: str, nominal: float | None) -> float | None:
+    """The half-width that the drawing has now; it may lie outside of the range that is searched."""
+    return _half_width(section, "tolerance", unit, nominal, POSITIVE)
+
+
+def read_process(section: Section, unit: str, nominal: float | None, name: str = "") -> Process | None:
+    """A range with its cost, or one tolerance with its price."""
+    if name and ("tolerance" in section or "price" in section):
+        return _process_at_one_tolerance(section, unit, nominal, name)
+    low, high = (_half_width(section, key, unit, nominal, POSITIVE) for key in ("t_min", "t_max"))
     for key in ("t_min", "t_max"):
         if key not in section:
             section.fault(key, "is missing: a tolerance is searched from t_min to t_max")
@@ -317,6 +352,26 @@ def read_process(section: Section, unit: str, name: str = "") -> Process | None:
     for key, end in (("t_min", low), ("t_max", high)):
         _check_cost(section, key, curve, end, unit)
     return Process(low, high, curve, name, note=note)
+
+
+def _process_at_one_tolerance(section: Section, unit: str, nominal: float | None, name: str) -> Process | None:
+    """`tolerance = 0.01, price = 4.2`, or with a `cost` curve in the place of the price."""
+    t = _half_width(section, "tolerance", unit, nominal, POSITIVE)
+    price = section.number("price", within=Range(low=0.0))
+    if "tolerance" not in section:
+        section.fault("tolerance", "is missing: a price is that of one tolerance; of a range state a cost")
+    for key in ("t_min", "t_max"):
+        if key in section:
+            section.take(key)
+            section.fault(key, "is stated in addition to tolerance or price: state a range with a cost, or neither end")
+    if ("price" in section) == ("cost" in section):
+        section.fault("price", "give either a price, or a cost curve of t")
+    curve: CostCurve | None = read_curve(section.section("cost")) if "cost" in section else None
+    curve, more = Reciprocal(price, 0.0) if price is not None else curve, read_extras(section)
+    if t is None or curve is None:
+        return None
+    _check_cost(section, "tolerance", curve, t, unit)
+    return Process(t, t, add_constant_cost(curve, more), name)
 
 
 def _narrow_to_cost_table(low: float, high: float, curve: CostCurve | None, unit: str) -> tuple[float, float, str]:
@@ -357,7 +412,7 @@ def _alternatives(section: Section, unit: str, nominal: float | None) -> Toleran
         section.fault("cost", "belongs in each [[part.process]]; a machine has a price")
     processes: tuple[Process, ...] | None = ()
     if "process" in section:
-        processes = section.named_items("process", lambda table, name: read_process(table, unit, name))
+        processes = section.named_items("process", lambda table, name: read_process(table, unit, nominal, name))
     if "machine" not in section:
         return None if processes is None else Tolerance(processes, alternatives=True)
     ends = [section.number(key, unit, POSITIVE) for key in ("t_min", "t_max")]
@@ -384,8 +439,9 @@ def _read_fixed_zone(
 ) -> tuple[Zone, dict[str, Any]] | None:
     """The zone about the nominal that a bought-in part has."""
     if key == "tolerance":
-        value = section.number("tolerance", unit, Range(low=0.0))
-        return None if value is None else (Zone(0.0, value), {"stated": {"tolerance": value}})
+        value, text = _half_width(section, "tolerance", unit, nominal, Range(low=0.0)), section.take("tolerance")
+        as_percentage = isinstance(text, str) and _PERCENT.fullmatch(text)
+        return None if value is None else (Zone(0.0, value), {"stated": {key: text if as_percentage else value}})
     text = section.text(key)
     if text is None:
         return None
@@ -467,9 +523,12 @@ def length_unit_of(requirements: Sequence[Requirement]) -> str:
 
 def _read(section: Section, length_unit: str, requirements: Sequence[Requirement], fit: str) -> Part | None:
     name = _name(section)
+    if isinstance(geometry := section.take("geometry"), str):
+        section = section.having("geometry", characteristic_of(geometry))
     unit, assumed = _unit(section, length_unit)
     count = section.integer("count", Range(1, MAX_PIECES_PER_PART))
     sensitivities = read_sensitivities(section, unit, requirements)
+    expansion, material = _expansion(section, unit)
     distribution = read_distribution(section, Normal())
     labels = _labels(section)
     section.accept(("measured",))  # known, though it is not read where the zone has a fault
@@ -510,12 +569,26 @@ def _read(section: Section, length_unit: str, requirements: Sequence[Requirement
         sensitivities=sensitivities,
         stated=zone.stated,
         assumed=assumed | zone.assumed,
+        expansion=expansion,
+        material=material,
         machines=zone.machines,
         sample=sample,
+        present=zone.present,
         geometry=labels["geometry"],
         drawing=labels["drawing"],
         characteristic=labels["characteristic"],
+        source=labels["source"],
     )
+
+
+def _expansion(section: Section, unit: str | None) -> tuple[float | None, str]:
+    """Linear expansion and material; None and empty where they are not stated."""
+    if "expansion" not in section and "material" not in section:
+        section.accept(("expansion", "material"))
+        return None, ""
+    from .conditions import read_expansion  # few stacks state any
+
+    return read_expansion(section, unit)
 
 
 def _sample(
@@ -539,9 +612,11 @@ def _sample(
 
 
 def _labels(section: Section) -> dict[str, str]:
-    """Geometrical characteristic, number of the drawing, number of the characteristic on it."""
+    """Geometrical characteristic, number of the drawing, number of the characteristic on it, and
+    where the tolerance comes from.
+    """
     numbers = {key: drawing_number(section, key) for key in ("drawing", "characteristic")}
-    return {"geometry": section.text("geometry", SYMBOLS) or "", **numbers}
+    return {"geometry": section.text("geometry", SYMBOLS) or "", **numbers, "source": section.text("source") or ""}
 
 
 def drawing_number(section: Section, key: str) -> str:
@@ -601,7 +676,8 @@ def drawn(part: Part) -> dict[str, str]:
     its name, numbers of drawing and characteristic, capability and mean of its process; what is not
     stated is left out.
     """
-    labels = {"class": _class(part), "drawing": part.drawing, "characteristic": part.characteristic}
+    labels = {"class": _class(part)}
+    labels |= {key: getattr(part, key) for key in ("drawing", "characteristic", "source")}
     if part.geometry:
         labels["symbol"] = f"{SYMBOLS[part.geometry]} {part.geometry.replace('_', ' ')}"
     capability = part.stated.get("cpk") or getattr(part.distribution, "cp", None)

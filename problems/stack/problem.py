@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from ...errors import Fault, ModelError
 from ...models.capability import PartSample
 from ...models.costs import CostCurve
 from ...models.machine_offers import departures_from_normality
-from ...models.stack import Linear, Mechanism, Sample, Tolerances, interpolate_designs, yield_percent
+from ...models.stack import Linear, Mechanism, Sample, Tolerances, interpolate_designs, mean_of, yield_percent
 from ...models.stack.mechanism import SIGMAS
 from ...section import Array, Assumption, Integers, Output, Section, Variable
 from ...units import family, unit_hint
@@ -41,13 +41,15 @@ from .outputs import (
     variables_of,
 )
 from .parts import drawn, labels_of, placeholder_part, price_remark
-from .promises import Measured, Promises, measured
+from .promises import WINDOW, Measured, Promises, measured
 from .reading import assumptions_of, read_definition, tables_of
 from .rows import shortfall
 
 # Linear against nonlinear spread: whether the root sum square is exceeded as rarely as stated.
 
 
+VARIED = ("variation", "rss", "std")
+"""Outputs of a requirement that leave out means, but for `variation` by `shifted_rss`."""
 MIN_YIELD_DIFFERENCE = 0.01
 """Percentage points below which a difference does not matter."""
 RELATIVE = 0.2
@@ -123,6 +125,7 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
                 f"{values.requirement.place} {text}: {most or 'the tolerances are not what breaks its limits'}; move "
                 "the nominal values or the limits"
             )
+        sentences += filter(None, [_ignored_means_note(stack, values)])
         sentences += [_domain(values)] if values.partial else []
         sentences += [_nonlinearity_warning(stack, values)] if values.rough else []
         if values.mechanism.formula is not None and not values.rough:
@@ -148,6 +151,25 @@ def _implausible_tolerance_note(part: Part) -> str:
             tolerance = f"part {part.name}: a tolerance of {t:g} {part.unit}"
             return f"{tolerance} is {extreme} for a size of {size:g} {part.unit}{hint}"
     return ""
+
+
+def _ignored_means_note(stack: Stack, measured: Measured) -> str:
+    """What a variation that is asked for leaves out of means that are off the middles of their zones."""
+    method, linear, (_, loosest) = measured.requirement.method, measured.linear, stack.ends_as_made
+    asked = {measured.name(name) for name in VARIED} | {"variation", "rss"}
+    off = linear.shift + np.abs(mean_of(loosest)[0]) * linear.worst
+    off += [abs(part.mean - part.mid) for part in measured.parts] * linear.worst
+    moved = [measured.parts[at].name for at in np.flatnonzero(off)]
+    if measured.rough or method == "shifted_rss" or not moved or not asked & stack.required_outputs:
+        return ""
+    about = "is by the limits of the parts" if method == "worst_case" else "is a width about the mean"
+    unit = f" {measured.requirement.unit}".rstrip()
+    mean = float(linear.mean_shift(loosest)[0]) + measured.mechanism.centre - measured.drawn.centre
+    return (
+        f"{measured.requirement.place}.method: {method} {about}, and leaves out that {', '.join(moved)} "
+        f"{'is' if len(moved) == 1 else 'are'} off the mid-limits on average (together {mean:+.3g}{unit} at the "
+        "loosest tolerances); the yield counts it, and shifted_rss adds every shift in the worst direction"
+    )
 
 
 def _domain(measured: Measured) -> str:
@@ -239,13 +261,18 @@ class Stack(ToleranceProblem):
             variables_of(definition.parts),
             outputs_of(definition.requirements, definition.parts, self.measured, definition.promise),
         )
+        if definition.conditions and settings is not None:
+            from .conditions import limits_in_all
+
+            known = {named.name for named in (*self.declaration.outputs, *self.declaration.variables)}
+            settings = replace(settings, limits=limits_in_all(definition.conditions, settings.limits, known))
         super().__init__(settings)
 
     @classmethod
     def configured(cls, top: Section) -> ConfiguredProblem | None:
         """The stack of its requirements, `[[part]]` and `[[correlation]]`, faulty or not."""
         faults: list[Fault] = []
-        parts, requirements, definition = read_definition(top, faults)
+        parts, requirements, conditions, definition = read_definition(top, faults)
         faults += unit_faults(requirements, *read_output_names(top))
         for fault in faults:
             top.fault(fault.place, fault.message)
@@ -254,8 +281,15 @@ class Stack(ToleranceProblem):
             for at, (part, table) in enumerate(zip(parts, [*top.tables("part"), *top.tables("feature")], strict=True))
         ]
         mechanisms = measured(definition) if definition is not None else ()
-        outputs = outputs_of(requirements, known, mechanisms, read_promise(top))
+        promise = read_promise(top)
+        outputs = outputs_of(requirements, known, () if conditions else mechanisms, promise)
+        if conditions:
+            from .conditions import outputs_at
+
+            every = partial(outputs_of, parts=known, measured=mechanisms, promise=promise)
+            outputs = outputs_at(conditions, requirements, outputs, every, top)
         declaration = _declare_stack(variables_of(known), outputs)
+        declaration = replace(declaration, conditions=tuple(condition.name for condition in conditions))
         return ConfiguredProblem(declaration, cls, {"definition": definition})
 
     def tables(self) -> dict[str, Any]:
@@ -331,6 +365,8 @@ class Stack(ToleranceProblem):
         outputs = {"cost": self.cost_of(designs)} | self.yields.outputs(t, searching, needed)
         for requirement in self.measured:
             outputs |= requirement.variations(t) | requirement.margin(t)
+            ends = {requirement.name(end) for end in WINDOW}
+            outputs |= requirement.window(t, not needed or bool(self.required_outputs & ends))
             outputs |= self._shares(requirement, t, searching)
         if self.promises is not None:
             outputs |= self.promises.outputs(t, searching, self.required_outputs)
@@ -383,7 +419,7 @@ class Stack(ToleranceProblem):
         return {f"{p.name}_t": (p.nominal, p.mid) for p in self._parts}.get(name, (None, 0.0))
 
     def title(self) -> str:
-        names = [requirement.name for requirement in self.definition.requirements]
+        names = [requirement.name for requirement in self.definition.stated]
         return super().title() or ", ".join(filter(None, names))
 
     def mechanism(self) -> dict[str, object]:
@@ -516,6 +552,11 @@ class Stack(ToleranceProblem):
 
     def samples(self) -> tuple[tuple[str, str, PartSample], ...]:
         return samples_of(self.definition.parts)
+
+    def requirements_at(self, design: Array | None = None) -> pd.DataFrame | None:
+        from .analysis import analyse, analysed_design
+
+        return analyse(self, analysed_design(self)[0] if design is None else design).requirements
 
     def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
         return domain_remarks(self.measured, front)

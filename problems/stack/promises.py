@@ -18,6 +18,7 @@ from ...models.stack import (
     LinearSum,
     Mechanism,
     Tolerances,
+    ends_by_corners,
     law_of,
     least_margin,
     limit_of,
@@ -49,6 +50,9 @@ if TYPE_CHECKING:
     from .problem import Stack
 
 Interval = tuple[float, float]
+WINDOW = {"worst_case_least": -1.0, "worst_case_greatest": 1.0}
+"""The ends that no unit within the zones of its parts exceeds, and their sides."""
+LEAST = next(iter(WINDOW))
 STEP = 1e-6
 """Relative step of a tolerance for the slope of a domain margin, which is nearly linear."""
 
@@ -122,12 +126,48 @@ class Measured:
         by_output = {"worst_case": self.linear.worst_case(t), "rss": self.linear.rss(t)}
         if self.rough:
             by_output = {"worst_case": worst_by_corners(self.mechanism, t)}
+        else:
+            by_output["std"] = by_output["rss"] / SIGMAS
+        if self.straight:
+            by_output |= {name: self.middle + side * by_output["worst_case"] for name, side in WINDOW.items()}
         method = self.requirement.method
         if method == "shifted_rss" and not self.rough:
-            by_output["variation"] = self.linear.shifted_rss(t)
+            by_output["variation"] = self.linear.shifted_rss(t) + self.measured_shift
         elif method in by_output:
             by_output["variation"] = by_output[method]
         return {self.name(name): value for name, value in by_output.items()}
+
+    @property
+    def straight(self) -> bool:
+        """Whether it is linear in its parts, so that its worst case is about the middles of their zones."""
+        return self.mechanism.formula is None or self.mechanism.formula.linear
+
+    @cached_property
+    def drawn(self) -> Mechanism:
+        """The mechanism about the middles of the zones: a measured mean moves units, and no limit of a part."""
+        mechanism = self.mechanism
+        moved = np.array([part.mean - part.mid for part in self.parts])[mechanism.owners]
+        if mechanism.mids is not None and mechanism.scale is not None:
+            mechanism = replace(mechanism, mids=mechanism.mids - mechanism.scale * moved)
+        return replace(mechanism, centre=mechanism.centre - float(mechanism.sensitivities @ moved))
+
+    @cached_property
+    def measured_shift(self) -> float:
+        """Shifts of measured means from the middles of the zones, all in the worst direction."""
+        off = np.array([abs(part.mean - part.mid) for part in self.parts])
+        return float(np.abs(self.mechanism.sensitivities) @ off[self.mechanism.owners])
+
+    @property
+    def middle(self) -> float:
+        """Value at the middles of the zones, of a linear requirement."""
+        return self.drawn.centre
+
+    def window(self, t: Tolerances, asked: bool) -> dict[str, Array]:
+        """Least and greatest value (n,) of a formula that is not linear, by corners; NaN if not `asked` for."""
+        if self.straight:
+            return {}
+        ends = ends_by_corners(self.drawn, t) if asked else np.full((2, len(t)), np.nan)
+        return dict(zip(map(self.name, WINDOW), ends, strict=True))
 
     def margin(self, t: Tolerances) -> dict[str, Array]:
         """The domain margin (n,), where the formula has an edge within the widest tolerances."""
@@ -152,7 +192,8 @@ class Measured:
         if self.rough:
             return self._rough_slopes(t, wanted)
         worst, rss = np.broadcast_to(self.linear.worst, spread_of(t).shape), self.linear.rss_slopes(t)
-        by_output = {"worst_case": worst, "rss": rss}
+        by_output = {"worst_case": worst, "rss": rss, "std": rss / SIGMAS}
+        by_output |= {name: side * worst for name, side in WINDOW.items()} if self.straight else {}
         method, distribution = self.requirement.method, self.distribution
         if method != "monte_carlo":
             by_output["variation"] = {**by_output, "shifted_rss": rss + self.linear.shift}[method]
@@ -162,7 +203,15 @@ class Measured:
             by_output["yield_percent"] = self.yield_slopes(t)
         if self.partial and self.name("domain_margin") in wanted:
             by_output["domain_margin"] = self._towards_tighter(least_margin, limit_of(t))
-        return {self.name(name): value for name, value in by_output.items()}
+        return {self.name(name): value for name, value in by_output.items()} | self._window_slopes(t, wanted)
+
+    def _window_slopes(self, t: Tolerances, wanted: Collection[str]) -> dict[str, Array]:
+        """Derivatives (n, parts) of the ends by corners that are wanted."""
+        return {
+            self.name(name): self._towards_tighter(lambda m, t, at=at: ends_by_corners(m, t)[at], limit_of(t))  # type: ignore[misc]
+            for at, name in enumerate(WINDOW)
+            if not self.straight and self.name(name) in wanted
+        }
 
     def _rough_slopes(self, t: Tolerances, wanted: Collection[str]) -> dict[str, Array]:
         """Derivatives (n, parts) of the worst case by corners, and of a domain margin that is wanted."""
@@ -170,7 +219,7 @@ class Measured:
         by_output = {"worst_case": worst} | ({"variation": worst} if self.requirement.method == "worst_case" else {})
         if self.partial and self.name("domain_margin") in wanted:
             by_output["domain_margin"] = self._towards_tighter(least_margin, limit_of(t))
-        return {self.name(name): value for name, value in by_output.items()}
+        return {self.name(name): value for name, value in by_output.items()} | self._window_slopes(t, wanted)
 
     def _towards_tighter(self, of: Callable[[Mechanism, Tolerances], Array], t: Array) -> Array:
         """By differences towards tighter tolerances, on the corner that decides."""
@@ -203,11 +252,14 @@ class Measured:
         """Proven ends of its outputs between the tightest and loosest parts, (1, parts) each."""
         worst = float(self.linear.worst_case(low)[0]), float(self.linear.worst_case(high)[0])
         rss = self._rss_interval(spread_of(low)[0], spread_of(high)[0])
-        shift = self._shift(low), self._shift(high)
+        shift = self._shift(low) + self.measured_shift, self._shift(high) + self.measured_shift
         by_output = {"worst_case": worst, "rss": rss, "yield_percent": (0.0, self._most_yield(low))}
         if self.rough:
             rss, shift = (0.0, np.inf), (0.0, 0.0)
             by_output = {"worst_case": rss, "rss": rss, "yield_percent": (0.0, 100.0)}
+        by_output["std"] = rss[0] / SIGMAS, rss[1] / SIGMAS
+        if self.straight and not self.rough:
+            by_output |= {name: tuple(sorted(self.middle + side * w for w in worst)) for name, side in WINDOW.items()}
         by_method = by_output | {"shifted_rss": (rss[0] + shift[0], rss[1] + shift[1])}
         if self.requirement.method in by_method:
             by_output["variation"] = by_method[self.requirement.method]

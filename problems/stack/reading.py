@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 from ...errors import Fault, nearest
 from ...models.cost_reading import curve_table
+from ...models.costs import Reciprocal
 from ...models.expressions import Intermediate
 from ...models.input_reading import written
 from ...models.inputs import Normal
@@ -13,15 +15,18 @@ from ...models.machine_offers import samples_of
 from ...section import POSITIVE, Assumption, Range, Section
 from ...units import family
 from ..settings import SAMPLED, process_assumption, read_promise
-from .definition import METHODS, Correlation, Definition, Part, Process, Requirement
+from .definition import METHODS, Condition, Correlation, Definition, Part, Process, Requirement
 from .formulas import NAME, mechanisms_of, nominal_sum, sensitivity_faults
 from .parts import read_parts
+from .promises import WINDOW
 
 RESERVED = (
     "cost",
     "variation",
     "worst_case",
     "rss",
+    "std",
+    *WINDOW,
     "yield_percent",
     "yield_percent_error",
     "domain_margin",
@@ -122,8 +127,8 @@ _REMEDIES = {
 
 def read_definition(
     top: Section, faults: list[Fault]
-) -> tuple[list[Part | None], tuple[Requirement, ...], Definition | None]:
-    """Parts and requirements as far as they can be read, and the whole where nothing is wrong."""
+) -> tuple[list[Part | None], tuple[Requirement, ...], tuple[Condition, ...], Definition | None]:
+    """Parts, requirements and conditions as far as they can be read, and the whole where nothing is wrong."""
     for key, message in _REMEDIES.items():
         if key in top:
             faults.append(Fault(key, message))
@@ -139,6 +144,7 @@ def read_definition(
 
         parts += read_features(top, requirements, parts, faults)
     whole = [part for part in parts if part is not None]
+    conditions = _conditions(top, requirements, faults)
     if top.take("part") is None or top.take("part") == []:
         faults.append(Fault("part", "is missing: a stack needs [[part]] tables"))
     intermediate, steps = _intermediate(top, whole if len(whole) == len(parts) else None, faults)
@@ -149,12 +155,28 @@ def read_definition(
     else:
         faults += _check_formula_or_sensitivities(requirements[0], top, parts)
     if faults or not parts:
-        return parts, requirements, None
-    mechanisms = mechanisms_of(requirements, whole, correlations, steps, faults)
+        return parts, requirements, conditions, None
+    mechanisms, stated = mechanisms_of(requirements, whole, correlations, steps, faults), requirements
+    if conditions and not faults:
+        from .conditions import stack_at
+
+        requirements, mechanisms = stack_at(conditions, stated, whole, mechanisms, faults)
     if faults:
-        return parts, requirements, None
-    definition = Definition(requirements, tuple(whole), mechanisms, correlations, promise, intermediate)
-    return parts, requirements, definition
+        return parts, stated, conditions, None
+    definition = Definition(
+        requirements, tuple(whole), mechanisms, correlations, promise, intermediate, conditions, stated
+    )
+    return parts, stated, conditions, definition
+
+
+def _conditions(top: Section, requirements: tuple[Requirement, ...], faults: list[Fault]) -> tuple[Condition, ...]:
+    """The temperatures of `[[condition]]`, in its order."""
+    top.accept(("condition",))
+    if "condition" not in top:
+        return ()
+    from .conditions import read_conditions  # few stacks have any
+
+    return read_conditions(top, requirements, faults)
 
 
 def _intermediate(
@@ -233,9 +255,9 @@ def _check_formula_or_sensitivities(requirement: Requirement, top: Section, part
 
 def tables_of(definition: Definition) -> dict[str, Any]:
     """`[requirement]` or each `[[requirement]]`, `[[part]]` and `[[correlation]]`."""
-    requirements = [_requirement(requirement) for requirement in definition.requirements]
+    requirements = [_requirement(requirement) for requirement in definition.stated]
     tables: dict[str, Any] = {
-        "requirement": requirements if definition.requirement.key else requirements[0],
+        "requirement": requirements if definition.stated[0].key else requirements[0],
         "part": [_part(part) for part in definition.parts if part.feature is None],
         **definition.intermediate,
     }
@@ -246,6 +268,8 @@ def tables_of(definition: Definition) -> dict[str, Any]:
             {"parts": list(correlation.pieces), "coefficient": correlation.coefficient}
             for correlation in definition.correlations
         ]
+    if definition.conditions:
+        tables["condition"] = [asdict(condition) for condition in definition.conditions]
     if definition.promise is not None:
         tables["promise"] = definition.promise.table()
     return tables
@@ -274,8 +298,10 @@ def _part(part: Part) -> dict[str, Any]:
     if part.sensitivities:
         table["sensitivity"] = part.sensitivities.get("", dict(part.sensitivities))
     table |= written(part.distribution) if part.sample is None else {"measured": dict(part.sample.stated)}
-    labels = {"drawing": part.drawing, "characteristic": part.characteristic, "geometry": part.geometry}
+    labels = {key: getattr(part, key) for key in ("drawing", "characteristic", "geometry", "source")}
     table |= {key: value for key, value in labels.items() if value}
+    if part.expansion is not None:
+        table |= {"material": part.material} if part.material else {"expansion": part.expansion}
     if part.machines:
         processes = [{"name": p.name} | _range(p) for p in part.processes if p.machine is None]
         return (
@@ -289,11 +315,15 @@ def _part(part: Part) -> dict[str, Any]:
         return table | {"process": [{"name": p.name} | _range(p) for p in part.processes]}
     if part.fixed:
         return table | dict(part.stated) | _cost(part.processes[0])
-    return table | _range(part.processes[0])
+    present = {} if part.present is None else {"tolerance": part.present}
+    return table | _range(part.processes[0]) | present
 
 
 def _range(process: Process) -> dict[str, Any]:
-    return {"t_min": process.low, "t_max": process.high} | _cost(process)
+    if process.low < process.high:
+        return {"t_min": process.low, "t_max": process.high} | _cost(process)
+    price = process.curve.a if isinstance(process.curve, Reciprocal) and process.curve.b == 0.0 else None
+    return {"tolerance": process.low} | ({"price": price} if price is not None else _cost(process))
 
 
 def _cost(process: Process) -> dict[str, Any]:
@@ -323,10 +353,14 @@ def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
         for key, why in part.assumed.items():
             value = values.get(key) or str(part.stated.get(key, ""))
             assumptions.append(Assumption(f"{part.label.replace(' ', '.')}.{key}", value, "", why))
-    for requirement, mechanism in zip(definition.requirements, definition.mechanisms, strict=True):
+    for requirement, mechanism in zip(definition.stated, definition.mechanisms, strict=False):
         if not requirement.formula and requirement.nominal is None and mechanism.bounded:
             place = f"{requirement.place}.nominal"
             text = f"sum of sensitivity times nominal; {place} is not given"
             nominal = nominal_sum(requirement, definition.parts)
             assumptions.append(Assumption(place, nominal, requirement.unit, text))
+    if definition.conditions:
+        from .conditions import thermal_assumptions
+
+        assumptions += thermal_assumptions(definition)
     return tuple(assumptions)

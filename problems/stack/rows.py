@@ -17,7 +17,7 @@ from ...section import Array, Flags
 from ..forms import Piece, Quantile
 from ..settings import ASSURED, PLUG_IN, PROMISED
 from .outputs import VARIATIONS
-from .promises import Measured
+from .promises import WINDOW, Measured
 
 if TYPE_CHECKING:
     from .problem import Stack
@@ -85,8 +85,8 @@ class Row:
     upper limit of its own. `bias` (parts,) is by how much it rises with the mean of a part that a
     machine makes, `shift` (parts,) with the size of that mean, `doubt` what is not known of
     the processes of the parts adds, `by_process` (w, parts) by how much the spread of each process
-    is wider than that of the first; nothing where they are not given. Without `even_doubt` the
-    processes of a part are not known alike, and its doubt is that of the best known.
+    is wider than that of the first; nothing where they are not given. No tolerance changes `constant`.
+    Without `even_doubt` the processes of a part are not known alike, and its doubt is that of the best known.
     """
 
     output: str
@@ -101,6 +101,7 @@ class Row:
     doubt: Surplus | None = None
     by_process: Array | None = None
     even_doubt: bool = True
+    constant: float = 0.0
     limit: str = ""
     """Which limits of the requirement a row keeps, in words; empty for a variation."""
 
@@ -143,12 +144,14 @@ def rows_of(stack: Stack, gaussian: bool) -> list[Row]:
                 rows += _row(stack, output, measured, kind, 1.0, gaussian)
             if several and kind in stack.required_outputs:
                 rows += _row(stack, kind, measured, kind, measured.requirement.weight, gaussian)
+        if (output := measured.name("std")) in stack.required_outputs:
+            rows += _row(stack, output, measured, "rss", 1.0 / SIGMAS, gaussian)
     if not several and not any(row.output == "variation" for row in rows):
         return []
     rows = [
         row for row in rows if not several or row.output not in VARIATIONS or _is_complete_variation(row, rows, stack)
     ]
-    rows += _yield_rows(stack) + _promise_rows(stack, gaussian)
+    rows += _window_rows(stack) + _yield_rows(stack) + _promise_rows(stack, gaussian)
     first = stack.measured[0]
     return rows or _row(stack, first.name("rss"), first, "rss", 1.0, gaussian)
 
@@ -178,7 +181,8 @@ def _row(stack: Stack, output: str, measured: Measured, kind: str, weight: float
         "shifted_rss": (measured.linear.shift, std),
     }[method]
     shift = weight * measured.linear.worst if method == "shifted_rss" else None
-    return [Row(output, measured, method, weight * linear, weight * spread, shift=shift)]
+    constant = weight * measured.measured_shift if method == "shifted_rss" else 0.0
+    return [Row(output, measured, method, weight * linear, weight * spread, shift=shift, constant=constant)]
 
 
 def signed_deviations(measured: Measured) -> Array:
@@ -216,6 +220,25 @@ def _row_at_fraction(
     matters = np.isin(np.arange(len(linear)), law.mechanism.owners)
     spread = np.asarray(weight * matters, dtype=float)
     return Row(output, measured, "monte_carlo", linear, spread, p, most, bias)
+
+
+def _window_rows(stack: Stack) -> list[Row]:
+    """Limits on the ends that no unit exceeds, as limits on the worst case about the middles of the zones."""
+    rows = []
+    for measured in (measured for measured in stack.measured if measured.straight and not measured.rough):
+        nothing = np.zeros_like(measured.linear.worst)
+        for name, side in WINDOW.items():
+            bound = next((end for limit, end in _ends_of_limits(stack, side) if limit == measured.name(name)), np.inf)
+            if np.isfinite(bound):
+                most = bound - side * measured.middle
+                row = Row(measured.name(name), measured, "worst_case", measured.linear.worst, nothing, most=most)
+                rows.append(replace(row, limit=ENDS[side]))
+    return rows
+
+
+def _ends_of_limits(stack: Stack, side: float) -> list[tuple[str, float]]:
+    """Names of limits, and what side times the limited value must not exceed."""
+    return [(limit.name, limit.high if side > 0.0 else -limit.low) for limit in stack.limits]
 
 
 def _yield_rows(stack: Stack) -> list[Row]:
@@ -380,6 +403,8 @@ def shortfall(stack: Stack, row: str, designs: Array, outputs: Mapping[str, Arra
     least, t = least_yield(stack, row), stack.parts_as_made(designs)
     if stack.promises is not None and (promised := stack.promises.row(row)) is not None:
         return promised.lacking(t)
+    if (side := WINDOW.get(row.rpartition(".")[2])) is not None:
+        return np.asarray(side * outputs[row] - dict(_ends_of_limits(stack, side))[row])
     laws = [
         measured.law
         for measured in stack.measured

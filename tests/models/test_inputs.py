@@ -17,6 +17,8 @@ from tolevo.models.inputs import (
     Beta,
     Distribution,
     Empirical,
+    Exponential,
+    LogNormal,
     Mixture,
     Normal,
     Rayleigh,
@@ -53,6 +55,11 @@ CASES = [
     Rayleigh(),
     Rayleigh(0.3),
     Rayleigh(2.0),
+    Exponential(),
+    Exponential(0.4),
+    LogNormal(0.1),
+    LogNormal(0.5, 1.33),
+    LogNormal(1.0, 0.5),
     Empirical((0.3, -0.8, 0.1, 0.15, -0.2, 1.2)),
     Empirical((-1.0, 1.0)),
     Mixture((-0.5, 0.4, 0.8), (0.1, 0.2, 0.05), (1.0, 2.0, 1.0)),
@@ -80,6 +87,10 @@ def reference(distribution: Distribution) -> Any:
             return stats.skewnorm(skew, shift - scale * plain.mean(), scale)
         case Rayleigh(cp):
             return stats.rayleigh(scale=1.0 / sqrt(-2.0 * stats.norm.logsf(3.0 * cp)))
+        case Exponential(cp):
+            return stats.expon(scale=-1.0 / stats.norm.logsf(3.0 * cp))
+        case LogNormal(shape, cp):
+            return stats.lognorm(shape, scale=np.exp(-3.0 * cp * shape))
         case Empirical(values):
             edges = np.sort(values)
             heights = 1.0 / (len(edges) - 1) / np.diff(edges)
@@ -126,6 +137,11 @@ def integral(distribution: Distribution, order: int, upper: float) -> float:
         case SkewNormal():
             skew, origin, scale = law.args
             corners += [origin + scale * k / skew for k in (-9, -3, 0, 3, 9)]
+        case Exponential():
+            high *= 2.0
+        case LogNormal(shape, cp):
+            corners += list(np.exp(shape * (np.arange(-8, 19, 2) - 3.0 * cp)))
+            high = corners[-1]
         case Empirical(values):
             corners += values
         case Mixture(centres, spreads):
@@ -200,6 +216,8 @@ any_input = st.one_of(
     st.builds(Beta, st.floats(0.5, 500.0), st.floats(0.5, 500.0)),
     st.builds(SkewNormal, st.floats(-1000.0, 1000.0), st.floats(0.2, 5.0), shift),
     st.builds(Rayleigh, st.floats(0.2, 5.0)),
+    st.builds(Exponential, st.floats(0.2, 5.0)),
+    st.builds(LogNormal, st.floats(0.01, 1.0), st.floats(0.2, 5.0)),
     st.builds(Empirical, st.lists(st.integers(-9, 9), min_size=2, max_size=30, unique=True)),
 )
 
@@ -280,9 +298,10 @@ def test_skew_normal_keeps_mean_and_spread(skew: float) -> None:
 @pytest.mark.parametrize("cp", [0.3, 1.0, 1.67])
 def test_eccentricity_exceeds_its_limit_as_often_as_a_normal_input_one_of_its(cp: float) -> None:
     one = np.array([1.0])
-    beyond = 1.0 - Rayleigh(cp).partial_moments(one)[0]
-    np.testing.assert_allclose(beyond, 1.0 - Normal(cp).partial_moments(one)[0], rtol=1e-8)
-    assert Rayleigh(cp).one_sided
+    for law in (Rayleigh(cp), Exponential(cp), LogNormal(0.4, cp)):
+        beyond = 1.0 - law.partial_moments(one)[0]
+        np.testing.assert_allclose(beyond, 1.0 - Normal(cp).partial_moments(one)[0], rtol=1e-8)
+        assert law.one_sided
 
 
 def test_components_of_an_eccentricity_are_normal() -> None:
@@ -320,6 +339,8 @@ BAD: list[tuple[Distribution, str, str]] = [
     (Beta(1.0, -2.0), "beta", "must be above 0, got -2"),
     (SkewNormal(2000.0), "skew", "must lie in [-1000, 1000], got 2000"),
     (Rayleigh(-1.0), "cp", "must be above 0, got -1"),
+    (Exponential(0.0), "cp", "must be above 0, got 0"),
+    (LogNormal(1.5), "shape", "must lie in (0, 1], got 1.5"),
     (Empirical((0.0, 2e6)), "values", "must lie in [-1000000, 1000000], got 2000000"),
     (Empirical((0.5, 0.5)), "values", "need at least two distinct deviations, in half-widths"),
     (Empirical(()), "values", "need at least two distinct deviations, in half-widths"),

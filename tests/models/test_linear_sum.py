@@ -6,7 +6,18 @@ import numpy as np
 import pytest
 import scipy
 
-from tolevo.models.inputs import Beta, Distribution, Empirical, Normal, Rayleigh, SkewNormal, Triangular, Uniform
+from tolevo.models.inputs import (
+    Beta,
+    Distribution,
+    Empirical,
+    Exponential,
+    LogNormal,
+    Normal,
+    Rayleigh,
+    SkewNormal,
+    Triangular,
+    Uniform,
+)
 from tolevo.models.stack import LinearSum, Mechanism, law_of, linear_sum_of
 from tolevo.models.stack import linear_model as linearised
 from tolevo.section import Array
@@ -52,12 +63,16 @@ def test_skewed_deviations_against_quadrature() -> None:
         assert made.yield_slopes(t[None, :])[0, at] == pytest.approx(slope, rel=2e-3)
 
 
-LAWS: list[Distribution] = [SkewNormal(5.0, 1.1, 0.1), Rayleigh(1.0), Beta(0.6, 3.0)]
+LAWS: list[list[Distribution]] = [
+    [SkewNormal(5.0, 1.1, 0.1), Rayleigh(1.0), Beta(0.6, 3.0)],
+    [Exponential(), LogNormal(0.6), Normal()],
+]
 
 
+@pytest.mark.parametrize("laws", LAWS)
 @pytest.mark.parametrize("pieces", [1, 2])
-def test_slopes_against_differences(pieces: int) -> None:
-    made = sum_of(LAWS, [1.0, -0.4, 0.7], -0.3, 0.5, pieces=pieces)
+def test_slopes_against_differences(pieces: int, laws: list[Distribution]) -> None:
+    made = sum_of(laws, [1.0, -0.4, 0.7], -0.3, 0.5, pieces=pieces)
     t = np.array([[0.2, 0.3, 0.25], [0.4, 0.1, 0.2]])
     for at in range(3):
         step = np.where(np.arange(3) == at, 1e-5, 0.0)

@@ -13,6 +13,8 @@ from tolevo.models.inputs import (
     Beta,
     Distribution,
     Empirical,
+    Exponential,
+    LogNormal,
     Normal,
     Rayleigh,
     SkewNormal,
@@ -37,6 +39,8 @@ LAWS: list[tuple[Distribution, Any]] = [
     (SkewNormal(4.0, 0.8, 0.2), None),
     (SkewNormal(-30.0), None),
     (Rayleigh(), stats.rayleigh(scale=1.0 / sqrt(-2.0 * stats.norm.logsf(3.0)))),
+    (Exponential(), stats.expon(scale=-1.0 / stats.norm.logsf(3.0))),
+    (LogNormal(0.4), stats.lognorm(0.4, scale=np.exp(-1.2))),
     (Empirical(SAMPLE), HISTOGRAM),
 ]
 IDS = [repr(case) for case, _ in LAWS]

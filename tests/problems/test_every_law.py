@@ -17,6 +17,8 @@ from tolevo.models.inputs import (
     Beta,
     Distribution,
     Empirical,
+    Exponential,
+    LogNormal,
     Mixture,
     Normal,
     Rayleigh,
@@ -46,6 +48,8 @@ LAWS: dict[str, Distribution] = {
     "beta with poles": Beta(0.4, 0.6),
     "mixture": Mixture((-0.4, 0.3), (0.2, 0.15), (0.7, 0.3)),
     "rayleigh": Rayleigh(),
+    "exponential": Exponential(),
+    "lognormal": LogNormal(0.5),
     "empirical": Empirical((-0.9, -0.5, -0.4, -0.1, 0.0, 0.1, 0.15, 0.4, 0.6, 1.1)),
     "empirical with atoms": Empirical((-1.0, -1.0, -0.5, 0.0, 0.0, 0.0, 0.5, 0.5, 1.0)),
 }

@@ -244,7 +244,7 @@ FAULTS = {
     "variables.bore_um.value = true": "variables.bore_um.value: must be a number or a string with "
                                       "a unit of um, got true",
     "variables.bore_um.cp = 1": "variables.bore_um.cp: needs a distribution that takes it: set "
-        'distribution = "normal" or "rayleigh" or "skew_normal" or "truncated_normal"',
+        'distribution = "exponential" or "lognormal" or "normal" or "rayleigh" or "skew_normal" or "truncated_normal"',
     'variables.bore_um = { distribution = "normal", cp = 0 }':
         "variables.bore_um.cp: must be above 0, got 0",
     'variables.bore_um = { distribution = "normal", shift = 2 }':

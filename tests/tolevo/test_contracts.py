@@ -8,6 +8,7 @@ import pytest
 from tolevo.commands.study.designs import Factorial, LatinHypercube, Morris, Sobol
 from tolevo.commands.study.plan import Factor
 from tolevo.errors import InputError
+from tolevo.models import inputs
 from tolevo.models.costs import (
     CURVES,
     Combined,
@@ -18,7 +19,7 @@ from tolevo.models.costs import (
     ReciprocalSquared,
     Table,
 )
-from tolevo.models.inputs import DISTRIBUTIONS, Beta, Normal, Rayleigh, Triangular, Uniform
+from tolevo.models.inputs import DISTRIBUTIONS, Beta, LogNormal, Normal, Rayleigh, Triangular, Uniform
 from tolevo.models.rv_reducer.lost_motion import RvLostMotion
 from tolevo.section import Array
 from tolevo.testing import CurveContract, DesignContract, DistributionContract, ModelContract
@@ -66,6 +67,14 @@ class TestBeta(DistributionContract):
 
 class TestRayleigh(DistributionContract):
     distribution = Rayleigh(0.3)
+
+
+class TestExponentialLaw(DistributionContract):
+    distribution = inputs.Exponential()
+
+
+class TestLogNormal(DistributionContract):
+    distribution = LogNormal(0.4)
 
 
 class TestLostMotion(ModelContract):

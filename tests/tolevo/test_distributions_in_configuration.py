@@ -20,6 +20,8 @@ from tolevo.models.inputs import (
     Beta,
     Distribution,
     Empirical,
+    Exponential,
+    LogNormal,
     Mixture,
     Normal,
     Rayleigh,
@@ -45,6 +47,8 @@ STATED: dict[str, Distribution] = {
     'distribution = "truncated_normal"\ncp = 0.5\ncpk = 0': TruncatedNormal(0.5, 1.0),
     'distribution = "skew_normal"\nskew = -4\ncp = 2\ncpk = 1': SkewNormal(-4.0, 2.0, 0.5),
     'distribution = "rayleigh"\ncp = 1.33': Rayleigh(1.33),
+    'distribution = "exponential"': Exponential(),
+    'distribution = "lognormal"\nshape = 0.4\ncp = 1.2': LogNormal(0.4, 1.2),
     'distribution = "empirical"\nvalues = [0.5, -1, 0.5]': Empirical((0.5, -1.0, 0.5)),
     'distribution = "mixture"\ncentres = [-0.5, 0.2]\nspreads = [0.1, 0.2]': Mixture((-0.5, 0.2), (0.1, 0.2)),
     'distribution = "mixture"\ncentres = [0, 1]\nspreads = [0.1, 0.1]\nshares = [3, 1]': Mixture(
@@ -113,8 +117,8 @@ FAULTS: dict[str, list[str]] = {
         f'distribution: must be one of {", ".join(DISTRIBUTIONS)}, got "betta" (did you mean '
         "`beta`?)", "cp: must be above 0, got 0"],
     "distribution = 1": ["distribution: must be a string, got 1"],
-    "cp = 1": ['cp: needs a distribution that takes it: set distribution = "normal" or '
-               '"rayleigh" or "skew_normal" or "truncated_normal"'],
+    "cp = 1": ['cp: needs a distribution that takes it: set distribution = "exponential" or "lognormal" or '
+               '"normal" or "rayleigh" or "skew_normal" or "truncated_normal"'],
     "cpk = 1\ntop = 2": ["top: must lie in [0, 1], got 2",
         'top: needs a distribution that takes it: set distribution = "trapezoid"',
         f"cpk: needs a distribution that takes it: {SHIFTED}"],

@@ -28,7 +28,7 @@ from ..page.document import add_reload, unfinished_page
 from ..page.drawing import as_png, as_svg
 from ..page.page import figures as run_figures
 from ..page.page import page
-from ..records import Axis, Bars, RunResult, StudyResult
+from ..records import AnalysisResult, Axis, Bars, RunResult, StudyResult
 from ..units import split_unit
 from .comparison import compare_runs
 from .comparison_page import comparison_figure, comparison_page
@@ -618,6 +618,7 @@ class Page(NamedTuple):
 
 def _pages() -> Mapping[str, Page]:
     """What builds the page of a result, by its kind."""
+    from .analyse.page import analysis_page
     from .gap import page as gap
     from .reproduce.page import claims_page
     from .reproduce.page import figures as claims_figures
@@ -625,6 +626,7 @@ def _pages() -> Mapping[str, Page]:
 
     return {
         "run": Page(RunResult, page, run_figures),
+        "analyse": Page(AnalysisResult, lambda result, _: analysis_page(result), lambda _: {}),
         "gap": Page(GapResult, lambda result, _: gap.gap_page(result), gap.figures),
         "study": Page(
             StudyResult,
@@ -644,7 +646,7 @@ def _faults(folder: Path, kind: str, remarks: Sequence[str]) -> list[Fault]:
     if not folder.is_dir():
         return [Fault(str(folder), "is not a directory" if folder.exists() else "does not exist")]
     if not kind:
-        return [Fault(str(folder), "holds no result of run, study, gap or reproduce")]
+        return [Fault(str(folder), "holds no result of run, analyse, study, gap or reproduce")]
     more = "nothing can be shown of it"
     if kind != "run":
         more += f"; run `tolevo {kind}` on it again, with --resume"

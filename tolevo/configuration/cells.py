@@ -73,22 +73,29 @@ def _numbers(cells: Any, name: str) -> list[list[float]]:
 
 
 class Nested:
-    """A section in which `gap.variation` may be `"gap.variation"`, or `variation` of `[gap]`."""
+    """A section in which `gap.variation` may be `"gap.variation"`, or `variation` of `[gap]`; so at any depth."""
 
     def __init__(self, section: Section, names: Iterable[str]) -> None:
         self._section = section
-        heads = dict.fromkeys(name.partition(".")[0] for name in names if "." in name)
-        self._tables = {head: section.section(head) for head in heads if isinstance(section.take(head), Mapping)}
+        inner: dict[str, list[str]] = {}
+        for head, dot, rest in (name.partition(".") for name in names):
+            inner.setdefault(head, []).extend([rest] if dot else [])
+        self._tables = {
+            head: Nested(section.section(head), rests)
+            for head, rests in inner.items()
+            if rests and isinstance(section.take(head), Mapping)
+        }
 
     def find(self, name: str) -> tuple[Section, str]:
         """The section in which a name is a key, and the key."""
         head, _, rest = name.partition(".")
         if not rest or head not in self._tables:
             return self._section, name
-        if name in self._section and rest in self._tables[head]:
+        table, key = self._tables[head].find(rest)
+        if name in self._section and key in table:
             self._section.take(name)
             self._section.fault(name, f'is given twice: as "{name}" and in [{head}]')
-        return (self._section, name) if name in self._section else (self._tables[head], rest)
+        return (self._section, name) if name in self._section else (table, key)
 
     def finish(self) -> None:
         """Report every key that was not asked for."""

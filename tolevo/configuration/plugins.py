@@ -36,18 +36,30 @@ class Named(str):
 # Merging of tables: `--set`, and keys given in addition to an object, change a configuration.
 
 
-INSTEAD = {"value": ("low", "high"), "low": ("value",), "high": ("value",)}
+INSTEAD = {
+    "value": ("low", "high"),
+    **dict.fromkeys(("low", "high"), ("value",)),
+    "tolerance": ("t_min", "t_max"),
+    **dict.fromkeys(("t_min", "t_max"), ("tolerance",)),
+}
 """Keys that are removed when another is set: a fixed value replaces a range, and the reverse."""
 
 
 def merge(table: dict[str, Any], over: Mapping[str, Any], whole: bool = False) -> bool:
     """Put the values of `over` into `table`, tables into tables.
 
-    False where a table meets a value; if `whole`, it takes the place of that value.
+    A table of a list is that of its name, part.NAME.key; so is a single one, requirement.NAME.key.
+    False where a table meets a value, or a list has none of that name; if `whole`, it takes the place
+    of that value.
     """
     for key, value in over.items():
         inner = table.get(key)
         meets = isinstance(value, dict) and bool(value) and key in table
+        if meets and not whole and (named := named_tables(inner)).keys() & value.keys():
+            known = all(name in named and isinstance(own, dict) for name, own in value.items())
+            if not (known and all(merge(named[name], own) for name, own in value.items())):
+                return False
+            continue
         if meets and isinstance(inner, dict):
             if not merge(inner, value, whole):
                 return False
@@ -58,6 +70,12 @@ def merge(table: dict[str, Any], over: Mapping[str, Any], whole: bool = False) -
             table.pop(replaced, None)
         table[key] = value
     return True
+
+
+def named_tables(value: object) -> dict[str, dict[str, Any]]:
+    """The tables of a list, or a single one, by the text of their `name`."""
+    tables = value if isinstance(value, list) else [value]
+    return {t["name"]: t for t in tables if isinstance(t, dict) and isinstance(t.get("name"), str)}
 
 
 # Names in a configuration that stand for registered models, problems, algorithms, effects, and

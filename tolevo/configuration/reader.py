@@ -199,22 +199,26 @@ PROBLEM_ONLY = (
 
 
 def read(
-    source: Source, overrides: Sequence[str] = (), algorithm: AlgorithmSettings | None = None, seed: int | None = None
+    source: Source,
+    overrides: Sequence[str] = (),
+    algorithm: AlgorithmSettings | None = None,
+    seed: int | None = None,
+    reachable: bool = True,
 ) -> Configuration:
     """The configuration in a TOML file or dictionary, with `key=value` overrides applied.
 
-    An `algorithm` and a `seed` take the place of its own. Raises InputError with every fault.
+    An `algorithm` and a `seed` take the place of its own. Limits may be out of reach where they need
+    not be `reachable`. Raises InputError with every fault.
     """
     faults: list[Fault] = []
-    return read_tables(
-        replace_algorithm(override_source(source, overrides, faults), algorithm, seed), folder_of(source), faults
-    )
+    table = replace_algorithm(override_source(source, overrides, faults), algorithm, seed)
+    return read_tables(table, folder_of(source), faults, reachable)
 
 
-def read_tables(table: Table, folder: Path, faults: list[Fault]) -> Configuration:
+def read_tables(table: Table, folder: Path, faults: list[Fault], reachable: bool = True) -> Configuration:
     """`read_table` with the contents of the files that the tables name, relative to `folder`."""
     filled = fill_files(table, folder, faults)
-    return read_table(filled.table, faults, filled.notes, folder)
+    return read_table(filled.table, faults, filled.notes, folder, reachable)
 
 
 def read_table(
@@ -336,11 +340,29 @@ def _settings(top: Section, declared: Declaration, model: ModelClass | None, not
         variables=variables,
         costs=costs,
         propagation=read_propagation(top.section("propagation")),
-        objectives=read_objectives(top.section("objectives"), declared.outputs),
-        limits=read_limits(top.section("limits"), declared.outputs, declared.variables),
+        **_objectives_and_limits(top, declared),
         money=money,
         notes=tuple(messages),
     )
+
+
+def _objectives_and_limits(top: Section, declared: Declaration) -> dict[str, Any]:
+    """`objectives` and `limits` of a run, with `minimise` and `limits` of each condition among them."""
+    objectives = read_objectives(top.section("objectives"), declared.outputs)
+    limits = read_limits(top.section("limits"), declared.outputs, declared.variables)
+    for section in top.items("condition") if declared.conditions else ():
+        if section.take("name") not in declared.conditions:
+            continue  # a fault of its own
+        prefix = f"{section.take('name')}."
+        own = [replace(o, name=o.name[len(prefix) :]) for o in declared.outputs if o.name.startswith(prefix)]
+        section.accept(section.all_keys())
+        more = tuple(prefix + name for name in read_objectives(section, own))
+        objectives = (objectives or declared.objectives) + more if more else objectives
+        for name, bound in read_limits(section.section("limits"), own, ()).items():
+            if prefix + name in limits:
+                section.fault(f"limits.{name}", f"is given twice: here and as limits.{prefix}{name}")
+            limits[prefix + name] = bound
+    return {"objectives": objectives, "limits": limits}
 
 
 def _variables(section: Section, declared: Declaration, parameters: dict[str, Value]) -> dict[str, VariableSetting]:

@@ -14,12 +14,12 @@ import tomli_w
 
 from .. import registry
 from ..algorithms.settings import AlgorithmSettings, Budget
-from ..errors import Fault, InputError, raise_all
+from ..errors import Fault, InputError, nearest, raise_all
 from ..files import CONFIGURATION, content, is_pipe
 from ..problems.plain import PlainProblem
 from ..problems.tolerance_problem import ToleranceProblem
 from ..section import is_forced
-from .plugins import Named, merge
+from .plugins import Named, merge, named_tables
 from .resolved import complete_tables
 
 # Objects in the place of names: a problem or an algorithm in a dictionary of a configuration.
@@ -229,7 +229,20 @@ def _merge_settings(table: Table, settings: Sequence[str], faults: list[Fault]) 
         if parsed is None:
             faults.append(Fault("--set", f'must be key=value, got "{setting}"'))
         elif not merge(table, parsed):
-            faults.append(Fault(f"--set {key.strip()}", "leads through a value that is not a table"))
+            faults.append(Fault(f"--set {key.strip()}", _obstacle(table, parsed)))
+
+
+def _obstacle(table: Table, over: Mapping[str, Any]) -> str:
+    """Why a value cannot be put into tables."""
+    key, value = next(iter(over.items()))
+    inner = table.get(key)
+    if isinstance(value, dict) and isinstance(inner, list) and (named := named_tables(inner)):
+        name = next(iter(value))
+        if name not in named:
+            return f'"{name}" is not the name of a [[{key}]]{nearest(name, named)}; there are {", ".join(named)}'
+        inner, value = named[name], value[name]
+    both = isinstance(value, dict) and isinstance(inner, dict)
+    return _obstacle(inner, value) if both else "leads through a value that is not a table"
 
 
 def _setting(key: str, value: str) -> Table | None:

@@ -40,6 +40,13 @@ def _figure_files(*stems: str) -> tuple[str, ...]:
 
 PAGE = "report.html"
 KINDS: Mapping[str, Kind] = {
+    "analyse": Kind(
+        marks=("histograms.csv",),
+        state=(),
+        files=("config.toml", "requirements.csv", "contributions.csv", "histograms.csv", "page.json", "summary.json"),
+        pages=(PAGE,),
+        saved="nothing",
+    ),
     "gap": Kind(
         marks=("gap.json", "residuals.parquet", "corrected.toml"),
         state=("replicates.jsonl", "steps.npz"),
@@ -106,6 +113,7 @@ KINDS: Mapping[str, Kind] = {
             "unit_turn.csv",
             "population.csv",
             "assumptions_cost.csv",
+            "analysis.csv",
             "requirements.csv",
             "drivers.csv",
             "prices.csv",

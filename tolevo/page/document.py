@@ -20,8 +20,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from ..records import mechanism_lines
-from ..units import split_unit
+from ..records import mechanism_lines, range_text
+from ..units import plain_number, split_unit
 from .drawing import as_svg
 
 # One sentence for every term that the pages use.
@@ -437,6 +437,57 @@ def _cell(value: Any, head: str) -> str:
     number = bool(text) and isinstance(value, Real) and not isinstance(value, bool)
     kind, named = " class=n" if number else "", f' data-head="{escape(head)}"' if head else ""
     return f"<td{kind}{named}>{escape(text)}</td>"
+
+
+# The requirements of a stack, as `tolevo analyse` and a run show them.
+
+
+def requirements_view(requirements: pd.DataFrame) -> pd.DataFrame:
+    """The requirements of an analysis as a page shows them: a range in a single cell."""
+    rows = [{str(name): value for name, value in row.items()} for row in requirements.to_dict("records")]
+    bound = {"bound": " (outer bound)"}
+    tolerances = {"tolerances": requirements["tolerances"]} if "tolerances" in requirements else {}
+    return pd.DataFrame(
+        {
+            **tolerances,
+            "requirement": [row["requirement"] for row in rows],
+            "unit": [row["unit"] for row in rows],
+            "limits": [_limits(row) for row in rows],
+            "nominal": [row["nominal"] for row in rows],
+            "mean": [row["mean"] for row in rows],
+            "standard deviation": [row["std"] for row in rows],
+            "worst case": [
+                range_text(row["worst_case_least"], row["worst_case_greatest"]) + bound.get(row["worst_case_kind"], "")
+                for row in rows
+            ],
+            "mean ± 3 standard deviations": [range_text(row["rss_least"], row["rss_greatest"]) for row in rows],
+            "Cp": [row["cp"] for row in rows],
+            "Cpk": [row["cpk"] for row in rows],
+            "yield_percent": [_digits(row["yield_percent"]) for row in rows],
+            "ppm outside": [_ppm(row) for row in rows],
+        }
+    )
+
+
+def _limits(row: dict[str, Any]) -> str:
+    lower, upper = row["lower"], row["upper"]
+    if np.isnan(lower) and np.isnan(upper):
+        return "none"
+    if np.isnan(lower):
+        return f"at most {upper:.6g}"
+    return f"at least {lower:.6g}" if np.isnan(upper) else range_text(lower, upper)
+
+
+def _digits(percent: float) -> str:
+    """A yield with enough digits to tell 99.99 from 99.9999."""
+    return "" if np.isnan(percent) else f"{percent:.7g}"
+
+
+def _ppm(row: dict[str, Any]) -> str:
+    if np.isnan(row["ppm"]):
+        return ""
+    error = f" ± {row['ppm_error']:.2g}" if row["ppm_error"] >= 0.5 else ""
+    return f"{plain_number(row['ppm'])}{error}"
 
 
 # The page of a result that is not finished and has no front yet.

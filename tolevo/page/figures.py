@@ -260,6 +260,7 @@ COLUMNS = {
     "rounded": "value",
     "drawing": "drawing",
     "characteristic": "characteristic",
+    "source": "source",
 }
 """Columns of an order by those of `allocation.csv`."""
 SIZES = ("nominal", "upper deviation", "lower deviation", "upper limit", "lower limit", "value")
@@ -277,6 +278,7 @@ DRAWN = (
     "Ra [um]",
     "Cpk wanted",
     "inspection",
+    "source",
 )
 """Columns of the sheet of an order."""
 ALONE = "only"

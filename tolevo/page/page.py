@@ -25,6 +25,7 @@ from .document import (
     folded_section,
     picture,
     remarks_section,
+    requirements_view,
     section,
     shown,
     table,
@@ -417,6 +418,7 @@ def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
     parts = (
         *remarks_section(remarks),
         _model(result.summary),
+        *analysis_sections(result),
         _front(result, scripted),
         section("In words", bullets(result.notes)) if result.notes else "",
         *unit_sections(result),
@@ -456,6 +458,13 @@ def _model(summary: Mapping[str, Any]) -> str:
     first = escape(lines[0].removeprefix("model: "))
     more = folded_section("The choices by other models", bullets(lines[1:])) if lines[1:] else ""
     return f'<p class="model"><strong>All numbers on this page are by {first}.</strong></p>\n{more}'
+
+
+def analysis_sections(result: RunResult) -> tuple[str, ...]:
+    """The requirements of a stack before and after the choice of tolerances, none of other problems."""
+    if result.analysis is None:
+        return ()
+    return (section("Requirements", table(requirements_view(result.analysis))),)
 
 
 def _front(result: RunResult, scripted: bool) -> str:

@@ -214,7 +214,7 @@ def _row(
     return {
         "part": then.name,
         "unit": then.unit,
-        "parts": len(sample.deviations) if made and sample is not None else 0,
+        "parts": sample.parts if made and sample is not None else 0,
         "cp_then": then.cp,
         "cp_now": now.cp,
         "offset": np.nan if not made or sample is None or sample.one_sided else sample.knowledge.mean,
@@ -241,6 +241,8 @@ def _change_sentences(
         if old is None or new is None or old is new:
             continue
         a, b = old.deviations, new.deviations
+        if not (len(a) and len(b)):
+            continue  # a supplier's mean and standard deviation
         ratio = float(np.var(b, ddof=1) / np.var(a, ddof=1))
         tail = float(stats.f.cdf(ratio, len(b) - 1, len(a) - 1))
         if 2.0 * min(tail, 1.0 - tail) < CHANGED:

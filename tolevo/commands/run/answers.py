@@ -53,6 +53,7 @@ TABLES = {
     "unit_turn": "unit_turn.csv",
     "population": "population.csv",
     "assumptions_cost": "assumptions_cost.csv",
+    "analysis": "analysis.csv",
     "requirements": "requirements.csv",
     "drivers": "drivers.csv",
     "prices": "prices.csv",

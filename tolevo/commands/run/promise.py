@@ -99,7 +99,7 @@ def capability_table(problem: ToleranceProblem) -> pd.DataFrame:
     for name, unit, sample in problem.samples():
         base = {
             "part": name,
-            "parts": len(sample.deviations),
+            "parts": sample.parts,
             "unit": unit,
             "mean": sample.mean,
             "std": sample.knowledge.std,
@@ -419,6 +419,10 @@ def _cumulants(stack: Stack, at: int) -> Array:
         return np.tile([m1, m2 - m1**2, 0.0, 0.0], (DRAWS, 1))
     rng = np.random.default_rng([stack.settings.seed, at])
     sample = part.sample
+    if not len(sample.deviations):  # a supplier's mean and standard deviation: normal
+        variance, error = sample.knowledge.drawn(DRAWS, rng)
+        std = sample.knowledge.std / sample.made_to
+        return np.stack([std * error, std**2 * variance, *np.zeros((2, DRAWS))], axis=1)
     scale = sample.knowledge.std / float(np.std(sample.deviations, ddof=1)) / sample.made_to
     return draw_cumulants(sample.deviations * scale, DRAWS, rng)
 

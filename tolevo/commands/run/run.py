@@ -51,7 +51,7 @@ from .front import (
     seconds_before,
     sentences,
 )
-from .plan import RunOutcome, RunPlan, add_units
+from .plan import RunOutcome, RunPlan, add_analysis, add_units
 from .proofs import (
     ProvenFront,
     add_bounds,
@@ -286,7 +286,10 @@ def run(
     replaced (`overwrite`); RunError where the disk is full.
     """
     if not plan.problem.free:
-        raise refuse("problem", "every variable is fixed: there is nothing to optimise; use `tolevo evaluate`")
+        raise refuse(
+            "problem",
+            "every variable is fixed: there is nothing to optimise; use `tolevo analyse` or `tolevo evaluate`",
+        )
     searchable(plan.problem, plan.algorithm)
     with own_folder(out, "run", resume, overwrite) as place, pinned():
         return _run(plan, place, workers, progress, resume)
@@ -375,6 +378,7 @@ def _conclude_run(
     result = add_requirements(
         add_units(add_capability(add_promise(result, plan.problem), plan.problem), plan.problem), plan.problem
     )
+    result = add_analysis(result, plan.problem)
     result = add_assumptions(result, plan.problem, search_result.history, progress)
     if before is not None:
         result = replace(result, before=before, moved=effects.allocation_moves(plan.problem, before, front))

@@ -372,6 +372,7 @@ def _row(problem: ToleranceProblem, variable: Variable, old: float, new: float, 
         "symbol": drawn.get("symbol", ""),
         "drawing": drawn.get("drawing", ""),
         "characteristic": drawn.get("characteristic", ""),
+        "source": drawn.get("source", ""),
     }
 
 

@@ -1,0 +1,156 @@
+"""`tolevo analyse`: every requirement of a stack at the tolerances of its drawing, and the files."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ... import page_data
+from ...configuration.configuration import Configuration
+from ...directory import own_folder
+from ...errors import refuse
+from ...files import csv_text, write_text
+from ...page_data import as_json
+from ...problems.stack import Stack
+from ...records import AnalysisResult, range_text
+from ...section import Assumption
+from ...units import drawing_number, plain_number
+from .page import analysis_page
+
+LARGEST = 3
+"""Contributions that the terminal names."""
+OPEN = "it is to be searched: analysed at the loosest tolerance that it may have"
+TABLES = {"requirements": "requirements.csv", "contributions": "contributions.csv", "histograms": "histograms.csv"}
+"""Tables of an analysis and their files."""
+
+
+def stack_of(configuration: Configuration) -> Stack:
+    """The stack of a configuration. Raises InputError where it has another problem, or none."""
+    if not isinstance(configuration.problem, Stack):
+        what = f"is {configuration.problem_name}" if configuration.problem_name else "is missing"
+        raise refuse("problem", f'{what}: analyse takes problem = "stack"; evaluate takes designs of every problem')
+    return configuration.problem
+
+
+def analysis_of(configuration: Configuration) -> AnalysisResult:
+    """The analysis of a stack, with everything that its page shows. Raises InputError where the
+    configuration has no stack.
+    """
+    from ...problems.stack.analysis import analyse, analysed_design, quick_model
+
+    stack = stack_of(configuration)
+    design, loosest = analysed_design(stack)
+    analysis = analyse(stack, design)
+    parts = [(part, f"{part.name}_t") for part in stack.definition.parts]
+    tolerances = pd.DataFrame(
+        {
+            "part": [part.name for part, _ in parts],
+            "unit": [part.unit for part, _ in parts],
+            "nominal": [np.nan if part.nominal is None else part.nominal for part, _ in parts],
+            "middle": [part.mid for part, _ in parts],
+            "half_width": [float(design[stack.names.index(name)]) for _, name in parts],
+            "distribution": [type(part.distribution).__name__ for part, _ in parts],
+            "searched": [name not in stack.fixed for _, name in parts],
+        }
+    )
+    at_loosest = [part for part, _ in parts if part.name in loosest]
+    assumed = [*stack.assumptions()]
+    assumed += [Assumption(f"part.{part.name}.tolerance", part.high, part.unit, OPEN) for part in at_loosest]
+    summary = {
+        "command": "analyse",
+        "name": stack.title(),
+        "mechanism": stack.mechanism(),
+        "requirements": page_data.records(analysis.requirements),
+        "shifted_rss": analysis.shifted,
+        "joint_yield_percent": analysis.joint_yield_percent,
+        "analysed_at_loosest": list(loosest),
+        "units": stack.yields.reported.size,
+        "notes": list(analysis.notes),
+        "warnings": list(stack.warnings()),
+        "assumptions": [asdict(one) for one in assumed],
+    }
+    return AnalysisResult(
+        stack.title() or "stack",
+        analysis.requirements,
+        analysis.contributions,
+        analysis.histograms,
+        tolerances,
+        summary,
+        quick_model(stack, design),
+        configuration.toml(),
+    )
+
+
+def write_analysis(result: AnalysisResult, folder: Path, overwrite: bool) -> None:
+    """Write every file of an analysis into a directory. Raises InputError where it holds another result."""
+    with own_folder(folder, "analyse", False, overwrite) as place:
+        place.begin()
+        write_text(folder / "config.toml", result.configuration)
+        for field, name in TABLES.items():
+            write_text(folder / name, csv_text(getattr(result, field)))
+        write_text(folder / page_data.NAME, page_data.dump_result(result))
+        write_text(folder / "summary.json", as_json(dict(result.summary)))
+        write_text(folder / "report.html", analysis_page(result))
+        place.complete()
+
+
+def lines_of(result: AnalysisResult) -> tuple[str, ...]:
+    """The summary that the terminal shows: a verdict, the table, what contributes most."""
+    rows = page_data.records(result.requirements)
+    table = pd.DataFrame([_short_row(row) for row in rows]).to_string(index=False)
+    largest = [line for row in rows if (line := _largest_line(result, str(row["requirement"])))]
+    assumed = result.summary["analysed_at_loosest"]
+    joint = result.summary["joint_yield_percent"]
+    together = [] if np.isnan(joint) else [f"all requirements together: {joint:.6g} % of the units"]
+    loosest = f"at the loosest tolerance, for none is stated beside the range: {', '.join(assumed)}"
+    more = [*largest, *together, *([loosest] if assumed else [])]
+    return (*(verdict_of(row) for row in rows), *table.splitlines(), *more)
+
+
+def _short_row(row: dict[str, Any]) -> dict[str, str]:
+    return {
+        "requirement": str(row["requirement"]),
+        "unit": str(row["unit"]),
+        "nominal": _number(row["nominal"]),
+        "worst case": range_text(row["worst_case_least"], row["worst_case_greatest"]),
+        "mean +- 3 sigma": range_text(row["rss_least"], row["rss_greatest"]),
+        "Cpk": _number(row["cpk"], 3),
+        "yield %": _number(row["yield_percent"], 7),
+        "ppm outside": "-" if np.isnan(row["ppm"]) else plain_number(row["ppm"]),
+    }
+
+
+def _number(value: float, digits: int = 5) -> str:
+    return "-" if np.isnan(value) else f"{value:.{digits}g}"
+
+
+def verdict_of(row: dict[str, Any]) -> str:
+    """Whether a requirement is kept, in a sentence: in the worst case and statistically."""
+    lower, upper = (None if np.isnan(row[end]) else row[end] for end in ("lower", "upper"))
+    name = f"{row['requirement']}"
+    if lower is None and upper is None:
+        return f"{name}: has no limits"
+    if lower is not None and upper is not None:
+        limits = f"{drawing_number(lower)} to {drawing_number(upper)}"
+    else:
+        limits = f"at most {drawing_number(upper)}" if upper is not None else f"at least {drawing_number(lower)}"
+    worst, statistical = row["kept_worst_case"], row["kept_statistical"]
+    if worst and statistical:
+        kept = "kept in the worst case and by mean +- 3 sigma"
+    elif worst or statistical:
+        ways = ("in the worst case", "by mean +- 3 sigma")
+        kept = "kept {}, not {}".format(*(ways if worst else ways[::-1]))
+    else:
+        kept = "kept neither in the worst case nor by mean +- 3 sigma"
+    return f"{name}, {limits} {row['unit']}".rstrip() + f": {kept}"
+
+
+def _largest_line(result: AnalysisResult, requirement: str) -> str:
+    own = result.contributions[result.contributions["requirement"] == requirement]
+    ranked = own.sort_values("variance_percent", ascending=False, kind="stable").head(LARGEST)
+    shares = [f"{part} {share:.3g} %" for part, share in zip(ranked["part"], ranked["variance_percent"], strict=True)]
+    return f"largest shares in the variance of {requirement}: {', '.join(shares)}" if shares else ""

@@ -1,0 +1,112 @@
+"""The page of an analysis: requirements, histograms, what-if, contributions."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ...page.document import (
+    about,
+    bullets,
+    data,
+    described,
+    document,
+    folded_section,
+    package_scripts,
+    requirements_view,
+    section,
+    table,
+)
+from ...page_data import records
+from ...records import AnalysisResult
+from ...units import plain_number
+
+CONTRIBUTIONS = (
+    "What each part contributes to each requirement: the change of the requirement per unit of the part, its share in "
+    "the variance, and its share in the worst case."
+)
+WHAT_IF = (
+    "Type a half-width, a shift of the mean, a change of the nominal size or a Cp: the requirements follow at once. "
+    "They are calculated to second order in the deviations and as if the requirement were normal; the table above "
+    "is of the full model."
+)
+TOLERANCES = (
+    "The zones that were analysed. A part that is to be searched is analysed at the tolerance that is stated beside "
+    "its range, else at the loosest one that it may have."
+)
+
+
+def analysis_page(result: AnalysisResult) -> str:
+    """The whole page; every text that comes from outside is escaped."""
+    notes = [*result.summary.get("notes", ()), *result.summary.get("warnings", ())]
+    assumed = [_assumption(one) for one in result.summary.get("assumptions", ())]
+    quick = dict(result.quick)
+    parts = [
+        section("Requirements", table(_with_largest_share(result), caption=_caption(result))),
+        section("Units against the limits", '<div id="histograms" class="many"></div>')
+        if len(result.histograms)
+        else "",
+        section("What if", f'<p>{escape(WHAT_IF)}</p><div id="whatif"></div>') if quick else "",
+        section("Contributions", described(CONTRIBUTIONS, _ranked(result.contributions))),
+        section("Notes", bullets(notes)) if notes else "",
+        section("Tolerances", described(TOLERANCES, result.tolerances)),
+        section("Assumptions", bullets(assumed)) if assumed else "",
+        section("Configuration", folded_section("config.toml", f"<pre>{escape(result.configuration)}</pre>")),
+    ]
+    content = {"quick": quick, "requirements": records(result.requirements), "bars": _bars(result)}
+    head = about(result.summary) + _verdicts(result.requirements)
+    scripts = (package_scripts("common.js", "chart.js", "analysis.js"),)
+    return document(result.title, [*parts, data(content)], scripts, head)
+
+
+def _verdicts(requirements: pd.DataFrame) -> str:
+    """Which requirements are kept, a sentence each."""
+    lines = []
+    for row in records(requirements):
+        limited = not (np.isnan(row["lower"]) and np.isnan(row["upper"]))
+        worst, spread = ("kept" if row[f"kept_{how}"] else "not kept" for how in ("worst_case", "statistical"))
+        outside = f"; {plain_number(row['ppm'])} units in a million are outside" if not np.isnan(row["ppm"]) else ""
+        kept = f"{worst} in the worst case, {spread} by mean ± 3 standard deviations{outside}"
+        lines.append(f"{row['requirement']}: {kept if limited else 'has no limits'}")
+    body = "".join(f"<li>{escape(line)}</li>" for line in lines)
+    return f'<p class="asked">Are the requirements kept?</p>\n<ul class="answers">{body}</ul>'
+
+
+def _with_largest_share(result: AnalysisResult) -> pd.DataFrame:
+    """The requirements with the part that has the largest share in the variance of each."""
+    ranked = _ranked(result.contributions).drop_duplicates("requirement").set_index("requirement")
+    largest = [
+        f"{ranked['part'][name]}, {ranked['variance_percent'][name]:.3g} %" if name in ranked.index else ""
+        for name in result.requirements["requirement"]
+    ]
+    return requirements_view(result.requirements).assign(**{"largest share": largest})
+
+
+def _caption(result: AnalysisResult) -> str:
+    units = result.summary.get("units")
+    return f"each requirement at the tolerances below; yields of formulas by {units} units"
+
+
+def _ranked(contributions: pd.DataFrame) -> pd.DataFrame:
+    """By requirement, in its order, the largest share first."""
+    groups = contributions.groupby("requirement", sort=False)
+    return pd.concat(
+        [own.sort_values("variance_percent", ascending=False, kind="stable") for _, own in groups], ignore_index=True
+    )
+
+
+def _assumption(one: dict[str, Any]) -> str:
+    value = one.get("value")
+    number = f"{value:.6g}" if isinstance(value, float) else str(value)
+    return f"{one['name']} = {number} {one['unit']}".rstrip() + f": {one['reason']}"
+
+
+def _bars(result: AnalysisResult) -> dict[str, dict[str, list[float]]]:
+    """Edges and heights of the histogram of each requirement."""
+    return {
+        str(name): {"edges": [*own["from"].tolist(), own["to"].iloc[-1]], "percent": own["units_percent"].tolist()}
+        for name, own in result.histograms.groupby("requirement", sort=False)
+    }
