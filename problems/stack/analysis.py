@@ -172,7 +172,8 @@ def _nominal(measured: Measured) -> float:
         return _value_at(mechanism, mechanism.mids - mechanism.scale * means)
     if requirement.nominal is not None:
         return requirement.nominal
-    return nominal_sum(requirement, parts) if all(part.nominal is not None for part in parts) else np.nan
+    sized = all(part.nominal is not None or part.feature is not None for part in parts)
+    return nominal_sum(requirement, parts) if sized else np.nan
 
 
 def _value_at(mechanism: Mechanism, x: Array) -> float:
