@@ -1,4 +1,6 @@
-"""Costs that are not convex, as several ways with convex ones."""
+"""Proven lower bounds of cost, at limits and at the points of a front; costs that are not convex are several
+ways with convex ones.
+"""
 
 from __future__ import annotations
 

@@ -391,7 +391,6 @@ def _curve(rows: list[Raw], prices: Prices, unit: str, name: str, faults: list[F
 # `measured` tables of parts, variables and machines, filled in from their files.
 
 
-SUFFIXES = (".dfq", ".dfd")
 LISTED = 40
 """Characteristics of a file that a fault lists."""
 REVISED = {"nominal": "nominal sizes", "made_to": "limits", "lower": "limits", "upper": "limits", "unit": "units"}
@@ -552,7 +551,7 @@ class MeasuredFile:
 
 def opened_parts(path: Path, options: tables.ReadOptions) -> MeasuredFile:
     """A file of measured parts. Raises InputError where it is not there, or cannot be read."""
-    if path.suffix.lower() in SUFFIXES:
+    if path.suffix.lower() in tables.AQDEF_SUFFIXES:
         return _open_aqdef(path, options)
     table = tables.open_or_raise(path, path.name, options)
     names = {name: name for name in table.columns.names}

@@ -1,4 +1,6 @@
-"""What each command writes into its directory, by name."""
+"""What each command writes into its directory, the marks of complete and unfinished results, and the state of
+a directory by them.
+"""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from .reading import (
     table_of,
     write,
 )
-from .record import AS_DETECTED, KEYS, NO_OPTIONS, Dialect, ReadOptions, Specification, Table
+from .record import AQDEF_SUFFIXES, AS_DETECTED, KEYS, NO_OPTIONS, Dialect, ReadOptions, Specification, Table
 from .shapes import group_of
 from .signs import is_missing
 
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from .aqdef import Characteristic, aqdef_text, names_of_characteristics, read_aqdef
 
 __all__ = [
+    "AQDEF_SUFFIXES",
     "AS_DETECTED",
     "KEYS",
     "NO_OPTIONS",
