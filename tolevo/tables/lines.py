@@ -368,35 +368,41 @@ def _decisive_cell(cells: pa.Array, probes: list[Notation]) -> int | None:
 _SPACES = re.compile(r"[ \t]+")
 
 
-def rows_of_text(content: bytes, place: str, options: ReadOptions) -> tuple[list[Row], Dialect, Bulk | None]:
-    """The rows of a file that are not empty, by the number of their line, and its dialect.
+def rows_of_text(content: bytes, place: str, options: ReadOptions) -> tuple[list[Row], Dialect, Bulk | None, list[str]]:
+    """The rows of a file that are not empty, by the number of their line, its dialect, and notes.
 
-    For a long file, the rows at both ends and the bulk of it.
+    For a long file, the rows at both ends and the bulk of it. Raises InputError where the file ends
+    within a number for sure.
     """
     text, encoding = decode_text(content, place, options.encoding)
+    bulk = None
     if options.delimiter is None and (fixed := rows_of_fixed_width(text)) is not None:
-        return fixed, Dialect("fixed width", encoding), None
-    form = separator(text[:100_000].splitlines(), place, options.separator)
-    dialect = Dialect("csv", encoding, form.delimiter, quote=form.quote)
-    bulk = bulk_of(text, form.delimiter, form.quote, form.skipped)
-    rows = rows_of(text, form, place) if bulk is None else rows_of_ends(bulk)
-    if not text.endswith("\n") and _is_cut_off(rows):
-        cut = (
-            f'ends within its last number, "{rows[-1][1][-1]}": export it again, or end its last line with a line break'
-        )
+        rows, dialect = fixed, Dialect("fixed width", encoding)
+    else:
+        form = separator(text[:100_000].splitlines(), place, options.separator)
+        dialect = Dialect("csv", encoding, form.delimiter, quote=form.quote)
+        bulk = bulk_of(text, form.delimiter, form.quote, form.skipped)
+        rows = rows_of(text, form, place) if bulk is None else rows_of_ends(bulk)
+    last = next((cell for cell in reversed(rows[-1][1]) if cell), "") if rows else ""
+    if text.endswith(("\n", "\r")) or not notation(last):
+        return rows, dialect, bulk, []
+    if _is_cut_off(rows, last):
+        cut = f'ends within its last number, "{last}": export it again, or end its last line with a line break'
         raise refuse(place, cut)
-    return rows, dialect, bulk
+    note = f'no line break ends the last line: its last number, "{last}", is complete only if the file is'
+    return rows, dialect, bulk, [note]
 
 
-def _is_cut_off(rows: list[Row]) -> bool:
+def _is_cut_off(rows: list[Row], last: str) -> bool:
     """Whether the last cell has fewer decimals than all others of its column, which have equally many."""
-    if len(rows) < 4:
-        return False
-    column = [row[-1] for _, row in rows[-SAMPLE:] if len(row) == len(rows[-1][1]) and notation(row[-1])]
-    decimals = [
-        len(cell) - 1 - max(cell.rfind("."), cell.rfind(",")) if set(cell) & {".", ","} else 0 for cell in column
-    ]
-    return len(set(decimals[:-1])) == 1 and len(decimals) > 3 and decimals[-1] < decimals[0]
+    at = rows[-1][1].index(last)
+    cells = [row[at] for _, row in rows[-SAMPLE:-1] if len(row) == len(rows[-1][1]) and notation(row[at])]
+    decimals = {_decimals(cell) for cell in cells}
+    return len(cells) >= 3 and len(decimals) == 1 and _decimals(last) < min(decimals)
+
+
+def _decimals(number: str) -> int:
+    return len(re.sub(r".*[.,]|^[^.,]*$", "", number))
 
 
 _WORDS = re.compile(r"\S+(?: \S+)*")

@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +24,8 @@ from ..section import is_forced
 from ..units import converted, fits, shorten_text
 from .header import Layout, Row, find_layout, names_of, split_header, unit_of_cell
 from .lines import Bulk, Separator, prove_column, rows_of, rows_of_text
-from .record import AQDEF_SUFFIXES, AS_DETECTED, LONG, Columns, Dialect, ReadOptions, Table
-from .shapes import specifications_of_rows, transposed_rows, wide_of_long
+from .record import AQDEF_SUFFIXES, AS_DETECTED, LONG, Columns, Dialect, ReadOptions, Table, objects_of
+from .shapes import role_of, specifications_of_rows, transposed_rows, wide_of_long
 from .signs import Evidence, Exact, canonical, canonical_number, decide, evidence, is_label, is_missing
 
 SHOWN = 100
@@ -32,14 +33,25 @@ SHOWN = 100
 
 
 def assemble_table(
-    rows: list[Row], dialect: Dialect, place: str, options: ReadOptions, bulk: Bulk | None = None
+    rows: list[Row],
+    dialect: Dialect,
+    place: str,
+    options: ReadOptions,
+    bulk: Bulk | None = None,
+    notes: Sequence[str] = (),
 ) -> tuple[Table | None, list[Fault]]:
     """The table in the rows of a file, which are not empty; for a long file, in its bulk."""
+
+    def cell_by_cell() -> tuple[Table | None, list[Fault]]:
+        assert bulk is not None
+        separator = Separator(dialect.delimiter, dialect.quote, bulk.skipped)
+        return assemble_table(rows_of(bulk.text, separator, place), dialect, place, options, notes=notes)
+
     turned = transposed_rows(rows, options.shape, place)
     layout = find_layout(rows if turned is None else turned, place)
     if bulk is not None and (turned is not None or _has_blocks(bulk, layout.header[0])):
-        separator = Separator(dialect.delimiter, dialect.quote, bulk.skipped)
-        return assemble_table(rows_of(bulk.text, separator, place), dialect, place, options)
+        return cell_by_cell()
+    layout.notes += notes
     if turned is not None:
         layout.notes.append("read as: a column per part; the number of a row is that of its column")
     header, body = _trim_layout(layout)
@@ -55,8 +67,7 @@ def assemble_table(
     if bulk is not None:
         arrays = None if faults else bulk.columns(lines[0], lines[-1], len(header))
         if arrays is None:
-            separator = Separator(dialect.delimiter, dialect.quote, bulk.skipped)
-            return assemble_table(rows_of(bulk.text, separator, place), dialect, place, options)
+            return cell_by_cell()
         columns, lines = arrays, list(range(lines[0], lines[-1] + 1))
     columns = columns or [[] for _ in header]
     cells_of: dict[str, Any] = {}
@@ -73,6 +84,7 @@ def assemble_table(
     names = names_of(header)
     contradicted = [n for n in percent if table.units.get(names[n], "%") != "%"]
     faults += [Fault(f"{place}: column {n}", "has cells in %, and another unit in its name") for n in contradicted]
+    faults += _unnamed_rows(table, place)
     table = replace(table, units=dict(table.units) | {names[n]: "%" for n in percent})
 
     def number(at: int, cell: str) -> float:
@@ -85,6 +97,35 @@ def assemble_table(
         wide_of_long(replace(table, specifications=stated), place, options.shape) if not faults else (table, [])
     )
     return wide, faults + doubts + wrong + of_shape
+
+
+def _unnamed_rows(table: Table, place: str) -> list[Fault]:
+    """A fault where a few rows name no part, or no characteristic: statistics that lost their name.
+
+    Columns that are called so name the rows; so does a first column of different texts, or of numbers
+    that count the rows, above rows at the end that it leaves empty.
+    """
+    faults = []
+    for at, (name, cells) in enumerate(table.columns.cells.items()):
+        blank = np.flatnonzero(objects_of(cells) == "")
+        if not 0 < len(blank) < 0.5 * len(cells):
+            continue
+        what = role_of(name)
+        named = [cell for cell in cells if cell] if at == 0 else []
+        at_end = len(named) > 2 and blank[0] == len(named) and _names_rows(named)
+        if what not in ("part", "characteristic") and not at_end:
+            continue
+        others = "" if len(blank) == 1 else f", nor do {len(blank) - 1} other rows"
+        text = f"names no {what or 'part'} (column {name}), as most rows do{others}: name it, or remove the row"
+        faults.append(Fault(f"{place}: row {table.columns.lines[int(blank[0])]}", text))
+    return faults
+
+
+def _names_rows(cells: Sequence[str]) -> bool:
+    """Whether cells are different names, or count the rows: 1, 2, 3, ..."""
+    if all(cell.isdecimal() for cell in cells):
+        return all(int(after) == int(before) + 1 for before, after in pairwise(cells))
+    return len(set(cells)) == len(cells) and not any(canonical_number(cell, ".") for cell in cells)
 
 
 def _has_blocks(bulk: Bulk, line: int) -> bool:
@@ -332,15 +373,15 @@ def _open_by_suffix(path: Path, place: str, options: ReadOptions) -> tuple[Table
         if suffix in WORKBOOKS or content[:4] == b"PK\x03\x04":
             from .workbook import rows_of_workbook
 
-            (rows, dialect), bulk = rows_of_workbook(content, place), None
+            (rows, dialect), bulk, notes = rows_of_workbook(content, place), None, []
         else:
-            rows, dialect, bulk = rows_of_text(content, place, options)
+            rows, dialect, bulk, notes = rows_of_text(content, place, options)
         if not rows:
             raise refuse(place, EMPTY)
         if (most := max(len(cells) for _, cells in rows)) > COLUMNS and not is_forced():
             text = f"has {most} columns, {COLUMNS} are the most that are read: leave some out, or add --force"
             raise refuse(place, text)
-        return assemble_table(rows, dialect, place, options, bulk)
+        return assemble_table(rows, dialect, place, options, bulk, notes)
     except InputError as error:
         return None, list(error.faults)
 

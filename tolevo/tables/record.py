@@ -135,14 +135,14 @@ class Columns:
             return cells
         if values is not None and not (values == np.floor(values)).all():
             bad = np.isnan(values)
-            return np.where(bad, _objects(cells), values.astype(object)) if bad.any() else values
+            return np.where(bad, objects_of(cells), values.astype(object)) if bad.any() else values
         return pd.Series(_texts(cells), index=self._index(), dtype=object)
 
     def _typed(self, cells: Any, numeric: bool) -> Any:
         if not isinstance(cells, list | np.ndarray) and not pc.any(pc.equal(cells, "")).as_py():
             marked = pc.any(pc.starts_with(cells, "'")).as_py()
             return pd.array(_texts(cells) if marked else cells, dtype="str")
-        values = _objects(cells) if numeric else _texts(cells)
+        values = objects_of(cells) if numeric else _texts(cells)
         return pd.Series(typed_column(values, numeric), index=self._index())
 
     def _index(self) -> pd.Index[Any]:
@@ -154,10 +154,10 @@ class Columns:
 
 def _texts(cells: Any) -> NDArray[Any]:
     """Cells as Python objects, those of a text file without their marks of text."""
-    return cells if isinstance(cells, np.ndarray) else restore_cells(_objects(cells))
+    return cells if isinstance(cells, np.ndarray) else restore_cells(objects_of(cells))
 
 
-def _objects(cells: Any) -> NDArray[Any]:
+def objects_of(cells: Any) -> NDArray[Any]:
     """Cells as Python objects."""
     if isinstance(cells, np.ndarray):
         return cells
