@@ -9,6 +9,7 @@ import io
 import re
 from collections import Counter
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 import pyarrow as pa
@@ -19,18 +20,7 @@ from pyarrow import csv as arrow
 from ..errors import refuse
 from .header import Row
 from .record import NAMES, Dialect, ReadOptions
-from .signs import (
-    DECIMAL,
-    MISSING,
-    OTHER_DECIMAL_SIGN,
-    PROBES,
-    THOUSANDS,
-    Evidence,
-    Notation,
-    is_date,
-    is_missing,
-    notation,
-)
+from .signs import MISSING, PROBES, Evidence, is_date, is_missing, notation
 from .text import decode_text
 
 SAMPLE = 200
@@ -188,9 +178,6 @@ ENDS = 400
 _WIDE_SPACES = "\u00a0\u2007\u202f\u3000"
 """Spaces beyond ASCII."""
 _LABEL = r"^[+-]?0[0-9]+$|^[+-]?[0-9]{16,}$"
-_GROUPED = {
-    d: rf"^[+-]?(?:[0-9]+|[1-9][0-9]{{0,2}}(?:\{o}[0-9]{{3}})+)(?:\{d}[0-9]*)?$" for d, o in OTHER_DECIMAL_SIGN.items()
-}
 _MARKS = pa.array(
     sorted(
         {form for mark in MISSING for form in (mark, mark.upper(), mark.title())}
@@ -202,23 +189,21 @@ _MARKS = pa.array(
 
 @dataclass(frozen=True)
 class Bulk:
-    """The text of a long file whose lines are rows, each cell between delimiters."""
+    """The lines of a long file, each a row, each cell between delimiters."""
 
-    text: str
+    lines: list[str]
     delimiter: str
     skipped: int
-    breaks: int
 
     def columns(self, first: int, last: int, count: int) -> list[pa.Array] | None:
         """The cells of the lines `first` to `last`, by column; None where a row is not whole."""
-        start = _line_start(self.text, first, self.breaks)
-        end = _line_start(self.text, last + 1, self.breaks)
-        body = self.text[start:end].encode()
+        text = "\n".join(self.lines[first - 1 : last])
+        body = text.encode()
         names = [str(at) for at in range(count)]
         try:
             table = arrow.read_csv(
                 pa.BufferReader(body),
-                arrow.ReadOptions(column_names=names, use_threads=False),
+                arrow.ReadOptions(column_names=names, use_threads=False, block_size=len(body) + 1),
                 arrow.ParseOptions(delimiter=self.delimiter, ignore_empty_lines=False),
                 arrow.ConvertOptions(column_types=dict.fromkeys(names, pa.string()), strings_can_be_null=False),
             )
@@ -227,25 +212,12 @@ class Bulk:
         if table.num_rows != last - first + 1:
             return None
         arrays = [column.combine_chunks() for column in table.columns]
-        hollow = pc.equal(arrays[0], "")
-        for array in arrays[1:]:
-            if not _any(hollow):
-                break
-            hollow = pc.and_(hollow, pc.equal(array, ""))
-        if _any(hollow):  # a row of delimiters alone
-            return None
-        if any(space in self.text for space in _WIDE_SPACES):
-            return [pc.utf8_trim_whitespace(array) for array in arrays]
-        padded = [_any(pc.starts_with(array, " ")) or _any(pc.ends_with(array, " ")) for array in arrays]
-        tabs = self.delimiter != "\t" and "\t" in self.text
-        return [pc.ascii_trim_whitespace(a) if tabs or pad else a for a, pad in zip(arrays, padded, strict=True)]
-
-    def ends(self) -> list[tuple[int, str]]:
-        """Lines of both ends with their numbers, those of the middle left out."""
-        head = self.text[: _line_start(self.text, ENDS + 1, self.breaks)].split("\n")[:-1]
-        total = self.breaks + (not self.text.endswith("\n"))
-        tail = self.text[_start_of_last_lines(self.text, ENDS) :].removesuffix("\n").split("\n")
-        return [*enumerate(head, 1), *enumerate(tail, total - len(tail) + 1)]
+        if len(set.intersection(*(set(_where(pc.equal(array, ""))) for array in arrays))):
+            return None  # a row of delimiters alone
+        ends = (self.delimiter, "\n", "\r", '"')
+        padded = any(blank + end in text or end + blank in text for blank in " \t" for end in ends)
+        padded |= text[:1].isspace() or text[-1:].isspace() or any(space in text for space in _WIDE_SPACES)
+        return [pc.utf8_trim_whitespace(array) for array in arrays] if padded else arrays
 
 
 def bulk_of(text: str, delimiter: str, quote: str, skipped: int) -> Bulk | None:
@@ -256,39 +228,21 @@ def bulk_of(text: str, delimiter: str, quote: str, skipped: int) -> Bulk | None:
         return None
     if "\r" in text and text.count("\r") != text.count("\r\n"):
         return None
-    breaks = text.count("\n")
-    return Bulk(text, delimiter, skipped, breaks) if breaks > 3 * ENDS else None
+    lines = text.removesuffix("\n").split("\n")
+    return Bulk(lines, delimiter, skipped) if len(lines) > 3 * ENDS else None
 
 
 def rows_of_ends(bulk: Bulk) -> list[Row]:
     """The rows of both ends by the number of their line."""
-    lines = [(at, line) for at, line in bulk.ends() if line.strip() and at > bulk.skipped]
+    ends = [*enumerate(bulk.lines[:ENDS], 1), *enumerate(bulk.lines[-ENDS:], len(bulk.lines) - ENDS + 1)]
+    lines = [(at, line) for at, line in ends if line.strip() and at > bulk.skipped]
     reader = csv.reader((line for _, line in lines), delimiter=bulk.delimiter)
     rows = [(at, [*map(str.strip, row)]) for (at, _), row in zip(lines, reader, strict=False)]
     return [row for row in rows if any(row[1])]
 
 
-def _line_start(text: str, line: int, total: int) -> int:
-    """Where a line begins, or the end of the text, which has `total` line breaks."""
-    if line - 1 > total:
-        return len(text)
-    if line - 1 > total // 2:
-        at = len(text)
-        for _ in range(total - (line - 1) + 1):
-            at = text.rfind("\n", 0, at)
-        return at + 1
-    at = 0
-    for _ in range(line - 1):
-        at = text.find("\n", at) + 1
-    return at
-
-
-def _start_of_last_lines(text: str, lines: int) -> int:
-    """Where the last lines begin."""
-    at = len(text) - text.endswith("\n")
-    for _ in range(lines):
-        at = text.rfind("\n", 0, at)
-    return at + 1
+def _where(matches: pa.Array) -> NDArray[np.int64]:
+    return np.flatnonzero(matches.to_numpy(zero_copy_only=False))
 
 
 def prove_column(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None] | None:
@@ -298,68 +252,26 @@ def prove_column(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None]
     least one of them, or none of the probes is a number.
     """
     places = np.unique(np.linspace(0, len(cells) - 1, PROBES).astype(int)).tolist()
-    probes = [notation(cells[at].as_py()) for at in places]
-    if not any(probes):
+    if not (probes := [number for at in places if (number := notation(cells[at].as_py()))]):
         return Evidence(values=len(cells)), None
     unmarked = pc.if_else(pc.is_in(cells, _MARKS), pa.scalar(None, pa.string()), cells)
     signed = {sign: pc.match_substring(unmarked, sign) for sign in (".", ",")}
+    signs = {sign for sign, matches in signed.items() if pc.any(matches).as_py()}
     bare = unmarked.filter(pc.invert(pc.or_(*signed.values())))
-    if _any(pc.match_substring_regex(bare, _LABEL)):
+    if len(signs) > 1 or pc.any(pc.match_substring_regex(bare, _LABEL)).as_py():
         return None
     count = len(unmarked) - unmarked.null_count
     evidence = Evidence(numbers=count, values=count)
-    signs = [sign for sign, cells_with_it in signed.items() if _any(cells_with_it)]
-    plain = _without_signs(unmarked, signs, [probe for probe in probes if probe is not None], evidence)
-    if plain is None:
-        return None
+    if signs:
+        every = (number for cell in unmarked.to_pylist() if cell and (number := notation(cell)))
+        if not any(number.proven in number.signs for number in chain(probes, every)):
+            return None  # each can group thousands as well
+        evidence.proven |= signs
     try:
-        values = plain.cast(pa.float64())
+        numbers = pc.replace_substring(unmarked, ",", ".").cast(pa.float64()).to_numpy(zero_copy_only=False)
     except pa.ArrowInvalid:
         return None
-    numbers = values.to_numpy(zero_copy_only=False)
     return (evidence, numbers) if np.isfinite(numbers).sum() == count else None
-
-
-def _without_signs(cells: pa.Array, signs: list[str], probes: list[Notation], evidence: Evidence) -> pa.Array | None:
-    """The cells in plain notation, and what they prove; None where that is not plain to see."""
-    if not signs:
-        return cells
-    if len(signs) == 1:
-        if (at := _decisive_cell(cells, probes)) is None:
-            return None
-        (evidence.point if signs == ["."] else evidence.comma)[DECIMAL] = at
-        return cells if signs == ["."] else pc.replace_substring(cells, ",", ".")
-    votes = {("." if probe.point == DECIMAL else ",") for probe in probes if DECIMAL in (probe.point, probe.comma)}
-    if len(votes) != 1:
-        return None
-    decimal = min(votes)
-    grouping = OTHER_DECIMAL_SIGN[decimal]
-    if not _all(pc.match_substring_regex(cells, _GROUPED[decimal])) or not _any(
-        pc.match_substring_regex(cells, rf"\{grouping}[0-9]{{3}}\{decimal}")
-    ):
-        return None  # a sign that never groups for sure
-    roles = (evidence.point, evidence.comma) if decimal == "." else (evidence.comma, evidence.point)
-    roles[0][DECIMAL], roles[1][THOUSANDS] = 0, 0
-    return pc.replace_substring(pc.replace_substring(cells, grouping, ""), decimal, ".")
-
-
-def _any(matches: pa.Array) -> bool:
-    return bool(pc.any(matches).as_py())
-
-
-def _all(matches: pa.Array) -> bool:
-    return bool(pc.all(matches).as_py())
-
-
-def _decisive_cell(cells: pa.Array, probes: list[Notation]) -> int | None:
-    """A cell whose sign can only be decimal; None where there is none."""
-    if any(DECIMAL in (probe.point, probe.comma) for probe in probes):
-        return 0
-    for at, cell in enumerate(cells.to_pylist()):
-        written = notation(cell) if cell else None
-        if written is not None and DECIMAL in (written.point, written.comma):
-            return at
-    return None
 
 
 # Rows of a text file.

@@ -45,11 +45,12 @@ def assemble_table(
     def cell_by_cell() -> tuple[Table | None, list[Fault]]:
         assert bulk is not None
         separator = Separator(dialect.delimiter, dialect.quote, bulk.skipped)
-        return assemble_table(rows_of(bulk.text, separator, place), dialect, place, options, notes=notes)
+        return assemble_table(rows_of("\n".join(bulk.lines), separator, place), dialect, place, options, notes=notes)
 
     turned = transposed_rows(rows, options.shape, place)
     layout = find_layout(rows if turned is None else turned, place)
-    if bulk is not None and (turned is not None or _has_blocks(bulk, layout.header[0])):
+    line = layout.header[0]
+    if bulk is not None and (turned is not None or bulk.lines[line - 1] in bulk.lines[line:]):
         return cell_by_cell()
     layout.notes += notes
     if turned is not None:
@@ -128,12 +129,6 @@ def _names_rows(cells: Sequence[str]) -> bool:
     return len(set(cells)) == len(cells) and not any(canonical_number(cell, ".") for cell in cells)
 
 
-def _has_blocks(bulk: Bulk, line: int) -> bool:
-    """Whether the line of the column names comes again in a long file."""
-    text = bulk.text.split("\n", line)[line - 1].strip("\r")
-    return bool(text) and bulk.text.count(f"\n{text}") > (1 if line > 1 else 0)
-
-
 def _fill_short_rows(header: list[str], body: list[Row], layout: Layout) -> list[Row]:
     """Rows whose last cells are left away because they are empty, filled up.
 
@@ -204,7 +199,7 @@ def _canonical_cells(cells: Any, proof: Evidence, sign: str | None) -> Any:
     """The cells of a column with numbers in plain notation."""
     if sign is None or not isinstance(cells, list):
         return cells
-    plain = not (sign == "," or proof.group or proof.comma or any("−" in cell for cell in cells))
+    plain = not (sign == "," or proof.group or proof.grouping or proof.either or any("−" in cell for cell in cells))
     return cells if plain else canonical(cells, sign or ".")
 
 
@@ -223,7 +218,7 @@ def _table(
     numeric = tuple(
         names[n] for n in columns if n in quick or (proofs[n].numeric and not any(map(is_label, columns[n])))
     )
-    used = [signs[n] for n in columns if signs.get(n) and (proofs[n].point or proofs[n].comma)]
+    used = [signs[n] for n in columns if signs.get(n) and (proofs[n].proven or proofs[n].either)]
     complete = replace(
         dialect,
         decimal="".join(sorted(set(used)))[:1] if len(set(used)) == 1 else "",

@@ -75,83 +75,53 @@ def is_summary(cell: str) -> bool:
 # "0,412" can only be a decimal comma, "1.234.567" only thousands; "1,234" is either.
 
 
-_NUMBER = re.compile(
-    r"[+\-−]?(?=[\d.,]*\d)(?P<mantissa>"
-    r"(?:\d{1,3}(?:[ \u00a0\u202f\u2009'’]\d{3})+|[\d.,]*\d|\d+[.,])(?:[.,]\d+)?)"
-    r"(?P<exponent>[eE][+\-−]?\d+)?"
-)
+OTHER_DECIMAL_SIGN = {".": ",", ",": "."}
+_SPACES = " \u00a0\u202f\u2009'’"
+_GROUPS = re.compile(f"[{_SPACES}]")
+_NUMBERS = {
+    decimal: re.compile(
+        rf"[+\-−]?(?:(?:\d{{1,3}}(?:[{_SPACES}]\d{{3}})+(?:\{decimal}\d+)?|\d+(?:\{decimal}\d*)?|\{decimal}\d+)"
+        rf"(?:[eE][+\-−]?\d+)?|[1-9]\d{{0,2}}(?:\{other}\d{{3}})+(?:\{decimal}\d+)?)"
+    )
+    for decimal, other in OTHER_DECIMAL_SIGN.items()
+}
+"""Numbers by their decimal sign: with digits in groups of three, or without groups."""
 MAX_NUMBER_CHARACTERS = 400
 """Characters of a number at most: a double written out has 330."""
-_GROUPS = re.compile(r"[ \u00a0\u202f\u2009'’]")
-_GROUPED = {sign: re.compile(rf"[1-9]\d{{0,2}}(?:{re.escape(sign)}\d{{3}})+") for sign in (".", ",")}
-DECIMAL, THOUSANDS, EITHER = "decimal", "thousands", "either"
 
 
 @dataclass(frozen=True, slots=True)
 class Notation:
-    """What the point and the comma of a number are; None where there is none."""
+    """How a cell writes a number: the decimal signs by which it is one, those that stand in it, and
+    the space or apostrophe between its groups of digits.
+    """
 
-    point: str | None = None
-    comma: str | None = None
+    decimals: tuple[str, ...]
+    signs: tuple[str, ...] = ()
     group: str = ""
 
-
-PLAIN = Notation()
-OTHER_DECIMAL_SIGN = {".": ",", ",": "."}
+    @property
+    def proven(self) -> str:
+        """The only decimal sign that it can have, empty where both are possible."""
+        return self.decimals[0] if len(self.decimals) == 1 else ""
 
 
 def notation(cell: str) -> Notation | None:
     """How a cell writes a number; None where it is none in any notation."""
-    match = _NUMBER.fullmatch(cell) if len(cell) <= MAX_NUMBER_CHARACTERS else None
-    if match is None:
+    decimals = tuple(decimal for decimal in _NUMBERS if _is_number(cell, decimal))
+    if not decimals:
         return None
-    mantissa = match["mantissa"]
-    spaced = _GROUPS.search(mantissa)
-    points, commas = mantissa.count("."), mantissa.count(",")
-    if not points and not commas:
-        return Notation(group=spaced[0]) if spaced else PLAIN
-    if spaced or match["exponent"]:
-        return _certain_notation(mantissa, points, commas, spaced[0] if spaced else "")
-    if points and commas:
-        return _notation_of_both_signs(mantissa)
-    return _single_sign(mantissa, "." if points else ",", points + commas)
+    spaced = _GROUPS.search(cell)
+    return Notation(decimals, tuple(sign for sign in _NUMBERS if sign in cell), spaced[0] if spaced else "")
 
 
-def _certain_notation(mantissa: str, points: int, commas: int, group: str) -> Notation | None:
-    """Notation with spaces between groups of digits, or with an exponent: a sign is decimal."""
-    if points + commas != 1:
-        return None
-    return Notation(DECIMAL, None, group) if points else Notation(None, DECIMAL, group)
-
-
-def _notation_of_both_signs(mantissa: str) -> Notation | None:
-    """The sign that comes last is decimal, the other groups thousands."""
-    last = max(".", ",", key=mantissa.rfind)
-    whole, _, fraction = mantissa.rpartition(last)
-    if not fraction.isdigit() or not _GROUPED[OTHER_DECIMAL_SIGN[last]].fullmatch(whole):
-        return None
-    return Notation(DECIMAL, THOUSANDS) if last == "." else Notation(THOUSANDS, DECIMAL)
-
-
-def _single_sign(mantissa: str, sign: str, count: int) -> Notation | None:
-    """One kind of sign: several group thousands; a single one before three digits is either."""
-    if count > 1:
-        what = THOUSANDS if _GROUPED[sign].fullmatch(mantissa) else None
-    else:
-        what = EITHER if _GROUPED[sign].fullmatch(mantissa) else DECIMAL
-    if what is None:
-        return None
-    return Notation(what, None) if sign == "." else Notation(None, what)
+def _is_number(cell: str, decimal: str) -> bool:
+    return len(cell) <= MAX_NUMBER_CHARACTERS and _NUMBERS[decimal].fullmatch(cell) is not None
 
 
 def canonical_number(cell: str, decimal: str) -> str | None:
     """The number in plain notation where `decimal` is its decimal sign; None where it is none."""
-    match = _NUMBER.fullmatch(cell) if len(cell) <= MAX_NUMBER_CHARACTERS else None
-    signs = notation(cell) if match else None
-    if match is None or signs is None:
-        return None
-    roles = {".": signs.point, ",": signs.comma}
-    if roles[decimal] == THOUSANDS or roles[OTHER_DECIMAL_SIGN[decimal]] == DECIMAL:
+    if not _is_number(cell, decimal):
         return None
     return _GROUPS.sub("", cell).replace(OTHER_DECIMAL_SIGN[decimal], "").replace(decimal, ".").replace("−", "-")
 
@@ -176,13 +146,14 @@ class Exact(str):
 
 @dataclass(slots=True)
 class Evidence:
-    """Cells of one column by what they prove, each with its place in the column: the first.
-
-    `point` and `comma` map a role (decimal, thousands, either) to the first cell that has it.
+    """What the cells of one column prove: `proven` are the decimal signs that some must have,
+    `grouping` the signs that group thousands in some, `either` those that can do both in one, of which
+    `doubt` is the first.
     """
 
-    point: dict[str, int] = field(default_factory=dict)
-    comma: dict[str, int] = field(default_factory=dict)
+    proven: set[str] = field(default_factory=set)
+    grouping: set[str] = field(default_factory=set)
+    either: set[str] = field(default_factory=set)
     group: str = ""
     doubt: str = ""
     numbers: int = 0
@@ -193,33 +164,19 @@ class Evidence:
         """Whether at least half of its values are numbers."""
         return self.numbers > 0 and 2 * self.numbers >= self.values
 
-    def votes(self) -> set[str]:
-        """The decimal signs that its cells prove."""
-        signs = set()
-        if DECIMAL in self.point or THOUSANDS in self.comma:
-            signs.add(".")
-        if DECIMAL in self.comma or THOUSANDS in self.point:
-            signs.add(",")
-        return signs
-
     def doubtful(self, decimal: str) -> bool:
         """Whether a cell can be another number where `decimal` is the decimal sign."""
-        grouping = self.comma if decimal == "." else self.point
-        return EITHER in grouping and THOUSANDS not in grouping
+        return OTHER_DECIMAL_SIGN[decimal] in self.either - self.grouping
 
-    def any_doubt(self) -> bool:
-        """Whether a cell has a sign that can be either."""
-        return EITHER in self.point or EITHER in self.comma
-
-    def add(self, at: int, cell: str, number: Notation) -> None:
-        """Take note of the number in cell `at`."""
+    def add(self, cell: str, number: Notation) -> None:
+        """Take note of the number in a cell."""
         self.numbers += 1
-        if not self.doubt and EITHER in (number.point, number.comma):
-            self.doubt = cell
-        if number.point:
-            self.point.setdefault(number.point, at)
-        if number.comma:
-            self.comma.setdefault(number.comma, at)
+        if number.signs and not number.proven:
+            self.either.update(number.signs)
+            self.doubt = self.doubt or cell
+        elif number.signs:
+            self.proven.add(number.proven)
+            self.grouping.update(sign for sign in number.signs if sign != number.proven)
         self.group = self.group or number.group
 
 
@@ -231,13 +188,11 @@ def evidence(cells: Sequence[str]) -> Evidence:
         proof.values = len(cells)
         return proof
     missing = 0
-    for at, cell in enumerate(cells):
+    for cell in cells:
         if isinstance(cell, Exact):
             proof.numbers += 1
-            continue
-        number = notation(cell)
-        if number is not None:
-            proof.add(at, cell, number)
+        elif (number := notation(cell)) is not None:
+            proof.add(cell, number)
         elif is_missing(cell):
             missing += 1
     proof.values = len(cells) - missing
@@ -258,26 +213,23 @@ def decide(
     numeric = {name: proof for name, proof in columns.items() if proof.numeric}
     if stated is not None:
         return _signs_as_stated(numeric, stated, place)
-    of_file = {vote for proof in numeric.values() for vote in proof.votes()}
-    if not of_file and delimiter == "," and not any(EITHER in o.comma for o in numeric.values()):
-        of_file = {"."}  # a comma between the columns leaves the point for decimals
-    if not of_file and delimiter == ";" and not any(EITHER in o.point for o in numeric.values()):
-        of_file = {","}
+    of_file = {sign for proof in numeric.values() for sign in proof.proven}
+    usual = {",": ".", ";": ","}.get(delimiter)  # who separates columns by commas has points for decimals
+    if not of_file and usual and not any(OTHER_DECIMAL_SIGN[usual] in proof.either for proof in numeric.values()):
+        of_file = {usual}
     signs, faults, doubted = {}, [], []
     for name, proof in numeric.items():
-        votes = proof.votes()
-        if len(votes) > 1:
+        possible = proof.proven or of_file
+        if len(proof.proven) > 1:
             faults.append(Fault(f"{place}: column {name}", _MIXED))
-        elif not votes and not proof.any_doubt():
+        elif not proof.proven and not proof.either:
             signs[name] = ""
+        elif len(possible) == 1 and not proof.doubtful(min(possible)):
+            signs[name] = min(possible)
+        elif (sign := _sign_by_size(name, proof.doubt, near)) and sign in (proof.proven or sign):
+            signs[name] = sign
         else:
-            possible = votes or of_file
-            if len(possible) == 1 and not proof.doubtful(min(possible)):
-                signs[name] = min(possible)
-            elif (sign := _sign_by_size(name, proof.doubt, near)) and sign in (votes or sign):
-                signs[name] = sign
-            else:
-                doubted.append(name)
+            doubted.append(name)
     return signs, faults + [_doubtful_sign_fault(name, numeric[name].doubt, place) for name in doubted]
 
 
@@ -303,7 +255,7 @@ def _signs_as_stated(numeric: Mapping[str, Evidence], stated: str, place: str) -
             f'its numbers have decimal signs that are not "{stated}": state another --decimal',
         )
         for name, proof in numeric.items()
-        if proof.votes() == {OTHER_DECIMAL_SIGN[stated]}
+        if proof.proven == {OTHER_DECIMAL_SIGN[stated]}
     ]
     return dict.fromkeys(numeric, stated), faults
 
