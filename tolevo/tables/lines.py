@@ -8,8 +8,8 @@ import csv
 import io
 import re
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import chain
 
 import numpy as np
 import pyarrow as pa
@@ -19,8 +19,8 @@ from pyarrow import csv as arrow
 
 from ..errors import refuse
 from .header import Row
-from .record import NAMES, Dialect, ReadOptions
-from .signs import MISSING, PROBES, Evidence, is_date, is_missing, notation
+from .record import NAMES, Dialect, ReadOptions, empty_cells
+from .signs import MISSING, PROBES, Evidence, Notation, is_date, is_missing, notation
 from .text import decode_text
 
 SAMPLE = 200
@@ -212,11 +212,9 @@ class Bulk:
         if table.num_rows != last - first + 1:
             return None
         arrays = [column.combine_chunks() for column in table.columns]
-        if len(set.intersection(*(set(_where(pc.equal(array, ""))) for array in arrays))):
+        if set.intersection(*(set(empty_cells(array)) for array in arrays)):
             return None  # a row of delimiters alone
-        ends = (self.delimiter, "\n", "\r", '"')
-        padded = any(blank + end in text or end + blank in text for blank in " \t" for end in ends)
-        padded |= text[:1].isspace() or text[-1:].isspace() or any(space in text for space in _WIDE_SPACES)
+        padded = any(space in text for space in (" " + _WIDE_SPACES + "\t").replace(self.delimiter, ""))
         return [pc.utf8_trim_whitespace(array) for array in arrays] if padded else arrays
 
 
@@ -241,10 +239,6 @@ def rows_of_ends(bulk: Bulk) -> list[Row]:
     return [row for row in rows if any(row[1])]
 
 
-def _where(matches: pa.Array) -> NDArray[np.int64]:
-    return np.flatnonzero(matches.to_numpy(zero_copy_only=False))
-
-
 def prove_column(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None] | None:
     """What the cells of a column prove, and its numbers; None where they must be read one by one.
 
@@ -263,8 +257,7 @@ def prove_column(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None]
     count = len(unmarked) - unmarked.null_count
     evidence = Evidence(numbers=count, values=count)
     if signs:
-        every = (number for cell in unmarked.to_pylist() if cell and (number := notation(cell)))
-        if not any(number.proven in number.signs for number in chain(probes, every)):
+        if not _decides(probes) and not _decides(filter(None, map(notation, filter(None, unmarked.to_pylist())))):
             return None  # each can group thousands as well
         evidence.proven |= signs
     try:
@@ -272,6 +265,11 @@ def prove_column(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None]
     except pa.ArrowInvalid:
         return None
     return (evidence, numbers) if np.isfinite(numbers).sum() == count else None
+
+
+def _decides(numbers: Iterable[Notation]) -> bool:
+    """Whether one of the numbers has a sign that can only be decimal."""
+    return any(number.proven in number.signs for number in numbers)
 
 
 # Rows of a text file.

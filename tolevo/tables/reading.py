@@ -24,7 +24,7 @@ from ..section import is_forced
 from ..units import converted, fits, shorten_text
 from .header import Layout, Row, find_layout, names_of, split_header, unit_of_cell
 from .lines import Bulk, Separator, prove_column, rows_of, rows_of_text
-from .record import AQDEF_SUFFIXES, AS_DETECTED, LONG, Columns, Dialect, ReadOptions, Table, objects_of
+from .record import AQDEF_SUFFIXES, AS_DETECTED, LONG, Columns, Dialect, ReadOptions, Table, empty_cells
 from .shapes import role_of, specifications_of_rows, transposed_rows, wide_of_long
 from .signs import Evidence, Exact, canonical, canonical_number, decide, evidence, is_label, is_missing
 
@@ -108,25 +108,22 @@ def _unnamed_rows(table: Table, place: str) -> list[Fault]:
     """
     faults = []
     for at, (name, cells) in enumerate(table.columns.cells.items()):
-        blank = np.flatnonzero(objects_of(cells) == "")
-        if not 0 < len(blank) < 0.5 * len(cells):
-            continue
         what = role_of(name)
-        named = [cell for cell in cells if cell] if at == 0 else []
-        at_end = len(named) > 2 and blank[0] == len(named) and _names_rows(named)
-        if what not in ("part", "characteristic") and not at_end:
+        names_rows = what in ("part", "characteristic")
+        if not (names_rows or at == 0) or not 0 < 2 * len(blank := empty_cells(cells)) < len(cells):
             continue
-        others = "" if len(blank) == 1 else f", nor do {len(blank) - 1} other rows"
-        text = f"names no {what or 'part'} (column {name}), as most rows do{others}: name it, or remove the row"
-        faults.append(Fault(f"{place}: row {table.columns.lines[int(blank[0])]}", text))
+        if names_rows or (len(cells) - blank[0] == len(blank) and _names_rows([*map(str, cells[: blank[0]])])):
+            others = "" if len(blank) == 1 else f", nor do {len(blank) - 1} other rows"
+            text = f"names no {what or 'part'} (column {name}), as most rows do{others}: name it, or remove the row"
+            faults.append(Fault(f"{place}: row {table.columns.lines[blank[0]]}", text))
     return faults
 
 
 def _names_rows(cells: Sequence[str]) -> bool:
-    """Whether cells are different names, or count the rows: 1, 2, 3, ..."""
+    """Whether three cells or more are different names, or count the rows: 1, 2, 3, ..."""
     if all(cell.isdecimal() for cell in cells):
-        return all(int(after) == int(before) + 1 for before, after in pairwise(cells))
-    return len(set(cells)) == len(cells) and not any(canonical_number(cell, ".") for cell in cells)
+        return len(cells) > 2 and all(int(after) == int(before) + 1 for before, after in pairwise(cells))
+    return len(set(cells)) == len(cells) > 2 and not any(canonical_number(cell, ".") for cell in cells)
 
 
 def _fill_short_rows(header: list[str], body: list[Row], layout: Layout) -> list[Row]:

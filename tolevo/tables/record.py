@@ -168,6 +168,13 @@ def objects_of(cells: Any) -> NDArray[Any]:
     return np.asarray(cells.to_numpy(zero_copy_only=False), dtype=object)
 
 
+def empty_cells(cells: Any) -> list[int]:
+    """The places of empty cells in a list of texts or an Arrow array."""
+    if isinstance(cells, list):
+        return [at for at, cell in enumerate(cells) if cell == ""]
+    return np.flatnonzero(pc.equal(cells, "").to_numpy(zero_copy_only=False)).tolist()
+
+
 # A table as it was read: cells, units, limits, dialect, and notes on them.
 
 
