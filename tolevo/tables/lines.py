@@ -261,7 +261,8 @@ def prove_column(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None]
             return None  # each can group thousands as well
         evidence.proven |= signs
     try:
-        numbers = pc.replace_substring(unmarked, ",", ".").cast(pa.float64()).to_numpy(zero_copy_only=False)
+        plain = pc.replace_substring(unmarked, ",", ".") if "," in signs else unmarked
+        numbers = plain.cast(pa.float64()).to_numpy(zero_copy_only=False)
     except pa.ArrowInvalid:
         return None
     return (evidence, numbers) if np.isfinite(numbers).sum() == count else None

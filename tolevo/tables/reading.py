@@ -94,9 +94,15 @@ def assemble_table(
 
     summaries = [row for _, row in layout.summaries]
     stated, wrong = specifications_of_rows(summaries, [names[n] for n in header], number, place)
-    wide, of_shape = (
-        wide_of_long(replace(table, specifications=stated), place, options.shape) if not faults else (table, [])
-    )
+    wide, of_shape = replace(table, specifications=stated), []
+    if not faults:
+        wide, of_shape = wide_of_long(wide, place, options.shape)
+    natural = {
+        name: replace(limits, natural="lower")
+        for name, limits in wide.specifications.items()
+        if limits.lower == limits.nominal == 0.0 and not (pd.to_numeric(wide.cells[name], errors="coerce") < 0.0).any()
+    }
+    wide = replace(wide, specifications=dict(wide.specifications) | natural)
     return wide, faults + doubts + wrong + of_shape
 
 

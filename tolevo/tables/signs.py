@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta, timezone
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -106,6 +107,7 @@ class Notation:
         return self.decimals[0] if len(self.decimals) == 1 else ""
 
 
+@lru_cache(maxsize=4096)  # cells are looked at for the delimiter, the layout and their sign
 def notation(cell: str) -> Notation | None:
     """How a cell writes a number; None where it is none in any notation."""
     decimals = tuple(decimal for decimal in _NUMBERS if _is_number(cell, decimal))

@@ -132,6 +132,7 @@ def assert_right(table: tables.Table, shape: str) -> None:
         for at, name in enumerate(NAMES):
             stated = table.specifications[name]
             assert (stated.nominal, stated.lower, stated.upper) == (NOMINAL[at], LOWER[at], UPPER[at])
+            assert stated.natural == ("lower" if name == "Lage P3" else "")
     if shape != "limits in a row":
         column = next(name for name in frame if name not in NAMES and tables.group_of(str(name)) == "part")
         assert [str(part).removeprefix("Teil ") for part in frame[column]] == [str(at + 1) for at in range(PARTS)]
@@ -166,6 +167,8 @@ FAULTS = {
     "two nominals": (f"{HEAD}1;A;10,1;10;0,2;-0,2\n2;A;10,1;10,5;0,2;-0,2\n", "A: has two nominal sizes: 10 and 10.5"),
     "inverted": ("part;id;actual;usl;lsl\n1;A;10,1;9,5;10,5\n2;A;10,2;9,5;10,5\n", "limit 10.5 is above the upper"),
     "unsigned": (f"{HEAD}1;A;10,1;10;0,2;0,1\n2;A;10,1;10;0,2;0,1\n", r"write their signs, \+0.01 or -0.01"),
+    "unsigned, no upper": ("part;id;actual;nominal;lowertol\n1;A;9,9;10;0,2\n2;A;9,8;10;0,2\n", "write their signs"),
+    "unsigned row": ("Teil;A\nSoll;10\nOT;0,2\nUT;0,1\n1;10,1\n2;10,15\n", r"row UT: .*write their signs"),
     "two units": ("part;id;unit;actual;nominal\n1;A;mm;1,5;1\n2;A;um;1,6;1\n", "has several units: mm and um"),
     "misread": ("part;id;actual;nominal;dev\n1;A;1,5;1;0,1\n2;A;1,6;1;0,6\n", "1 deviations are not actual less"),
     "no deviation": (f"{HEAD}1;A;10,1;10;10,2;9,8\n2;A;10,1;10;10,2;9,8\n", "name it a limit"),
