@@ -132,7 +132,7 @@ def _rows(cells: pd.DataFrame, name: str) -> tuple[list[dict[str, Any]], list[st
         messages = []
         for column, value in cell.items():
             text = "" if value is None or value != value else str(value).strip()
-            number = number_in(text)
+            number = tables.number_in(text)
             if not text or column not in ("t", "cost"):
                 row |= {str(column): text} if text else {}
             elif math.isfinite(number) and (number > 0.0 if column == "t" else number >= 0.0):
@@ -148,14 +148,6 @@ def _rows(cells: pd.DataFrame, name: str) -> tuple[list[dict[str, Any]], list[st
         wrong += [f"{name}, line {line}: {message}" for message in messages]
         rows.append(row)
     return rows, wrong
-
-
-def number_in(text: str) -> float:
-    """The number that a cell states, NaN where it states none."""
-    try:
-        return math.nan if "_" in text else float(text)
-    except ValueError:
-        return math.nan
 
 
 # `[costs] file` and `[part.costs] file`: prices from a table, put into the configuration.
@@ -362,7 +354,7 @@ def _price(machine: Raw, name: str, rows: list[Raw], place: str, faults: list[Fa
 def _curve(rows: list[Raw], prices: Prices, unit: str, name: str, faults: list[Fault]) -> Raw | None:
     """The table of costs that rows state, in order of t in `unit`."""
     key = "t" if all("t" in row for row in rows) else "grade"
-    values = [number_in(str(row.get(key, "")).removeprefix("IT" if key == "grade" else "")) for row in rows]
+    values = [tables.number_in(str(row.get(key, "")).removeprefix("IT" if key == "grade" else "")) for row in rows]
     if not all(math.isfinite(value) for value in values):
         faults.append(Fault(prices.place, f"{name}: each row needs t (or grade) and cost"))
         return None
@@ -611,7 +603,7 @@ def _numbers(table: tables.Table, name: str, place: str) -> tuple[list[float], l
     """
     numbers, lines, bad = [], [], {}
     for line, cell, value in zip(table.columns.lines, table.cells[name], table.frame[name], strict=True):
-        number = number_in(value) if isinstance(value, str) else math.nan if pd.isna(value) else float(value)
+        number = tables.number_in(value)
         if math.isfinite(number):
             numbers.append(number)
             lines.append(line)

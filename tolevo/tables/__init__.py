@@ -22,7 +22,7 @@ from .reading import (
 )
 from .record import AQDEF_SUFFIXES, AS_DETECTED, KEYS, NO_OPTIONS, Dialect, ReadOptions, Specification, Table
 from .shapes import group_of
-from .signs import is_missing
+from .signs import is_missing, number_in
 
 if TYPE_CHECKING:
     from .aqdef import Characteristic, aqdef_text, names_of_characteristics, read_aqdef
@@ -51,6 +51,7 @@ __all__ = [
     "group_of",
     "is_missing",
     "names_of_characteristics",
+    "number_in",
     "open_or_raise",
     "open_table",
     "parse_columns",

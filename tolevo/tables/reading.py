@@ -17,7 +17,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .. import files
 from ..errors import Fault, InputError, nearest, raise_all, refuse
 from ..files import clear_parts, csv_text, restore_cell, write_bytes, write_text
 from ..section import is_forced
@@ -26,7 +25,8 @@ from .header import Layout, Row, find_layout, names_of, split_header, unit_of_ce
 from .lines import Bulk, Separator, prove_column, rows_of, rows_of_text
 from .record import AQDEF_SUFFIXES, AS_DETECTED, LONG, Columns, Dialect, ReadOptions, Table, empty_cells
 from .shapes import role_of, specifications_of_rows, transposed_rows, wide_of_long
-from .signs import Evidence, Exact, canonical, canonical_number, decide, evidence, is_label, is_missing
+from .signs import Evidence, Exact, canonical, canonical_number, decide, evidence, is_label, is_missing, numbers_in
+from .text import content_of
 
 SHOWN = 100
 """Bad rows of a table, or bad cells of one column, that are listed; the rest is counted."""
@@ -363,7 +363,9 @@ def _open_by_suffix(path: Path, place: str, options: ReadOptions) -> tuple[Table
             from .aqdef import table_of_aqdef
 
             return table_of_aqdef(path, place, options)
-        content = _content(path, place)
+        content = content_of(path, place, EMPTY)
+        if content.startswith(XLS_SIGNATURE):
+            raise refuse(place, "is a workbook of the old format (.xls); save it as .xlsx or CSV")
         if suffix in PARQUET or content[:4] == b"PAR1":
             table, faults = _from_parquet(content, place)
             wide, of_shape = wide_of_long(table, place, options.shape) if options.shape == LONG else (table, [])
@@ -382,18 +384,6 @@ def _open_by_suffix(path: Path, place: str, options: ReadOptions) -> tuple[Table
         return assemble_table(rows, dialect, place, options, bulk, notes)
     except InputError as error:
         return None, list(error.faults)
-
-
-def _content(path: Path, place: str) -> bytes:
-    try:
-        content = files.content(path)
-    except ValueError as error:
-        raise refuse(place, str(error)) from None
-    if not content.strip():
-        raise refuse(place, EMPTY)
-    if content.startswith(XLS_SIGNATURE):
-        raise refuse(place, "is a workbook of the old format (.xls); save it as .xlsx or CSV")
-    return content
 
 
 def _from_parquet(content: bytes, place: str) -> tuple[Table, list[Fault]]:
@@ -492,35 +482,16 @@ def _labels(column: pd.Series[Any]) -> tuple[NDArray[Any], dict[Any, str]]:
 def _numeric(column: pd.Series[Any]) -> tuple[NDArray[np.float64], dict[Any, str]]:
     """The cells as numbers, NaN where a message says why not, by row."""
     cells = column.to_numpy()
-    values = _numeric_column(cells)
-    doubted = np.arange(len(cells)) if values is None else np.flatnonzero(~np.isfinite(values))
-    bad = {column.index[at]: why for at in doubted.tolist() if (why := _number(cells[at])[1])}
-    if values is None:
-        values = np.array([_number(cell)[0] for cell in cells], dtype=float)
-    return np.where(np.isfinite(values), values, math.nan), bad
+    values = numbers_in(cells)
+    bad = np.flatnonzero(~np.isfinite(values)).tolist()
+    values[bad] = math.nan
+    return values, {column.index[at]: _complaint(cells[at]) for at in bad}
 
 
-def _numeric_column(cells: NDArray[Any]) -> NDArray[np.float64] | None:
-    """A column of numbers at once; None where its cells must be looked at singly."""
-    if cells.dtype.kind in "fiu":
-        return cells.astype(float)
-    if {type(cell) for cell in cells} != {str} or any("_" in cell for cell in cells):
-        return None
-    try:
-        return cells.astype(float)
-    except ValueError:
-        return None
-
-
-def _number(cell: Any) -> tuple[float, str]:
+def _complaint(cell: Any) -> str:
+    """What is wrong with a cell that holds no finite number."""
     if cell is None or cell == "":
-        return math.nan, "is empty; give a number"
-    try:
-        if isinstance(cell, bool) or (isinstance(cell, str) and "_" in cell):
-            raise ValueError
-        value = float(cell)
-    except (TypeError, ValueError):
-        return math.nan, f'must be a number, got "{shorten_text(str(cell))}"'
-    if not math.isfinite(value):
-        return math.nan, f"must be a finite number, got {cell}"
-    return value, ""
+        return "is empty; give a number"
+    if str(cell).casefold().lstrip("+-") in ("nan", "inf", "infinity"):
+        return f"must be a finite number, got {cell}"
+    return f'must be a number, got "{shorten_text(str(cell))}"'

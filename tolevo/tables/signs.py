@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta, timezone
 from functools import lru_cache
@@ -406,12 +407,7 @@ def typed_column(cells: NDArray[Any], numeric: bool) -> NDArray[Any]:
         return cells
     if all(map(_is_whole, cells)):
         return cells.astype(np.int64)
-    try:
-        if any("_" in cell for cell in cells if isinstance(cell, str)):  # Python reads 1_000 as a number
-            raise ValueError
-        numbers = cells.astype(float)
-    except ValueError:
-        numbers = np.array([_value(cell) for cell in cells])
+    numbers = numbers_in(cells)
     return integers_if_whole(np.where(np.isfinite(numbers), numbers, math.nan), False)
 
 
@@ -419,10 +415,20 @@ def _is_whole(cell: Any) -> bool:
     return isinstance(cell, str) and cell.lstrip("+-").isdecimal() and cell.isascii()
 
 
-def _value(cell: Any) -> float:
-    """The number in a cell, NaN where it is none."""
+def numbers_in(cells: NDArray[Any]) -> NDArray[np.float64]:
+    """The numbers in cells, NaN where there is none."""
+    if cells.dtype.kind in "fiu":
+        return cells.astype(float)
+    if {type(cell) for cell in cells} == {str} and not any("_" in cell for cell in cells):
+        with suppress(ValueError):
+            return cells.astype(float)
+    return np.array([number_in(cell) for cell in cells], dtype=float)
+
+
+def number_in(cell: Any) -> float:
+    """The number in a cell, NaN where it is none, as 1_000 is not, which Python reads as one."""
     try:
-        return math.nan if isinstance(cell, str) and "_" in cell else float(cell)
+        return math.nan if isinstance(cell, bool) or (isinstance(cell, str) and "_" in cell) else float(cell)
     except (TypeError, ValueError):
         return math.nan
 

@@ -14,7 +14,7 @@ from typing import Any
 import pandas as pd
 
 from ... import tables
-from ...configuration.cost_files import MeasuredFile, join_characteristics, number_in, opened_parts
+from ...configuration.cost_files import MeasuredFile, join_characteristics, opened_parts
 from ...configuration.parameters import BOUNDS
 from ...configuration.reader import read_table
 from ...configuration.source import Table, load
@@ -136,7 +136,7 @@ def _design(problem: ToleranceProblem, allocated: Mapping[str, Any]) -> dict[str
         value, labels = allocated.get(variable.name), list(map(str, variable.labels))
         if str(value) in labels:
             design[variable.name] = float(labels.index(str(value)))
-        elif (number := number_in(str(value))) == number:
+        elif (number := tables.number_in(str(value))) == number:
             design[variable.name] = number
     return design
 
