@@ -17,23 +17,6 @@ from scipy.special import gamma as special_gamma
 from ..registry import Kinds
 from ..section import Array, Range
 
-__all__ = [
-    "DISTRIBUTIONS",
-    "Beta",
-    "Distribution",
-    "Empirical",
-    "Exponential",
-    "LogNormal",
-    "Normal",
-    "Rayleigh",
-    "SkewNormal",
-    "Trapezoid",
-    "Triangular",
-    "TruncatedNormal",
-    "Uniform",
-    "Zone",
-]
-
 # The interface of a toleranced input: input = mid + t z, with z in units of the half-width.
 
 

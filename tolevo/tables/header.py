@@ -77,16 +77,10 @@ def names_of(header: list[str]) -> dict[str, str]:
     }
 
 
-def is_unit_cell(cell: str) -> bool:
-    """Whether a cell of a row of units is a unit: "mm", "[mm]", "-"."""
+def unit_of_cell(cell: str) -> str | None:
+    """The unit that a cell of a row of units states, "1" for "-"; None where it is no unit."""
     text = cell.strip().strip("[]()（）［］【】").strip()
-    return text in ("-", "--", "–", "1", "Text", "text") or known_unit(text) is not None
-
-
-def unit_of_cell(cell: str) -> str:
-    """The unit that a cell of a row of units states; empty where it states none."""
-    unit = known_unit(cell.strip().strip("[]()（）［］【】").strip())
-    return "" if unit in (None, "1") else str(unit)
+    return "1" if text in ("-", "--", "–", "1", "Text", "text") else known_unit(text)
 
 
 # Where the column names stand: below a preamble, above a row of units, above the measurements.
@@ -123,14 +117,12 @@ def find_layout(rows: list[Row], place: str) -> Layout:
     if not names:
         return _layout_without_names(rows, count, place)
     at, units = _choose_name_rows(rows, names, first)
-    layout = Layout(rows[at], rows[units] if units is not None else None)
-    if faults := _rivals(rows, names, at, numeric, place):
-        layout.faults = faults
+    layout = Layout(rows[at], rows[units] if units is not None else None, faults=_rivals(rows, names, at, place))
     layout.body = rows[(at if units is None else units) + 1 :]
     if at:
         layout.notes.append(f"{at} lines above the column names are left out: {_list_cells(rows[:at])}")
     _join_blocks(layout, rows[at - 1 : at] if at else [], numeric, place)
-    _drop_summaries(layout, numeric)
+    _drop_summaries(layout)
     counted = sum(any(map(str.isdigit, row[0])) for _, row in layout.body)
     if 2 * counted > len(layout.body):  # parts have numbers, statistics have names
         for line, row in layout.body:
@@ -191,7 +183,7 @@ def is_unit_row(row: list[str], numeric: list[int]) -> bool:
     stated = [cell for column, cell in enumerate(row) if cell and column in numeric]
     return (
         bool(stated)
-        and all(is_unit_cell(cell) for cell in cells)
+        and all(unit_of_cell(cell) for cell in cells)
         and any(not re.fullmatch(r"[-\W]*|1", cell) for cell in stated)
     )
 
@@ -213,14 +205,13 @@ def _choose_name_rows(rows: list[Row], names: list[int], first: int) -> tuple[in
     return last, None
 
 
-def _rivals(rows: list[Row], names: list[int], at: int, numeric: list[int], place: str) -> list[Fault]:
+def _rivals(rows: list[Row], names: list[int], at: int, place: str) -> list[Fault]:
     """Rows right above the names that can be the names as well."""
-    above = [row for row in names if row < at and rows[row][0] == rows[at][0] - (at - row)]
-    if not above or at - 1 not in above:
+    (upper, above), (line, below) = rows[at - 1], rows[at]
+    if at - 1 not in names or upper != line - 1:
         return []
-    if any(split_header(name)[1] for name in rows[at][1]) and not any(split_header(n)[1] for n in rows[at - 1][1]):
+    if any(split_header(name)[1] for name in below) and not any(split_header(name)[1] for name in above):
         return []  # "Teil;Welle" above "Nr.;Abstand [mm]": names have units
-    line, upper = rows[at][0], rows[at - 1][0]
     text = (
         f"lines {upper} and {line} can both be the column names; leave an empty line above the "
         "names, or remove the other line"
@@ -231,22 +222,16 @@ def _rivals(rows: list[Row], names: list[int], at: int, numeric: list[int], plac
 def _layout_without_names(rows: list[Row], count: int, place: str) -> Layout:
     """The first full row as names, with what is wrong with them."""
     at = next((at for at, (_, row) in enumerate(rows) if len(row) >= count), 0)
-    names = rows[at][1]
-    layout = Layout(rows[at], None, rows[at + 1 :])
+    line, names = rows[at]
     above = [row for _, row in rows[:at] if len(row) > 1]
-    if any(_is_measurement(cell) for cell in names) and above:
+    text = f"has no column names: line {line} begins with measurements; add a line of names above it"
+    if above:
         text = (
-            f"line {rows[at][0]} has {len(names)} cells, and no line above it as many names ({len(above[-1])} cells "
+            f"line {line} has {len(names)} cells, and no line above it as many names ({len(above[-1])} cells "
             "expected by the last one); where decimal commas stand between commas, export it with another delimiter"
         )
-        layout.faults.append(Fault(place, text))
-    elif any(_is_measurement(cell) for cell in names):
-        layout.faults.append(
-            Fault(
-                place, f"has no column names: line {rows[at][0]} begins with measurements; add a line of names above it"
-            )
-        )
-    return layout
+    faults = [Fault(place, text)] if any(_is_measurement(cell) for cell in names) else []
+    return Layout(rows[at], None, rows[at + 1 :], faults=faults)
 
 
 def _join_blocks(layout: Layout, above: list[Row], numeric: list[int], place: str) -> None:
@@ -286,7 +271,7 @@ def _title(rows: list[Row]) -> str:
     return " ".join(cell for cell in rows[-1][1] if cell) if rows else ""
 
 
-def _drop_summaries(layout: Layout, numeric: list[int]) -> None:
+def _drop_summaries(layout: Layout) -> None:
     """Leave out rows of limits below the names, and of means or an end mark below the data."""
     body = layout.body
     first = next((at for at, row in enumerate(body) if not _names_summary(row[1])), len(body))
@@ -378,7 +363,10 @@ def fit_columns(
             names[name] = wanted
             cells[name] = _convert_cells(cells[name], table.units[name], unit, 1)
             notes.append(f'"{table.headers[name]}" is read as {wanted}')
-    names |= _aqdef_columns(table, names, free)
+    if table.dialect.kind == AQDEF:  # its times and batches, where no entry of [columns] maps them
+        for name, target in OF_AQDEF.items():
+            if name in table.cells and name not in names and target in free and target not in names.values():
+                names[name] = target
     for name, target in names.items():
         if known.get(target) == "s":
             cells[name], interpretations, wrong = _clock(cells[name])
@@ -395,17 +383,6 @@ def fit_columns(
         both = ", ".join(f'"{name}"' for name, used_as in names.items() if used_as == target)
         faults.append(Fault("columns", f"{both} are all mapped to {target}; only one column can be"))
     return Fitted(pd.DataFrame(kept, index=table.cells.index), tuple(notes), tuple(faults))
-
-
-def _aqdef_columns(table: Table, names: Mapping[str, str], free: Mapping[str, str]) -> dict[str, str]:
-    """Times and batches of a Q-DAS file that no `[columns]` entry maps."""
-    if table.dialect.kind != AQDEF:
-        return {}
-    return {
-        name: target
-        for name, target in OF_AQDEF.items()
-        if name in table.cells and name not in names and target in free and target not in names.values()
-    }
 
 
 def _clock(cells: pd.Series[Any]) -> tuple[pd.Series[Any], list[str], list[str]]:
@@ -438,7 +415,7 @@ def _mapped_cells(
 ) -> tuple[pd.Series[Any], list[str]]:
     """The cells of a column that is mapped, in the unit of its target."""
     unit = known.get(use.target, "")
-    if use.unit and stated and not _is_same_unit(use.unit, stated):
+    if use.unit and stated and not is_same_unit(use.unit, stated):
         return cells, [f'the file says "{stated}", the configuration "{use.unit}"']
     source_unit = use.unit or stated
     if source_unit and unit and not fits(source_unit, unit):
@@ -448,12 +425,13 @@ def _mapped_cells(
 
 def _contradiction(stated: str, name: str, unit: str) -> str:
     """What is wrong where the file states another unit than the name of the column."""
-    if not stated or not unit or _is_same_unit(stated, unit):
+    if not stated or not unit or is_same_unit(stated, unit):
         return ""
     return f'is stated in "{stated}", but {name} is in "{unit}"; rename it or map it in [columns]'
 
 
-def _is_same_unit(unit: str, stated: str) -> bool:
+def is_same_unit(unit: str, stated: str) -> bool:
+    """Whether both are one unit, in two spellings perhaps."""
     if unit == stated:
         return True
     if not fits(unit, stated):
@@ -474,7 +452,7 @@ def _similar_column(table: Table, wanted: str, unit: str, names: Mapping[str, st
 
 def _convert_cells(cells: pd.Series[Any], source_unit: str, unit: str, sense: int) -> pd.Series[Any]:
     """Cells of numbers in another unit and sense; cells that are not numbers stay as they are."""
-    if sense == 1 and (source_unit == unit or not source_unit or not unit or _is_same_unit(source_unit, unit)):
+    if sense == 1 and (source_unit == unit or not source_unit or not unit or is_same_unit(source_unit, unit)):
         return cells
     numbers = pd.to_numeric(cells.astype(object), errors="coerce").to_numpy(dtype=float)
     values = sense * np.asarray(converted(numbers, source_unit, unit) if source_unit and unit else numbers)

@@ -246,7 +246,7 @@ def _units(layout: Layout, header: list[str]) -> dict[str, str]:
     units = {names[n]: unit for n in header if (unit := split_header(n)[1]) and names[n] != n}
     if layout.units is not None:
         for name, cell in zip(header, layout.units[1], strict=False):
-            if cell and (unit := unit_of_cell(cell)):
+            if cell and (unit := unit_of_cell(cell)) not in (None, "1"):
                 units.setdefault(names[name], unit)
     return units
 

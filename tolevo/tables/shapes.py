@@ -13,8 +13,7 @@ import numpy as np
 import pandas as pd
 
 from ..errors import Fault, raise_all
-from ..units import converted, fits
-from .header import Row, known_unit, split_header
+from .header import Row, is_same_unit, known_unit, split_header
 from .record import LONG, WIDE, Columns, Specification, Table
 from .signs import LIMITS, is_missing, is_summary
 
@@ -234,16 +233,12 @@ def _specifications(
     for name in stated:
         own = units.get(name, "")
         for column in (long[role] for role in stated[name]):
-            if own and (unit := table.units.get(column, "")) and not _is_unit(unit, own):
+            if own and (unit := table.units.get(column, "")) and not is_same_unit(unit, own):
                 faults.append(Fault(f"{place}: column {column}", f'is in "{unit}", {name} in "{own}"'))
     lower = long.get("lower", "")
     plus = bool(lower) and any(str(cell).startswith("+") for cell in table.cells[lower].unique())
     specifications, wrong = _of_stated(stated, table.headers.get(lower, lower), plus, place)
     return specifications, faults + wrong
-
-
-def _is_unit(unit: str, own: str) -> bool:
-    return unit == own or (fits(unit, own) and float(converted(1.0, unit, own)) == 1.0)
 
 
 def _wrong_deviations(table: Table, long: _Long, numbers: Mapping[str, pd.Series[Any]], place: str) -> list[Fault]:

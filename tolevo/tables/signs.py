@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from datetime import UTC, datetime, timedelta, timezone
+from datetime import datetime
 from functools import lru_cache
 from typing import Any
 
@@ -314,16 +314,16 @@ def _parse_time(text: str, forms: Sequence[str]) -> tuple[datetime, float, str]:
             year = int(match["y"] or 1900)
             year += (2000 if year < 70 else 1900) if year < 100 else 0
             hour, minute, second = (int(match[part] or 0) for part in ("hour", "minute", "second"))
-            fraction = (match["fraction"] or "").ljust(12, "0")
+            fraction, zone = (match["fraction"] or "").ljust(12, "0"), match["zone"] or ""
             if match["half"]:
                 hour = hour % 12 + 12 * (match["half"] in "Pp") if 1 <= hour <= 12 else 24
-            micro = int(fraction[:6])
+            day = f"{year:04}-{_month(match['m'] or '1'):02}-{int(match['d'] or 1):02}"
+            offset = (zone.upper().lstrip("UTCGMZ") or "Z") if zone else ""
             try:
-                day = _month(match["m"] or "1"), int(match["d"] or 1)
-                time = datetime(year, *day, hour, minute, second, micro, _zone(match["zone"]))
+                time = datetime.fromisoformat(f"{day}T{hour:02}:{minute:02}:{second:02}.{fraction[:6]}{offset}")
             except ValueError:
                 continue
-            return time, 1e-12 * int(fraction[6:]), name + (ZONED if match["zone"] else "")
+            return time, 1e-12 * int(fraction[6:]), name + (ZONED if zone else "")
     raise ValueError(f'"{text[:60]}" is not a time such as 31.12.2026/08:00:00 or 2026-12-31T08:00:00Z')
 
 
@@ -334,16 +334,6 @@ def _month(text: str) -> int:
     return 1 + next(at for at, names in enumerate(_MONTHS) if text[:3].lower() in names.split("|"))
 
 
-def _zone(text: str | None) -> timezone | None:
-    """The zone that a time states: Z, +01:00, UTC-5."""
-    if not text:
-        return None
-    match = re.search(r"([+-])(\d\d):?(\d\d)?", text)
-    if match is None:
-        return UTC
-    return timezone(int(match[1] + "1") * timedelta(hours=int(match[2]), minutes=int(match[3] or 0)))
-
-
 def seconds(texts: Sequence[str]) -> tuple[list[float], datetime]:
     """The times that a column states, in seconds since the earliest of them, which is the second
     result; NaN where a cell is empty.
@@ -352,7 +342,11 @@ def seconds(texts: Sequence[str]) -> tuple[list[float], datetime]:
     zone, and where dates with slashes can be read with the day or the month first.
     """
     filled = [text for text in texts if text]
-    fitting = [name for name in _FORMS if all(_fits(text, name) for text in filled)]
+    fitting = []
+    for name in _FORMS:
+        with suppress(ValueError):
+            if all(moment(text, (name,)) for text in filled):
+                fitting.append(name)
     examples = {_parse_time(text, fitting or tuple(_FORMS))[2]: text for text in reversed(filled)}
     if not fitting or len(examples) > 1:
         listed = " and ".join(f'{name} ("{text}")' for name, text in examples.items())
@@ -365,14 +359,6 @@ def seconds(texts: Sequence[str]) -> tuple[list[float], datetime]:
     times = [_parse_time(text, fitting[:1])[:2] if text else None for text in texts]
     start, rest = min(time for time in times if time is not None)
     return [(time[0] - start).total_seconds() + (time[1] - rest) if time else float("nan") for time in times], start
-
-
-def _fits(text: str, form: str) -> bool:
-    try:
-        moment(text, (form,))
-    except ValueError:
-        return False
-    return True
 
 
 # Cells of numbers as numbers.
