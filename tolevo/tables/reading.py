@@ -70,33 +70,46 @@ def assemble_table(
         if arrays is None:
             return cell_by_cell()
         columns, lines = arrays, list(range(lines[0], lines[-1] + 1))
-    columns = columns or [[] for _ in header]
+    names, units = names_of(header), _units(layout, header)
+    headers = {names[name]: name for name in header}
     cells_of: dict[str, Any] = {}
-    for name, cells in zip(header, columns, strict=True):
-        cells_of.setdefault(name, cells)
-    cells_of, percent = _without_percent_signs(cells_of)
-    proofs, numbers = _proofs(cells_of)
+    for name, cells in zip(header, columns or [[] for _ in header], strict=True):
+        cells_of.setdefault(names[name], cells)
+    percent = _strip_percent_signs(cells_of)
+    contradicted = [headers[name] for name in percent if units.get(name, "%") != "%"]
+    faults += [Fault(f"{place}: column {n}", "has cells in %, and another unit in its name") for n in contradicted]
+    units |= dict.fromkeys(percent, "%")
+    proofs, values = _proofs(cells_of)
     delimiter = dialect.delimiter if dialect.kind == "csv" else ""
     signs, doubts = decide(
-        proofs, options.decimal, delimiter, place, partial(_is_near_nominal, options, _units(layout, header))
+        proofs, options.decimal, delimiter, place, partial(_is_near_nominal, options, units, headers)
     )
-    plain = {n: _canonical_cells(cells, proofs[n], signs.get(n)) for n, cells in cells_of.items()}
-    table = _table(layout, dialect, header, plain, proofs, signs, lines, numbers)
-    names = names_of(header)
-    contradicted = [n for n in percent if table.units.get(names[n], "%") != "%"]
-    faults += [Fault(f"{place}: column {n}", "has cells in %, and another unit in its name") for n in contradicted]
-    faults += _unnamed_rows(table, place)
-    table = replace(table, units=dict(table.units) | {names[n]: "%" for n in percent})
+    notes = [*layout.notes]
+    numeric = []
+    for name, cells in cells_of.items():
+        cells_of[name] = _canonical_cells(cells, proofs[name], signs.get(name))
+        if name in values or (proofs[name].numeric and not any(map(is_label, cells_of[name]))):
+            numeric.append(name)
+            notes += _missing_notes(name, cells_of[name], lines, values.get(name))
+    used = {signs[n] for n in cells_of if signs.get(n) and (proofs[n].proven or proofs[n].either)}
+    dialect = replace(
+        dialect,
+        decimal=min(used) if len(used) == 1 else "",
+        thousands=next((proof.group for proof in proofs.values() if proof.group), ""),
+        header=line,
+        unit_row=layout.units[0] if layout.units else 0,
+    )
 
     def number(at: int, cell: str) -> float:
-        text = canonical_number(cell, signs.get(header[at]) or ".")
+        text = canonical_number(cell, signs.get(names[header[at]]) or ".")
         return float(text or cell) if text or isinstance(cell, Exact) else math.nan
 
     summaries = [row for _, row in layout.summaries]
-    stated, wrong = specifications_of_rows(summaries, [names[n] for n in header], number, place)
-    wide, of_shape = replace(table, specifications=stated), []
-    if not faults:
-        wide, of_shape = wide_of_long(wide, place, options.shape)
+    stated, wrong = specifications_of_rows(summaries, [names[name] for name in header], number, place)
+    columns_of_names = Columns(cells_of, lines)
+    wide = Table(columns_of_names, dialect, units, tuple(notes), tuple(numeric), headers, values, stated)
+    faults += _unnamed_rows(wide, place)
+    wide, of_shape = (wide, []) if faults else wide_of_long(wide, place, options.shape)
     natural = {
         name: replace(limits, natural="lower")
         for name, limits in wide.specifications.items()
@@ -168,8 +181,8 @@ def _range(cells: Sequence[str]) -> tuple[float, float] | None:
 _PERCENT = re.compile(r"[+\-−]?[\d.,]+ ?%")
 
 
-def _without_percent_signs(cells_of: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """The columns with percent signs taken off their numbers, and the names of those that had them."""
+def _strip_percent_signs(cells_of: dict[str, Any]) -> list[str]:
+    """Take percent signs off the numbers of columns; the names of those that had them."""
     named = [
         name
         for name, cells in cells_of.items()
@@ -177,24 +190,21 @@ def _without_percent_signs(cells_of: dict[str, Any]) -> tuple[dict[str, Any], li
         and any("%" in cell for cell in cells)
         and all(is_missing(cell) or _PERCENT.fullmatch(cell) for cell in cells)
     ]
-    return cells_of | {name: [cell.rstrip("% ") for cell in cells_of[name]] for name in named}, named
+    cells_of |= {name: [cell.rstrip("% ") for cell in cells_of[name]] for name in named}
+    return named
 
 
 def _proofs(cells_of: dict[str, Any]) -> tuple[dict[str, Evidence], dict[str, NDArray[Any]]]:
     """What the cells of each column prove, and the numbers of those that are read at once."""
     proofs, numbers = {}, {}
     for name, cells in cells_of.items():
-        if isinstance(cells, list):
-            proofs[name] = evidence(cells)
-            continue
-        quick = prove_column(cells)
+        quick = None if isinstance(cells, list) else prove_column(cells)
         if quick is None:
-            cells_of[name] = cells.to_pylist()
-            proofs[name] = evidence(cells_of[name])
-        else:
-            proofs[name] = quick[0]
-            if quick[1] is not None:
-                numbers[name] = quick[1]
+            cells_of[name] = cells if isinstance(cells, list) else cells.to_pylist()
+            quick = evidence(cells_of[name]), None
+        proofs[name] = quick[0]
+        if quick[1] is not None:
+            numbers[name] = quick[1]
     return proofs, numbers
 
 
@@ -204,40 +214,6 @@ def _canonical_cells(cells: Any, proof: Evidence, sign: str | None) -> Any:
         return cells
     plain = not (sign == "," or proof.group or proof.grouping or proof.either or any("−" in cell for cell in cells))
     return cells if plain else canonical(cells, sign or ".")
-
-
-def _table(
-    layout: Layout,
-    dialect: Dialect,
-    header: list[str],
-    columns: dict[str, Any],
-    proofs: dict[str, Evidence],
-    signs: dict[str, str],
-    lines: list[int],
-    quick: dict[str, NDArray[Any]],
-) -> Table:
-    """The table with its names apart from their units."""
-    names, units = names_of(header), _units(layout, header)
-    numeric = tuple(
-        names[n] for n in columns if n in quick or (proofs[n].numeric and not any(map(is_label, columns[n])))
-    )
-    used = [signs[n] for n in columns if signs.get(n) and (proofs[n].proven or proofs[n].either)]
-    complete = replace(
-        dialect,
-        decimal="".join(sorted(set(used)))[:1] if len(set(used)) == 1 else "",
-        thousands=next((proof.group for proof in proofs.values() if proof.group), ""),
-        header=layout.header[0],
-        unit_row=layout.units[0] if layout.units else 0,
-    )
-    slow = [name for name in numeric if name not in {names[n] for n in quick}]
-    slow += [names[n] for n, values in quick.items() if np.isnan(values).any()]
-    values = {names[n]: column for n, column in quick.items()}
-    cells_of = {names[n]: column for n, column in columns.items()}
-    notes = [*layout.notes]
-    for name in slow:
-        notes += _missing_notes(name, cells_of[name], lines, values.get(name))
-    headers = {names[n]: n for n in columns}
-    return Table(Columns(cells_of, lines), complete, units, tuple(notes), numeric, headers, values)
 
 
 def _units(layout: Layout, header: list[str]) -> dict[str, str]:
@@ -251,14 +227,12 @@ def _units(layout: Layout, header: list[str]) -> dict[str, str]:
     return units
 
 
-def _is_near_nominal(options: ReadOptions, units: Mapping[str, str], column: str, value: float) -> bool:
+def _is_near_nominal(
+    options: ReadOptions, units: Mapping[str, str], headers: Mapping[str, str], name: str, value: float
+) -> bool:
     """Whether a value is between half and twice the nominal size of its column, where that is known."""
-    name = split_header(column)[0]
-    sizes = options.sizes
-    size = next((sizes[key] for key in (column, name, "") if key in sizes), None)
-    if size is None:
-        return False
-    nominal, unit, stated = *size, units.get(name) or units.get(column)
+    nominal, unit = next((options.sizes[key] for key in (headers[name], name, "") if key in options.sizes), (0.0, ""))
+    stated = units.get(name)
     if stated and unit and fits(stated, unit):
         value = float(converted(value, stated, unit))
     return 0.5 <= value / nominal <= 2.0 if nominal else False
