@@ -87,10 +87,10 @@ class Distribution(ABC):
         ]
 
 
-def coarse(law: Distribution) -> float:
-    """The `grain` of a law with atoms or poles."""
+def std_of(law: Distribution) -> float:
+    """Standard deviation of z."""
     _, first, second = law.raw_moments(2)
-    return GRAIN_PER_STD * float(np.sqrt(second - first**2))
+    return float(np.sqrt(second - first**2))
 
 
 class WithinZone(Distribution):
@@ -123,7 +123,7 @@ class Beta(WithinZone):
 
     @property
     def grain(self) -> float:
-        return GRAIN if min(self.alpha, self.beta) >= 1.0 else coarse(self)
+        return GRAIN if min(self.alpha, self.beta) >= 1.0 else GRAIN_PER_STD * std_of(self)
 
     def raw_moments(self, order: int) -> Array:
         lean, total = self.alpha - self.beta, self.alpha + self.beta
@@ -176,7 +176,7 @@ class Empirical(Distribution):
 
     @property
     def grain(self) -> float:
-        return coarse(self)
+        return GRAIN_PER_STD * std_of(self)
 
     def faults(self) -> list[tuple[str, str]]:
         faults = Distribution.faults(self)
@@ -316,8 +316,7 @@ class Mixture(Distribution):
     @property
     def sigma(self) -> float:
         """Standard deviation of z."""
-        _, first, second = self.raw_moments(2)
-        return float(np.sqrt(second - first**2))
+        return std_of(self)
 
     def raw_moments(self, order: int) -> Array:
         shares, parts = self._parts()

@@ -162,22 +162,16 @@ def knowledge_of(
     parts = 0.0
     difference = None if gauge is None else Difference(observed, df, gauge.sigma**2, gauge.df)
     if prior is not None:
-        _check_prior(variance, df, prior)
+        below = float(scipy.stats.f.cdf(variance / prior.sigma**2, df, prior.parts))
+        if (chance := 2.0 * min(below, 1.0 - below)) < CONTRADICTED:
+            raise ValueError(
+                f"has a standard deviation of {np.sqrt(variance):.4g}, the prior one of {prior.sigma:.4g} with the "
+                f"weight of {prior.parts:g} parts: they differ as much by chance once in "
+                f"{1.0 / max(chance, 1e-12):.2g} samples; reduce prior.parts, or remove the prior"
+            )
         variance = (prior.parts * prior.sigma**2 + df * variance) / (prior.parts + df)
         df, parts = df + prior.parts, prior.parts
     return Knowledge(mean, float(np.sqrt(variance)), n_mean, df, parts, difference)
-
-
-def _check_prior(variance: float, df: float, prior: Prior) -> None:
-    """Raises ValueError where a sample contradicts a prior."""
-    below = float(scipy.stats.f.cdf(variance / prior.sigma**2, df, prior.parts))
-    chance = 2.0 * min(below, 1.0 - below)
-    if chance < CONTRADICTED:
-        raise ValueError(
-            f"has a standard deviation of {np.sqrt(variance):.4g}, the prior one of {prior.sigma:.4g} with the weight "
-            f"of {prior.parts:g} parts: they differ as much by chance once in {1.0 / max(chance, 1e-12):.2g} samples; "
-            "reduce prior.parts, or remove the prior"
-        )
 
 
 # The standard deviation in an assured allocation: a norm of the tolerances.

@@ -338,9 +338,13 @@ def read_sample(
         return None
     values = np.asarray(converted(np.array(numbers), stated_unit, unit), dtype=float)
     nominal = of_file if nominal is None else nominal
-    if of_file is not None and nominal is not None and not _file_matches_nominal(section, unit, of_file, nominal):
+    if of_file is not None and nominal is not None and abs(of_file - nominal) > NEAR_NOMINAL * max(abs(nominal), 1.0):
+        other = f"is of a nominal of {of_file:g} {unit}, the part has {nominal:g} {unit}"
+        section.fault("file", f"{other}: another revision of the drawing?")
         return None
-    origin = _origin(values, nominal) + mid
+    middle = float(np.median(values)) if len(values) else 0.0
+    are_deviations = nominal is None or abs(middle) < abs(middle - nominal)
+    origin = mid if nominal is None or are_deviations else nominal + mid
     limits = _limits(single, origin, made_to, natural)
     one_sided = (limits[0] is None) != (limits[1] is None)
     if one_sided and mean == "corrected":
@@ -496,28 +500,10 @@ def _are_plausible_deviations(section: Section, unit: str, deviations: Array, ma
         problem = f"lie up to {far:.4g} {unit} off the mid-limit"
     else:
         return True
-    comparison = (
-        f"but were made to {made_to:g} {unit}{hint}: check their unit and made_to"
-        if made_to
-        else f"but three times their scatter is {width:.4g} {unit}{hint}: state measured.nominal, or check their unit"
-    )
-    section.fault("values", f"{problem}, {comparison}")
+    else_stated = f"three times their scatter is {width:.4g} {unit}{hint}: state measured.nominal, or check their unit"
+    comparison = f"were made to {made_to:g} {unit}{hint}: check their unit and made_to" if made_to else else_stated
+    section.fault("values", f"{problem}, but {comparison}")
     return False
-
-
-def _origin(values: Array, nominal: float | None) -> float:
-    """What deviations from the nominal count from; `values` are sizes, or deviations already."""
-    middle = float(np.median(values)) if len(values) else 0.0
-    return 0.0 if nominal is None or abs(middle) < abs(middle - nominal) else nominal
-
-
-def _file_matches_nominal(section: Section, unit: str, of_file: float, nominal: float) -> bool:
-    """Whether a file is of the nominal of the part; a fault is reported where it is not."""
-    same = abs(of_file - nominal) <= NEAR_NOMINAL * max(abs(nominal), 1.0)
-    if not same:
-        other = f"is of a nominal of {of_file:g} {unit}, the part has {nominal:g} {unit}"
-        section.fault("file", f"{other}: another revision of the drawing?")
-    return same
 
 
 def _limits(

@@ -440,16 +440,13 @@ def _gauge_study(gauge: Raw, measured: Raw, part: Raw, folder: Path, place: str,
     """The table of a gauge with the measurements of its study, their parts and operators."""
     name, options = gauge.pop("file"), options_in(gauge, _sizes(measured, part, str(part.get("unit", ""))))
     wanted = gauge.get("characteristic", measured.get("characteristic"))
-    read = None
-    if isinstance(name, str):
-        read = _read(folder / name, wanted, options, place, faults)
-    else:
+    if not isinstance(name, str):
         faults.append(Fault(place, f"must be the name of a file, got {name}"))
-    if read is None:
-        return {**gauge, "values": None}
-    groups: Raw = read.get("groups", {})
-    study = {"values": read["values"], "parts": read.get("parts", []), "operators": groups.get("operator", [])}
-    return study | {key: read[key] for key in ("unit",) if key in read} | gauge
+    elif (read := _read(folder / name, wanted, options, place, faults)) is not None:
+        operators = read.get("groups", {}).get("operator", [])
+        study = {"values": read["values"], "parts": read.get("parts", []), "operators": operators}
+        return study | ({"unit": read["unit"]} if "unit" in read else {}) | gauge
+    return {**gauge, "values": None}
 
 
 def _sizes(measured: Raw, part: Raw, unit: str) -> dict[str, tuple[float, str]]:
@@ -538,7 +535,16 @@ class MeasuredFile:
 
     def characteristic(self, wanted: Any) -> Raw:
         """The characteristic that is wanted, or the only one; raises InputError without it."""
-        return self.values(_choose_characteristic(self.place, wanted, dict(self.names), list(self.labels)))
+        if wanted is None and len(self.labels) == 1:
+            return self.values(self.labels[0])
+        if str(wanted) in self.names and self.labels and wanted is not None:
+            return self.values(self.names[str(wanted)])
+        text, listed = f'has no characteristic "{wanted}"{nearest(str(wanted), self.names)}', self.labels
+        if not self.labels:
+            text, listed = "has no column of measured values", tuple(dict.fromkeys(self.names.values()))
+        elif wanted is None:
+            text = f"has {len(self.labels)} characteristics: state which one is meant, characteristic = ..."
+        raise refuse(self.place, f"{text}; it has {_list_labels(listed)}")
 
 
 def opened_parts(path: Path, options: tables.ReadOptions) -> MeasuredFile:
@@ -638,22 +644,5 @@ def _values(characteristic: tables.Characteristic, place: str) -> Raw:
     return values | _limits_of(characteristic.specification)
 
 
-def _choose_characteristic(place: str, wanted: Any, names: dict[str, str], labels: list[str]) -> str:
-    """The characteristic that is wanted, or the only one there is."""
-    if wanted is None and len(labels) == 1:
-        return labels[0]
-    if not labels:
-        raise refuse(
-            place, f"has no column of measured values; it has {_list_labels(list(dict.fromkeys(names.values())))}"
-        )
-    if wanted is None:
-        text = f"has {len(labels)} characteristics: state which one is meant, characteristic = ..."
-        raise refuse(place, f"{text}; it has {_list_labels(labels)}")
-    if str(wanted) not in names:
-        text = f'has no characteristic "{wanted}"{nearest(str(wanted), names)}'
-        raise refuse(place, f"{text}; it has {_list_labels(labels)}")
-    return names[str(wanted)]
-
-
-def _list_labels(labels: list[str]) -> str:
+def _list_labels(labels: Sequence[str]) -> str:
     return ", ".join(labels[:LISTED]) + (f", ... ({len(labels)} in all)" if len(labels) > LISTED else "")

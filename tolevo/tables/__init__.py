@@ -7,7 +7,7 @@ The index of a table is the line number in its file (the row number in a Parquet
 from typing import TYPE_CHECKING
 
 from ..lazy import lazily
-from .header import ColumnUse, Fitted, Tell, discard_lines, drop_unused, fit_columns
+from .header import ColumnUse, Tell, discard_lines, drop_unused, fit_columns
 from .reading import (
     PARQUET,
     SHOWN,
@@ -20,7 +20,7 @@ from .reading import (
     table_of,
     write,
 )
-from .record import AQDEF_SUFFIXES, AS_DETECTED, KEYS, NO_OPTIONS, Dialect, ReadOptions, Specification, Table
+from .record import AQDEF_SUFFIXES, AS_DETECTED, KEYS, NO_OPTIONS, ReadOptions, Specification, Table
 from .shapes import group_of
 from .signs import is_missing, number_in
 
@@ -36,8 +36,6 @@ __all__ = [
     "SHOWN",
     "Characteristic",
     "ColumnUse",
-    "Dialect",
-    "Fitted",
     "ReadOptions",
     "Specification",
     "Table",

@@ -101,29 +101,24 @@ class Content:
         index = int(match[2]) if match[2] else 1
         if key == "K0100":
             self.count = int(value) if value.isdecimal() else None
-        elif key.startswith("K1"):
-            self._part_key(at, key, index, value)
-        elif key.startswith("K2"):
-            self._characteristic_key(at, key, index, value)
+        elif key.startswith(("K1", "K2")):
+            self._description_key(at, key, index, value)
         elif key.startswith("K00"):
             self._value_key(at, key, index, value, int(match[3]) if match[3] else None)
 
-    def _part_key(self, at: int, key: str, index: int, value: str) -> None:
+    def _description_key(self, at: int, key: str, index: int, value: str) -> None:
+        """A key of a part (K1...) or of a characteristic (K2...); of the index 0 it is one of all."""
+        of_part = key.startswith("K1")
         if index == 0:
-            self.common_parts[key] = value
+            (self.common_parts if of_part else self.common)[key] = value
             return
-        self._part = index
-        keys = self.parts.setdefault(index, {})
+        if of_part:
+            self._part, keys = index, self.parts.setdefault(index, {})
+        else:
+            keys = self.characteristics.setdefault(index, Raw(self._part)).keys
         if keys.setdefault(key, value) != value:
-            self.fault(at, f'{key} of part {index} is "{keys[key]}" above, here "{value}"')
-
-    def _characteristic_key(self, at: int, key: str, index: int, value: str) -> None:
-        if index == 0:
-            self.common[key] = value
-            return
-        raw = self.characteristics.setdefault(index, Raw(self._part))
-        if raw.keys.setdefault(key, value) != value:
-            self.fault(at, f'{key} of characteristic {index} is "{raw.keys[key]}" above, here "{value}"')
+            what = "part" if of_part else "characteristic"
+            self.fault(at, f'{key} of {what} {index} is "{keys[key]}" above, here "{value}"')
 
     def _value_key(self, at: int, key: str, index: int, value: str, number: int | None) -> None:
         if index == 0:
@@ -255,11 +250,11 @@ def aqdef_text(characteristics: Sequence[Characteristic]) -> str:
             "K2101": c.nominal,
             "K2110": c.lower,
             "K2111": c.upper,
+            "K2120": "2" if natural == "lower" else "1",
+            "K2121": "2" if natural == "upper" else "1",
+            "K2142": c.unit,
         }
-        stated |= {"K2120": "2" if natural == "lower" else "1", "K2121": "2" if natural == "upper" else "1"}
-        lines += [
-            f"{key}/{at} {value}" for key, value in (stated | {"K2142": c.unit}).items() if value not in ("", None)
-        ]
+        lines += [f"{key}/{at} {value}" for key, value in stated.items() if value not in ("", None)]
     return "\n".join(lines) + "\n"
 
 

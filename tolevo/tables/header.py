@@ -247,7 +247,7 @@ def _join_blocks(layout: Layout, above: list[Row], numeric: list[int], place: st
             if len(cells) == len(numeric) and not any(is_missing(c) or _is_measurement(c) for c in cells):
                 text = f'line {line} holds names of other columns ("{row[0]}", ...): give a file for each table'
                 layout.faults.append(Fault(place, text))
-                return
+                break
         return
     blocks, title, joined, taken = [0, *starts, len(body)], _title(above), [], []
     for number, (first, end) in enumerate(pairwise(blocks), 1):
@@ -355,10 +355,13 @@ def fit_columns(
     for wanted, unit in free.items():
         if (name := spelt.get(wanted)) is not None and name not in names:
             names[name] = wanted
-            if wrong_unit := _contradiction(table.units.get(name, ""), wanted, unit):
-                faults.append(Fault(f"{place}: column {table.headers.get(name, name)}", wrong_unit))
-    for wanted, unit in free.items():
-        name = _similar_column(table, wanted, unit, names)
+            if (stated := table.units.get(name, "")) and unit and not is_same_unit(stated, unit):
+                text = f'is stated in "{stated}", but {wanted} is in "{unit}"; rename it or map it in [columns]'
+                faults.append(Fault(f"{place}: column {table.headers.get(name, name)}", text))
+    for wanted, unit in free.items():  # a column with the same name and another unit that fits
+        stem = split_unit(wanted)[0].casefold()
+        alike = (name for name in table.units if name.casefold().replace(" ", "_") == stem and name not in names)
+        name = next((name for name in alike if unit and fits(table.units[name], unit)), None)
         if wanted not in names.values() and name is not None:
             names[name] = wanted
             cells[name] = _convert_cells(cells[name], table.units[name], unit, 1)
@@ -369,14 +372,15 @@ def fit_columns(
                 names[name] = target
     for name, target in names.items():
         if known.get(target) == "s":
-            cells[name], interpretations, wrong = _clock(cells[name])
+            cells[name], interpretation, wrong = _clock(cells[name])
             heading = table.headers.get(name, name)
             if wrong and name not in mapped:  # nobody asked for it
-                notes.append(f'"{heading}" is not used: {wrong[0]}')
+                notes.append(f'"{heading}" is not used: {wrong}')
                 names[name] = ""
-                continue
-            faults += [Fault(f"{place}: column {heading}", text) for text in wrong]
-            notes += [f'"{heading}" is read as {target}: {interpretation}' for interpretation in interpretations]
+            elif wrong:
+                faults.append(Fault(f"{place}: column {heading}", wrong))
+            elif interpretation:
+                notes.append(f'"{heading}" is read as {target}: {interpretation}')
     kept = {names.get(str(n), str(n)): c for n, c in cells.items() if names.get(str(n), "-")}
     taken = [target for target in names.values() if target]
     for target in sorted({name for name in taken if taken.count(name) > 1}):
@@ -385,19 +389,19 @@ def fit_columns(
     return Fitted(pd.DataFrame(kept, index=table.cells.index), tuple(notes), tuple(faults))
 
 
-def _clock(cells: pd.Series[Any]) -> tuple[pd.Series[Any], list[str], list[str]]:
+def _clock(cells: pd.Series[Any]) -> tuple[pd.Series[Any], str, str]:
     """Dates and times of day as seconds since the earliest, a note, and what is wrong; numbers stay
     as they are.
     """
     texts = ["" if cell is None or cell != cell else str(cell) for cell in cells]
     if not any(map(is_date, texts)):
-        return cells, [], []
+        return cells, "", ""
     try:
         elapsed, start = seconds(texts)
     except ValueError as error:  # reported once, not for every row
-        return pd.Series(np.arange(len(cells), dtype=float), index=cells.index), [], [str(error)]
+        return pd.Series(np.arange(len(cells), dtype=float), index=cells.index), "", str(error)
     since = f"{start:%Y-%m-%d %H:%M:%S%z}" if start.year > 1900 else f"{start:%H:%M:%S%z}"
-    return pd.Series(elapsed, index=cells.index), [f"seconds since {since}"], []
+    return pd.Series(elapsed, index=cells.index), f"seconds since {since}", ""
 
 
 def drop_unused(cells: pd.DataFrame, known: Sequence[str]) -> tuple[pd.DataFrame, list[str]]:
@@ -423,13 +427,6 @@ def _mapped_cells(
     return _convert_cells(cells, source_unit or unit, unit, use.sense), []
 
 
-def _contradiction(stated: str, name: str, unit: str) -> str:
-    """What is wrong where the file states another unit than the name of the column."""
-    if not stated or not unit or is_same_unit(stated, unit):
-        return ""
-    return f'is stated in "{stated}", but {name} is in "{unit}"; rename it or map it in [columns]'
-
-
 def is_same_unit(unit: str, stated: str) -> bool:
     """Whether both are one unit, in two spellings perhaps."""
     if unit == stated:
@@ -438,16 +435,6 @@ def is_same_unit(unit: str, stated: str) -> bool:
         return False
     probes = np.array([0.0, 1.0])
     return bool(np.allclose(converted(probes, unit, stated), probes, rtol=1e-12, atol=0.0))
-
-
-def _similar_column(table: Table, wanted: str, unit: str, names: Mapping[str, str]) -> str | None:
-    """A column whose name is that of `wanted` without its unit, and whose unit fits."""
-    stem = split_unit(wanted)[0].casefold()
-    for name, stated in table.units.items():
-        spelt = name.casefold().replace(" ", "_")
-        if name not in names and unit and spelt == stem and fits(stated, unit):
-            return name
-    return None
 
 
 def _convert_cells(cells: pd.Series[Any], source_unit: str, unit: str, sense: int) -> pd.Series[Any]:

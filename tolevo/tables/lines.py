@@ -47,11 +47,8 @@ class Separator:
 def separator(lines: list[str], place: str, stated: str | None) -> Separator:
     """How the cells of the lines are separated. Raises InputError where it is ambiguous."""
     first = _SEP.fullmatch(lines[0]) if lines else None
-    skipped = 1 if first else 0
-    if stated is not None:
-        return Separator(stated, '"', skipped)
-    if first:
-        return Separator(first["sign"], '"', 1)
+    if first or stated is not None:
+        return Separator(first["sign"] if first and stated is None else stated or "", '"', 1 if first else 0)
     sample = [line for line in lines[: 2 * SAMPLE] if line.strip()][:SAMPLE]
     scores = {sign: _clean_cell_fraction(sample, sign) for sign in CANDIDATES}
     fitting = [sign for sign, score in scores.items() if score >= CLEAN]
@@ -192,8 +189,7 @@ class Bulk:
     """The lines of a long file, each a row, each cell between delimiters."""
 
     lines: list[str]
-    delimiter: str
-    skipped: int
+    form: Separator
 
     def columns(self, first: int, last: int, count: int) -> list[pa.Array] | None:
         """The cells of the lines `first` to `last`, by column; None where a row is not whole."""
@@ -204,7 +200,7 @@ class Bulk:
             table = arrow.read_csv(
                 pa.BufferReader(body),
                 arrow.ReadOptions(column_names=names, use_threads=False, block_size=len(body) + 1),
-                arrow.ParseOptions(delimiter=self.delimiter, ignore_empty_lines=False),
+                arrow.ParseOptions(delimiter=self.form.delimiter, ignore_empty_lines=False),
                 arrow.ConvertOptions(column_types=dict.fromkeys(names, pa.string()), strings_can_be_null=False),
             )
         except pa.ArrowInvalid:
@@ -214,27 +210,27 @@ class Bulk:
         arrays = [column.combine_chunks() for column in table.columns]
         if set.intersection(*(set(empty_cells(array)) for array in arrays)):
             return None  # a row of delimiters alone
-        padded = any(space in text for space in (" " + _WIDE_SPACES + "\t").replace(self.delimiter, ""))
+        padded = any(space in text for space in (" " + _WIDE_SPACES + "\t").replace(self.form.delimiter, ""))
         return [pc.utf8_trim_whitespace(array) for array in arrays] if padded else arrays
 
 
-def bulk_of(text: str, delimiter: str, quote: str, skipped: int) -> Bulk | None:
+def bulk_of(text: str, form: Separator) -> Bulk | None:
     """A long file of plain rows; None of any other."""
-    if len(text) < MIN_BULK_CHARACTERS or quote != '"' or delimiter in ("", " ") or not delimiter.isascii():
+    if len(text) < MIN_BULK_CHARACTERS or form.quote != '"' or not form.delimiter.isascii():
         return None
-    if f'{delimiter} "' in text:  # a space before a quote: Arrow takes it for a part of the cell
+    if form.delimiter in ("", " ") or f'{form.delimiter} "' in text:  # Arrow takes that space for a part of the cell
         return None
     if "\r" in text and text.count("\r") != text.count("\r\n"):
         return None
     lines = text.removesuffix("\n").split("\n")
-    return Bulk(lines, delimiter, skipped) if len(lines) > 3 * ENDS else None
+    return Bulk(lines, form) if len(lines) > 3 * ENDS else None
 
 
 def rows_of_ends(bulk: Bulk) -> list[Row]:
     """The rows of both ends by the number of their line."""
     ends = [*enumerate(bulk.lines[:ENDS], 1), *enumerate(bulk.lines[-ENDS:], len(bulk.lines) - ENDS + 1)]
-    lines = [(at, line) for at, line in ends if line.strip() and at > bulk.skipped]
-    reader = csv.reader((line for _, line in lines), delimiter=bulk.delimiter)
+    lines = [(at, line) for at, line in ends if line.strip() and at > bulk.form.skipped]
+    reader = csv.reader((line for _, line in lines), delimiter=bulk.form.delimiter)
     rows = [(at, [*map(str.strip, row)]) for (at, _), row in zip(lines, reader, strict=False)]
     return [row for row in rows if any(row[1])]
 
@@ -292,7 +288,7 @@ def rows_of_text(content: bytes, place: str, options: ReadOptions) -> tuple[list
     else:
         form = separator(text[:100_000].splitlines(), place, options.separator)
         dialect = Dialect("csv", encoding, form.delimiter, quote=form.quote)
-        bulk = bulk_of(text, form.delimiter, form.quote, form.skipped)
+        bulk = bulk_of(text, form)
         rows = rows_of(text, form, place) if bulk is None else rows_of_ends(bulk)
     last = next((cell for cell in reversed(rows[-1][1]) if cell), "") if rows else ""
     if text.endswith(("\n", "\r")) or not notation(last):
@@ -393,11 +389,10 @@ def rows_of(text: str, form: Separator, place: str) -> list[Row]:
     if form.delimiter in ("", " "):
         return _rows_by_spaces(stream, form.skipped, form.delimiter)
     reader = csv.reader(stream, delimiter=form.delimiter, quotechar=form.quote, skipinitialspace=True, strict=True)
-    skipped = form.skipped
     try:
-        rows = [(reader.line_num + skipped, [*map(str.strip, row)]) for row in reader]
+        rows = [(reader.line_num + form.skipped, [*map(str.strip, row)]) for row in reader]
     except csv.Error as error:
-        raise refuse(f"{place}: row {reader.line_num + skipped}", f"is not CSV ({error})") from error
+        raise refuse(f"{place}: row {reader.line_num + form.skipped}", f"is not CSV ({error})") from error
     return [row for row in rows if any(row[1])]
 
 

@@ -22,7 +22,7 @@ from ..files import clear_parts, csv_text, restore_cell, write_bytes, write_text
 from ..section import is_forced
 from ..units import converted, fits, shorten_text
 from .header import Layout, Row, find_layout, names_of, split_header, unit_of_cell
-from .lines import Bulk, Separator, prove_column, rows_of, rows_of_text
+from .lines import Bulk, prove_column, rows_of, rows_of_text
 from .record import AQDEF_SUFFIXES, AS_DETECTED, LONG, Columns, Dialect, ReadOptions, Table, empty_cells
 from .shapes import role_of, specifications_of_rows, transposed_rows, wide_of_long
 from .signs import Evidence, Exact, canonical, canonical_number, decide, evidence, is_label, is_missing, numbers_in
@@ -44,8 +44,8 @@ def assemble_table(
 
     def cell_by_cell() -> tuple[Table | None, list[Fault]]:
         assert bulk is not None
-        separator = Separator(dialect.delimiter, dialect.quote, bulk.skipped)
-        return assemble_table(rows_of("\n".join(bulk.lines), separator, place), dialect, place, options, notes=notes)
+        rows_by_cell = rows_of("\n".join(bulk.lines), bulk.form, place)
+        return assemble_table(rows_by_cell, dialect, place, options, notes=notes)
 
     turned = transposed_rows(rows, options.shape, place)
     layout = find_layout(rows if turned is None else turned, place)

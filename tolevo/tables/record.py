@@ -20,7 +20,6 @@ from .signs import integers_if_whole, typed_column
 
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "\\t": "\t", "pipe": "|", "bar": "|", "space": " "}
 """Words for a delimiter, as a command line is typed."""
-KNOWN = (",", ";", "\t", "|", " ")
 NAMES = {",": "comma", ";": "semicolon", "\t": "tab", "|": "pipe", " ": "space", "": "none"}
 
 
@@ -70,7 +69,7 @@ class ReadOptions:
         if self.encoding is not None and not _is_codec(self.encoding):
             text = f'must be an encoding such as utf-8, cp1252, gbk or big5, got "{self.encoding}"'
             wrong.append(Fault("--encoding", text))
-        if self.delimiter is not None and self.separator not in KNOWN:
+        if self.delimiter is not None and self.separator not in DELIMITERS.values():
             text = f'must be one of comma, semicolon, tab, pipe, space, got "{self.delimiter}"'
             wrong.append(Fault("--delimiter", text))
         if self.decimal is not None and self.decimal not in (".", ","):

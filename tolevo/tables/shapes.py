@@ -94,8 +94,8 @@ def _heads_parts(row: list[str]) -> bool:
     parts = [cell for cell in row[1:] if cell and not role_of(cell) and not is_summary(cell)]
     numbered = [match for cell in parts if (match := _NUMBERED.fullmatch(cell))]
     stems = {match["stem"].casefold().strip() for match in numbered}
-    named = not stems or stems == {""} or role_of(next(iter(stems))) == "part"
-    return len(parts) > 1 and len(numbered) == len(parts) and len(stems) == 1 and named
+    named = len(stems) == 1 and (stems == {""} or role_of(min(stems)) == "part")
+    return named and len(numbered) == len(parts) > 1
 
 
 # A row per characteristic, turned into a column per characteristic.
@@ -165,15 +165,13 @@ def wide_of_long(table: Table, place: str, shape: str | None) -> tuple[Table, li
     held[column_of, row_of] = cells[long["value"]].to_numpy(dtype=object)
     numbers = np.full(held.shape, np.nan)
     numbers[column_of, row_of] = pd.to_numeric(cells[long["value"]], errors="coerce")
-    used = set(long.values())
     columns: dict[str, Any] = {long["part"]: part.iloc[first].tolist()} if "part" in long else {}
-    unused = []
-    for name in (name for name in cells if name not in used):
-        texts = cells[name].astype(str).to_numpy()
-        if (texts == texts[first][row_of]).all():
-            columns[str(name)] = texts[first].tolist()
-        else:
-            unused.append(str(name))
+    others = {
+        str(name): cells[name].astype(str).to_numpy() for name in cells.columns.difference(long.values(), sort=False)
+    }
+    of_parts = {name: texts[first] for name, texts in others.items() if (texts == texts[first][row_of]).all()}
+    columns |= {name: texts.tolist() for name, texts in of_parts.items()}
+    unused = [name for name in others if name not in of_parts]
     columns |= {str(label): row.tolist() for label, row in zip(labels, held, strict=True)}
     units, of_units = _units_of(table, long, names, place)
     specifications, of_limits = _specifications(table, long, names, units, place)

@@ -215,12 +215,14 @@ def decide(
     """
     numeric = {name: proof for name, proof in columns.items() if proof.numeric}
     if stated is not None:
-        return _signs_as_stated(numeric, stated, place)
+        text = f'its numbers have decimal signs that are not "{stated}": state another --decimal'
+        wrong = [name for name, proof in numeric.items() if proof.proven == {OTHER_DECIMAL_SIGN[stated]}]
+        return dict.fromkeys(numeric, stated), [Fault(f"{place}: column {name}", text) for name in wrong]
     of_file = {sign for proof in numeric.values() for sign in proof.proven}
     usual = {",": ".", ";": ","}.get(delimiter)  # who separates columns by commas has points for decimals
     if not of_file and usual and not any(OTHER_DECIMAL_SIGN[usual] in proof.either for proof in numeric.values()):
         of_file = {usual}
-    signs, faults, doubted = {}, [], []
+    signs, faults, doubts = {}, [], []
     for name, proof in numeric.items():
         possible = proof.proven or of_file
         if len(proof.proven) > 1:
@@ -232,8 +234,10 @@ def decide(
         elif (sign := _sign_by_size(name, proof.doubt, near)) and sign in (proof.proven or sign):
             signs[name] = sign
         else:
-            doubted.append(name)
-    return signs, faults + [_doubtful_sign_fault(name, numeric[name].doubt, place) for name in doubted]
+            decimal, grouped = proof.doubt.replace(",", "."), proof.doubt.replace(",", "").replace(".", "")
+            text = f'"{proof.doubt}" can be {decimal} or {grouped}, and nothing in the file decides'
+            doubts.append(Fault(f"{place}: column {name}", f"{text}: state --decimal . or --decimal ,"))
+    return signs, faults + doubts
 
 
 def _sign_by_size(column: str, cell: str, near: Callable[[str, float], bool]) -> str:
@@ -248,25 +252,6 @@ _MIXED = (
     "has decimal points in some cells and decimal commas in others; state --decimal where one of "
     "them groups thousands, or correct the cells"
 )
-
-
-def _signs_as_stated(numeric: Mapping[str, Evidence], stated: str, place: str) -> tuple[dict[str, str], list[Fault]]:
-    """Every column by the stated sign; a column whose numbers all contradict it is a fault."""
-    faults = [
-        Fault(
-            f"{place}: column {name}",
-            f'its numbers have decimal signs that are not "{stated}": state another --decimal',
-        )
-        for name, proof in numeric.items()
-        if proof.proven == {OTHER_DECIMAL_SIGN[stated]}
-    ]
-    return dict.fromkeys(numeric, stated), faults
-
-
-def _doubtful_sign_fault(name: str, cell: str, place: str) -> Fault:
-    decimal, grouped = cell.replace(",", "."), cell.replace(",", "").replace(".", "")
-    text = f'"{cell}" can be {decimal} or {grouped}, and nothing in the file decides'
-    return Fault(f"{place}: column {name}", f"{text}: state --decimal . or --decimal ,")
 
 
 def canonical(cells: Sequence[str], decimal: str) -> list[str]:
