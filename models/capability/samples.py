@@ -323,7 +323,9 @@ def read_sample(
         return _read_summary(owner, unit, nominal, mid, t, follows, natural)
     known_unit = _unit(section, unit)
     stated_unit = known_unit or unit
-    numbers, groups, subgroups = section.numbers("values"), _groupings(section), section.take("subgroups")
+    numbers, subgroups = section.numbers("values"), section.take("subgroups")
+    named = {"lot": section.take("lots") or []} | dict(section.take("groups") or {})
+    groups = {kind: [str(label) for label in labels] for kind, labels in named.items() if labels}
     mean = section.text("mean", MEANS)
     gauge, of_gauge = _gauge(section, stated_unit, unit)
     made_to = _read_production_tolerance(section, stated_unit, unit, t, follows)
@@ -449,12 +451,6 @@ def _read_summary(
 
 SUBGROUPS = ("as_found", "corrected")
 """What later parts are: of all groups as they are, or of groups that are set to one mean."""
-
-
-def _groupings(section: Section) -> dict[str, list[str]]:
-    """The lot, cavity, machine or operator of each value, by what the groups are."""
-    stated = {"lot": section.take("lots") or []} | dict(section.take("groups") or {})
-    return {kind: [str(label) for label in labels] for kind, labels in stated.items() if labels}
 
 
 def _subgroups(

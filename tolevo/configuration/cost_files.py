@@ -91,15 +91,11 @@ def read_prices(
     currency = units.get("cost", "")
     stated = filled.table.get("currency")
     if currency and currency != stated:
-        faults.append(Fault("currency", _contradiction(name, currency, stated)))
+        text = f'is missing, as {name} states its costs in "{currency}": write currency = "{currency}"'
+        if isinstance(stated, str):
+            text = f'contradicts {name}, whose costs are in "{currency}": the configuration states "{stated}"'
+        faults.append(Fault("currency", text))
     return None if wrong else Prices(rows, place, units.get("t", ""), currency)
-
-
-def _contradiction(name: str, currency: str, stated: Any) -> str:
-    whose = f'{name}, whose costs are in "{currency}"'
-    if isinstance(stated, str):
-        return f'contradicts {whose}: the configuration states "{stated}"'
-    return f'is missing, as {name} states its costs in "{currency}": write currency = "{currency}"'
 
 
 def _columns(cost_table: tables.Table) -> tuple[dict[str, str], dict[str, str], list[str]]:
@@ -544,7 +540,8 @@ class MeasuredFile:
             text, listed = "has no column of measured values", tuple(dict.fromkeys(self.names.values()))
         elif wanted is None:
             text = f"has {len(self.labels)} characteristics: state which one is meant, characteristic = ..."
-        raise refuse(self.place, f"{text}; it has {_list_labels(listed)}")
+        more = f", ... ({len(listed)} in all)" if len(listed) > LISTED else ""
+        raise refuse(self.place, f"{text}; it has {', '.join(listed[:LISTED])}{more}")
 
 
 def opened_parts(path: Path, options: tables.ReadOptions) -> MeasuredFile:
@@ -642,7 +639,3 @@ def _values(characteristic: tables.Characteristic, place: str) -> Raw:
     if characteristic.unit:
         values["unit"] = characteristic.unit
     return values | _limits_of(characteristic.specification)
-
-
-def _list_labels(labels: Sequence[str]) -> str:
-    return ", ".join(labels[:LISTED]) + (f", ... ({len(labels)} in all)" if len(labels) > LISTED else "")

@@ -216,7 +216,6 @@ class Characteristic:
     batches: list[str] = field(default_factory=list)
     sizes: list[int | None] = field(default_factory=list)
     keys: dict[str, str] = field(default_factory=dict)
-    part_keys: dict[str, str] = field(default_factory=dict)
     groups: dict[str, list[str]] = field(default_factory=dict)
 
     @property
@@ -352,7 +351,6 @@ def _characteristic(content: Content, index: int) -> Characteristic:
         unit=keys.get("K2142", ""),
         attributive=keys.get("K2004") in ATTRIBUTIVE,
         keys=keys,
-        part_keys=part,
     )
     _fill(characteristic, raw, content, place)
     return characteristic

@@ -110,7 +110,8 @@ class Layout:
 
 def find_layout(rows: list[Row], place: str) -> Layout:
     """The layout of rows that are not empty."""
-    count = _usual_cell_count(rows)
+    lower_half = rows[len(rows) // 2 :][-SAMPLE:]
+    count = Counter(len(_trim_row(row)) for _, row in lower_half).most_common(1)[0][0]
     numeric = _numeric_columns(rows, count)
     first = _first_measurement(rows, count, numeric)
     names = [at for at in range(first) if _is_header(rows[at][1], count)]
@@ -130,12 +131,6 @@ def find_layout(rows: list[Row], place: str) -> Layout:
                 text = f'"{row[0]}" stands among the measurements; remove the row, or move it to their end'
                 layout.faults.append(Fault(f"{place}: row {line}", text))
     return layout
-
-
-def _usual_cell_count(rows: list[Row]) -> int:
-    """The number of cells that most of the lower half of the rows have."""
-    lower = rows[len(rows) // 2 :][-SAMPLE:]
-    return Counter(len(_trim_row(row)) for _, row in lower).most_common(1)[0][0]
 
 
 def _trim_row(row: list[str]) -> list[str]:
@@ -372,13 +367,13 @@ def fit_columns(
                 names[name] = target
     for name, target in names.items():
         if known.get(target) == "s":
-            cells[name], interpretation, wrong = _clock(cells[name])
+            cells[name], interpretation, obstacle = _clock(cells[name])
             heading = table.headers.get(name, name)
-            if wrong and name not in mapped:  # nobody asked for it
-                notes.append(f'"{heading}" is not used: {wrong}')
+            if obstacle and name not in mapped:  # nobody asked for it
+                notes.append(f'"{heading}" is not used: {obstacle}')
                 names[name] = ""
-            elif wrong:
-                faults.append(Fault(f"{place}: column {heading}", wrong))
+            elif obstacle:
+                faults.append(Fault(f"{place}: column {heading}", obstacle))
             elif interpretation:
                 notes.append(f'"{heading}" is read as {target}: {interpretation}')
     kept = {names.get(str(n), str(n)): c for n, c in cells.items() if names.get(str(n), "-")}
