@@ -344,9 +344,7 @@ def read_sample(
         other = f"is of a nominal of {of_file:g} {unit}, the part has {nominal:g} {unit}"
         section.fault("file", f"{other}: another revision of the drawing?")
         return None
-    middle = float(np.median(values)) if len(values) else 0.0
-    are_deviations = nominal is None or abs(middle) < abs(middle - nominal)
-    origin = mid if nominal is None or are_deviations else nominal + mid
+    origin = _origin(values, nominal) + mid
     limits = _limits(single, origin, made_to, natural)
     one_sided = (limits[0] is None) != (limits[1] is None)
     if one_sided and mean == "corrected":
@@ -398,10 +396,10 @@ def _read_summary(
     section = owner.section("measured")
     stated_unit = _unit(section, unit) or unit
     n = section.integer("n", Range(low=MIN_SAMPLE_PARTS))
-    s = section.number("s", stated_unit, POSITIVE)
+    s = _number_in(section, "s", stated_unit, unit, POSITIVE)
     cp, cpk = (section.number(key, within=POSITIVE) for key in ("cp", "cpk"))
     corrected = section.take("mean") == "corrected"
-    mean = None if corrected else section.number("mean", stated_unit)
+    mean = None if corrected else _number_in(section, "mean", stated_unit, unit)
     made_to = _read_production_tolerance(section, stated_unit, unit, t, follows)
     section.finish()
     has = set(section.all_keys())
@@ -418,6 +416,7 @@ def _read_summary(
             section.fault(key, str(text))
     if any(wrong.values()) or n is None or made_to is None or (s is None and cpk is None):
         return None
+<<<<<<< HEAD
     off = 0.0
     if mean is not None:
         size = float(converted(mean, stated_unit, unit))
@@ -425,6 +424,11 @@ def _read_summary(
     if s is not None:
         std = float(converted(s, stated_unit, unit))
     else:
+=======
+    off = 0.0 if mean is None else mean - _origin(np.array([mean]), nominal) - mid
+    std = s
+    if std is None:
+>>>>>>> 95db9302 (Stated samples are read by the helper of measured ones)
         assert cpk is not None
         off = off if cp is None else made_to * (1.0 - cpk / cp)
         std = (made_to + natural * off if natural else made_to - abs(off)) / (3.0 * cpk)
@@ -500,6 +504,12 @@ def _are_plausible_deviations(section: Section, unit: str, deviations: Array, ma
     comparison = f"were made to {made_to:g} {unit}{hint}: check their unit and made_to" if made_to else else_stated
     section.fault("values", f"{problem}, but {comparison}")
     return False
+
+
+def _origin(values: Array, nominal: float | None) -> float:
+    """What deviations from the nominal count from; `values` are sizes, or deviations already."""
+    middle = float(np.median(values)) if len(values) else 0.0
+    return 0.0 if nominal is None or abs(middle) < abs(middle - nominal) else nominal
 
 
 def _limits(
