@@ -166,9 +166,7 @@ def wide_of_long(table: Table, place: str, shape: str | None) -> tuple[Table, li
     numbers = np.full(held.shape, np.nan)
     numbers[column_of, row_of] = pd.to_numeric(cells[long["value"]], errors="coerce")
     columns: dict[str, Any] = {long["part"]: part.iloc[first].tolist()} if "part" in long else {}
-    others = {
-        str(name): cells[name].astype(str).to_numpy() for name in cells.columns.difference(long.values(), sort=False)
-    }
+    others = {str(n): cells[n].astype(str).to_numpy() for n in cells.columns if n not in long.values()}
     of_parts = {name: texts[first] for name, texts in others.items() if (texts == texts[first][row_of]).all()}
     columns |= {name: texts.tolist() for name, texts in of_parts.items()}
     unused = [name for name in others if name not in of_parts]
