@@ -416,19 +416,9 @@ def _read_summary(
             section.fault(key, str(text))
     if any(wrong.values()) or n is None or made_to is None or (s is None and cpk is None):
         return None
-<<<<<<< HEAD
-    off = 0.0
-    if mean is not None:
-        size = float(converted(mean, stated_unit, unit))
-        off = size - _origin(np.array([size]), nominal) - mid
-    if s is not None:
-        std = float(converted(s, stated_unit, unit))
-    else:
-=======
     off = 0.0 if mean is None else mean - _origin(np.array([mean]), nominal) - mid
     std = s
     if std is None:
->>>>>>> 95db9302 (Stated samples are read by the helper of measured ones)
         assert cpk is not None
         off = off if cp is None else made_to * (1.0 - cpk / cp)
         std = (made_to + natural * off if natural else made_to - abs(off)) / (3.0 * cpk)
