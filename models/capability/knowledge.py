@@ -52,6 +52,11 @@ class Difference:
     gauge: float
     gauge_df: float
 
+    @property
+    def part_variance(self) -> float:
+        """The variance of the parts alone."""
+        return self.measured - self.gauge
+
     def upper_limit(self, confidence: float = CONFIDENCE) -> float:
         """Upper confidence limit of the difference of the two variances.
 
@@ -101,7 +106,7 @@ class Knowledge:
             return 0.0
         surplus = _factor(self.df, confidence) - self.inflation
         if (difference := self.difference) is not None:
-            limit = difference.upper_limit(confidence) / (difference.measured - difference.gauge)
+            limit = difference.upper_limit(confidence) / difference.part_variance
             surplus += max(limit - _factor(difference.measured_df, confidence), 0.0)
         return max(surplus, 0.0)
 

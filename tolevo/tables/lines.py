@@ -208,7 +208,8 @@ class Bulk:
         if table.num_rows != last - first + 1:
             return None
         arrays = [column.combine_chunks() for column in table.columns]
-        if set.intersection(*(set(empty_cells(array)) for array in arrays)):
+        hollow = set(empty_cells(arrays[0]))
+        if hollow and hollow.intersection(*map(empty_cells, arrays)):
             return None  # a row of delimiters alone
         padded = any(space in text for space in (" " + _WIDE_SPACES + "\t").replace(self.form.delimiter, ""))
         return [pc.utf8_trim_whitespace(array) for array in arrays] if padded else arrays
@@ -216,9 +217,11 @@ class Bulk:
 
 def bulk_of(text: str, form: Separator) -> Bulk | None:
     """A long file of plain rows; None of any other."""
-    if len(text) < MIN_BULK_CHARACTERS or form.quote != '"' or not form.delimiter.isascii():
+    if len(text) < MIN_BULK_CHARACTERS or form.quote != '"':
         return None
-    if form.delimiter in ("", " ") or f'{form.delimiter} "' in text:  # Arrow takes that space for a part of the cell
+    if form.delimiter in ("", " ") or not form.delimiter.isascii():
+        return None
+    if '"' in text and f'{form.delimiter} "' in text:  # Arrow takes that space for a part of the cell
         return None
     if "\r" in text and text.count("\r") != text.count("\r\n"):
         return None

@@ -222,7 +222,7 @@ def _units(layout: Layout, header: list[str]) -> dict[str, str]:
     units = {names[n]: unit for n in header if (unit := split_header(n)[1]) and names[n] != n}
     if layout.units is not None:
         for name, cell in zip(header, layout.units[1], strict=False):
-            if cell and (unit := unit_of_cell(cell)) not in (None, "1"):
+            if cell and (unit := unit_of_cell(cell) or "1") != "1":
                 units.setdefault(names[name], unit)
     return units
 
@@ -347,7 +347,7 @@ def _open_by_suffix(path: Path, place: str, options: ReadOptions) -> tuple[Table
         if suffix in WORKBOOKS or content[:4] == b"PK\x03\x04":
             from .workbook import rows_of_workbook
 
-            (rows, dialect), bulk, notes = rows_of_workbook(content, place), None, []
+            (rows, dialect), bulk, notes = rows_of_workbook(content, place), None, list[str]()
         else:
             rows, dialect, bulk, notes = rows_of_text(content, place, options)
         if not rows:

@@ -139,8 +139,7 @@ class Columns:
 
     def _typed(self, cells: Any, numeric: bool) -> Any:
         if not isinstance(cells, list | np.ndarray) and not pc.any(pc.equal(cells, "")).as_py():
-            marked = pc.any(pc.starts_with(cells, "'")).as_py()
-            return pd.array(_texts(cells) if marked else cells, dtype="str")
+            return pd.array(_texts(cells) if _is_marked(cells) else cells, dtype="str")
         values = objects_of(cells) if numeric else _texts(cells)
         return pd.Series(typed_column(values, numeric), index=self._index())
 
@@ -153,7 +152,14 @@ class Columns:
 
 def _texts(cells: Any) -> NDArray[Any]:
     """Cells as Python objects, those of a text file without their marks of text."""
-    return cells if isinstance(cells, np.ndarray) else restore_cells(objects_of(cells))
+    if isinstance(cells, np.ndarray):
+        return cells
+    return restore_cells(objects_of(cells)) if _is_marked(cells) else objects_of(cells)
+
+
+def _is_marked(cells: Any) -> bool:
+    """Whether cells of a text file may have marks of text."""
+    return isinstance(cells, list) or bool(pc.any(pc.starts_with(cells, "'")).as_py())
 
 
 def objects_of(cells: Any) -> NDArray[Any]:
