@@ -23,6 +23,7 @@ from .arguments import choice_faults, file_faults, page_faults, page_next_to, so
 from .configuration.configuration import Configuration
 from .configuration.reader import read as read_raw
 from .configuration.source import at_hand as once_read
+from .configuration.source import workbook_of
 from .errors import Fault, InputError, raise_all, refuse
 from .files import unwritable
 from .results import Analysis, Gap, Reproduction, Run, Scratch, Study
@@ -421,6 +422,7 @@ def run(
     plan = collected(lambda: _with_problem(read(source, settings, algorithm=algorithm, seed=seed)), faults).plan()
     collected(lambda: searchable(plan.problem, plan.algorithm), faults)
     raise_all(faults)
+    plan = replace(plan, workbook=workbook_of(source))
     report_lines(tell, "warning", plan.problem.cautions())
     folder, scratch = folder_for(out)
     done = running(plan, folder, where, progress, resume, overwrite or out is None)

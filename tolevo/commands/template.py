@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ..configuration.reader import read
-from ..errors import nearest, refuse
+from ..errors import Fault, nearest, refuse
 from ..files import csv_text
 from ..models.measurable import Column, MeasurableModel, Role
 from ..problems.tolerance_problem import ToleranceProblem
@@ -22,6 +22,8 @@ UNITS = 20
 """Units of a batch in the template."""
 COSTS = 3
 """Prices of each tolerance in the template."""
+STACK = "stack_clutch.toml"
+"""The configuration that is the template of a stack."""
 
 _GAP = """\
 # Where do model and measurement disagree? Reads units.csv (`tolevo template units`):
@@ -63,7 +65,7 @@ def template(kind: str, problem: ToleranceProblem, model: MeasurableModel) -> st
     texts: dict[str, Callable[[], str]] = {
         "designs": lambda: csv_text(_designs(problem)),
         "units": lambda: csv_text(_units(model)),
-        "stack": lambda: files("tolevo.configs").joinpath("stack_clutch.toml").read_text("utf-8") + _MEASURED,
+        "stack": lambda: files("tolevo.configs").joinpath(STACK).read_text("utf-8") + _MEASURED,
         "gap": lambda: _GAP,
         "costs": lambda: csv_text(_costs(problem)),
     }
@@ -121,6 +123,16 @@ def _costs(problem: ToleranceProblem) -> pd.DataFrame:
 
 DEFAULT = "rv40e_backlash.toml"
 """The configuration whose variables fill a template where none is named."""
+
+
+def stack_workbook(config: Path | None = None) -> bytes:
+    """The workbook of a stack: of the configuration in a file, else of the template. Raises InputError."""
+    from ..configuration.source import override_source
+    from ..configuration.workbook import write_sheets
+
+    faults: list[Fault] = []
+    example = Path(str(files("tolevo.configs"))) / STACK
+    return write_sheets(override_source(config or example, (), faults))
 
 
 def written(kind: str, config: Path | None = None, run: Path | None = None) -> str:

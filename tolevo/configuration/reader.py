@@ -35,7 +35,7 @@ from .plugins import (
 from .reducers import fill_reducers
 from .resolved import complete_tables, resolved_limits, resolved_measurement, resolved_variables
 from .search import read_search, resolved_algorithm
-from .source import Source, Table, folder_of, override_source, replace_algorithm
+from .source import Source, Table, folder_of, located, override_source, replace_algorithm
 
 # `[objectives]`, `[limits]` and `[propagation]`.
 
@@ -208,14 +208,17 @@ def read(
     seed: int | None = None,
     reachable: bool = True,
 ) -> Configuration:
-    """The configuration in a TOML file or dictionary, with `key=value` overrides applied.
+    """The configuration in a TOML file, workbook or dictionary, with `key=value` overrides applied.
 
     An `algorithm` and a `seed` take the place of its own. Limits may be out of reach where they need
     not be `reachable`. Raises InputError with every fault.
     """
     faults: list[Fault] = []
-    table = replace_algorithm(override_source(source, overrides, faults), algorithm, seed)
-    return read_tables(table, folder_of(source), faults, reachable)
+    tables = replace_algorithm(override_source(source, overrides, faults), algorithm, seed)
+    try:
+        return read_tables(tables, folder_of(source), faults, reachable)
+    except InputError as error:
+        raise located(error, source) from None
 
 
 def read_tables(table: Table, folder: Path, faults: list[Fault], reachable: bool = True) -> Configuration:

@@ -126,6 +126,7 @@ KINDS: Mapping[str, Kind] = {
             "drawing.html",
             "reducers.npz",
             "allocation.xlsx",
+            "stack.xlsx",
             "nearest_miss.csv",
             "failed.csv",
             "summary.json",

@@ -267,6 +267,8 @@ def _texts(result: RunResult) -> dict[str, str]:
 
 MISS = "nearest_miss.csv"
 FAILED = "failed.csv"
+WORKBOOK = "stack.xlsx"
+"""The workbook of the configuration, with its result."""
 
 
 def run(
@@ -327,6 +329,10 @@ def _run(
         listed = designs_frame(plan.problem, plan.problem.complete(search_result.failed))
         write_text(out / FAILED, csv_text(listed))
     write(result, out)
+    if plan.workbook and result.allocation is not None:
+        from ...configuration.workbook import with_result
+
+        write_bytes(out / WORKBOOK, with_result(plan.workbook, plan.problem, result.allocation))
     status = str(result.summary["status"])
     place.complete(status)
     return RunOutcome(status, out, _lines(result, status, out, lines, _broken_limits(plan.problem, miss)), result)
