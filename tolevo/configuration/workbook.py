@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from ..errors import Fault, InputError, raise_all
-from ..models.cost_reading import CURVES
+from ..models.costs import CURVES
 from ..models.inputs import DISTRIBUTIONS
 from ..models.stack.mechanism import mean_of, spread_of
 from ..problems.stack.definition import METHODS
@@ -200,12 +200,13 @@ def _put(table: dict[str, Any], key: str, value: Any, place: str, read: Sheets) 
     except ValueError:
         read.faults.append(Fault(place, f'is no key, got "{key}"'))
         return key
+    inner: Any = table
     for name in path[:-1]:
-        table = table.setdefault(name, {})
-        if not isinstance(table, dict):
-            read.faults.append(Fault(place, f"{key} leads through a value that is not a table"))
-            return key
-    table[path[-1]] = value
+        inner = inner.setdefault(name, {}) if isinstance(inner, dict) else None
+    if isinstance(inner, dict):
+        inner[path[-1]] = value
+    else:
+        read.faults.append(Fault(place, f"{key} leads through a value that is not a table"))
     return ".".join(path)
 
 

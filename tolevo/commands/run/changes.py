@@ -507,9 +507,9 @@ def search_combinations(near: Ladders, ranking: Ranking) -> Rungs:
     known, keys = np.empty((0, len(near.columns)), dtype=np.int64), np.empty((0, 3))
     base = near.design
     for _ in range(ROUNDS):
-        use, cost, prices = _prices(near, base, ranking)
-        listed, more_use, more_cost = _least_reduced(near, use, *prices)
-        use, cost = use + more_use, cost + more_cost
+        base_use, base_cost, prices = _prices(near, base, ranking)
+        listed, more_use, more_cost = _least_reduced(near, base_use, *prices)
+        use, cost = base_use + more_use, base_cost + more_cost
         error = np.zeros(use.shape[1])
         before = keys[best(keys)[:1]].tolist()
         for _ in range(2):

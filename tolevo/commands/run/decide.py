@@ -133,11 +133,11 @@ def _table(
         loss = after[name].to_numpy(dtype=float) - values
         fraction = np.divide(loss, np.abs(values), out=np.full_like(loss, np.nan), where=values != 0.0)
         table[f"rounding_loss_{name}_percent"] = 100.0 * fraction
-    records, costs = selected.to_dict("records"), (selected.get(COST), after.get(COST))
-    if costs[0] is not None and costs[1] is not None:
+    records = selected.to_dict("records")
+    if COST in selected and COST in after:
         table["rounding"] = [
             rounding_sentence(problem, rounded[at], *both)
-            for at, *both in zip(choices.values(), *costs, broken, strict=True)
+            for at, *both in zip(choices.values(), selected[COST], after[COST], broken, strict=True)
         ]
     table["loosen_first"] = [
         advice(problem, steps, records[at]) if len(steps := tried[tried["point"] == point]) else ""
