@@ -14,7 +14,7 @@ from ...models.costs import CostCurve, Table
 from ...models.iso286 import GRADES, MAX_SIZE_MM, grade_um
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Assumption, Kind, Variable
-from ...units import converted, drawing_number, fits
+from ...units import converted, drawing_number, fits, split_unit
 from .choice import ALL, IT_GRADES, PREFERRED, R20, ChoiceSettings, Step
 
 FINER = "finer"
@@ -56,6 +56,22 @@ def size_mm(problem: ToleranceProblem, variable: Variable) -> float | None:
     except ValueError:
         return None
     return size if 0.0 < size <= MAX_SIZE_MM else None
+
+
+SIZES = {"pin_hole_radius": "pin_radius"}
+"""Sizes of a model by the error of another feature of the same size."""
+
+
+def nominal_and_mid(problem: ToleranceProblem, variable: Variable) -> tuple[float | None, float]:
+    """Nominal size, None where it is not known, and the middle of the zone as a deviation from it, in
+    the unit of the variable. Where the parts have none it is a parameter: `pin_radius_mm` of `pin_radius_um`.
+    """
+    nominal, mid = problem.zone(variable.name)
+    error = split_unit(variable.name)[0]
+    size = problem.settings.parameters.get(f"{SIZES.get(error, error)}_mm")
+    if nominal is None and variable.kind is Kind.HALF_WIDTH and isinstance(size, int | float):
+        nominal = round_last_digits(float(converted(float(size), "mm", variable.unit)))
+    return nominal, mid
 
 
 def half_widths(variable: Variable, size: float) -> dict[str, float]:
@@ -152,7 +168,9 @@ def rounding_faults(problem: ToleranceProblem, settings: ChoiceSettings) -> list
 
 
 def notation(variable: Variable, nominal: float | None, mid: float, t: float, grade: str = "") -> str:
-    """Like "36.05 +0.012/-0.013 mm", "25 ±0.0065 mm (IT6)", "0 to 5 um", "grade 5".
+    """Like "36.05 +0.012/-0.013 mm", "25 ±0.0065 mm (IT6)", "-3 to 1 um" (with a true minus sign) where no nominal size is
+    known, "R3 0/-0.002 mm (⌀6 0/-0.004 mm)", "0 to 5 um", "grade 5": never with a sign at its beginning, which a
+    spreadsheet would compute.
 
     `nominal` is the nominal size, None where it is not known, `mid` the middle of the zone as a
     deviation from it and t the tolerance, all in the unit of the variable.
@@ -168,10 +186,24 @@ def notation(variable: Variable, nominal: float | None, mid: float, t: float, gr
     if variable.kind is Kind.STANDARD_DEVIATION:
         return f"standard deviation at most {drawing_number(t)}{unit}"
     if variable.kind is not Kind.HALF_WIDTH:
-        return f"{drawing_number(t)}{unit}"
+        return f"{_minus(t)}{unit}"
+    if nominal is not None and variable.unit == "um":  # drawings have sizes and deviations in one unit
+        nominal, mid, t, unit = 1e-3 * nominal, 1e-3 * mid, 1e-3 * t, " mm"
+    if nominal is None and mid != 0.0:
+        return f"{_minus(mid - t)} to {_minus(mid + t)}{unit}{more}"
+    if nominal is not None and "_radius" in variable.name and variable.unit == "um":
+        return f"R{_zone(nominal, mid, t)}{unit} (⌀{_zone(2.0 * nominal, 2.0 * mid, 2.0 * t)}{unit})"
+    return f"{_zone(nominal, mid, t)}{unit}{more}"
+
+
+def _zone(nominal: float | None, mid: float, t: float) -> str:
     size = "" if nominal is None else f"{drawing_number(nominal)} "
-    zone = f"±{drawing_number(t)}" if mid == 0.0 else f"{_signed_number(mid + t)}/{_signed_number(mid - t)}"
-    return f"{size}{zone}{unit}{more}"
+    return size + (f"±{drawing_number(t)}" if mid == 0.0 else f"{_signed_number(mid + t)}/{_signed_number(mid - t)}")
+
+
+def _minus(value: float) -> str:
+    """A number with a minus sign that starts no formula."""
+    return drawing_number(value).replace("-", "\N{MINUS SIGN}", 1)
 
 
 def _signed_number(value: float) -> str:
@@ -226,7 +258,7 @@ def tolerances(
 def _record(
     problem: ToleranceProblem, v: Variable, free: bool, rule: str, values: Mapping[float, str]
 ) -> dict[str, Any]:
-    nominal, mid = problem.zone(v.name)
+    nominal, mid = nominal_and_mid(problem, v)
     low, high = problem.interval(v.name) if free else (problem.fixed[v.name],) * 2
     return {
         "name": v.name,
@@ -382,7 +414,7 @@ def _models(problem: ToleranceProblem, rounded: Mapping[int, Array]) -> dict[int
 
 
 def _row(problem: ToleranceProblem, variable: Variable, old: float, new: float, grade: str) -> dict[str, Any]:
-    nominal, mid = problem.zone(variable.name)
+    nominal, mid = nominal_and_mid(problem, variable)
     lower, upper = _limits(variable, nominal, mid, new)
     half, drawn = variable.kind is Kind.HALF_WIDTH, problem.drawn(variable.name)
     if variable.kind is Kind.GRADE:
@@ -413,7 +445,7 @@ def _drawing_notes(
 ) -> dict[str, Any]:
     """What to write on the drawing, and what those who make and inspect the part need to know."""
     drawn = problem.drawn(variable.name)
-    nominal, mid = problem.zone(variable.name)
+    nominal, mid = nominal_and_mid(problem, variable)
     law = problem.settings.variables[variable.name].distribution
     stated = drawn.get("cpk")
     cpk = float(stated) if stated else _capability(law)
