@@ -374,7 +374,7 @@ def analyse(
     not be attainable. Raises
     ConfigurationError with every fault.
     """
-    from .commands.analyse.analyse import analysis_of, lines_of, write_analysis
+    from .commands.analyse.analyse import analysis_of, lines_of, workbook_with_analysis, write_analysis
 
     faults = start_faults_of(out, None, False, overwrite)
     source = at_hand(source)
@@ -389,7 +389,8 @@ def analyse(
     result = analysis_of(found)
     report_lines(tell, "warning", result.summary["warnings"])
     folder, scratch = folder_for(out)
-    write_analysis(result, folder, overwrite or out is None)
+    workbook = workbook_with_analysis(found, workbook_of(source))
+    write_analysis(result, folder, overwrite or out is None, workbook)
     return Analysis("done", lines_of(result), result, folder, scratch)
 
 

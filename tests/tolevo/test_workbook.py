@@ -262,6 +262,19 @@ def test_a_run_writes_a_workbook_that_calculates_by_itself(flange: Path) -> None
     assert value_in(book, "Analysis", "M2") == (greatest <= upper and value_in(book, "Analysis", "G2") >= 0.1)
 
 
+def test_an_analysis_writes_the_same_sheets(flange: Path) -> None:
+    """At the loosest tolerances: least and greatest by formulas are those of the table."""
+    out = flange.parent / "analysis"
+    found = tolevo.analyse(flange, out).requirements.set_index("requirement")
+    book = load_workbook(out / "stack.xlsx")
+    for row, name in ((2, "gap"), (3, "tilt")):
+        assert book["Analysis"][f"A{row}"].value == name
+        for column, key in (("G", "worst_case_least"), ("H", "worst_case_greatest"),
+                            ("I", "mean"), ("K", "rss_least"), ("L", "rss_greatest")):  # fmt: skip
+            np.testing.assert_allclose(value_in(book, "Analysis", f"{column}{row}"), found[key][name], rtol=1e-9)
+        assert value_in(book, "Analysis", f"M{row}") == found["kept_worst_case"][name]
+
+
 def test_a_result_is_replaced_where_the_copy_is_run_again(flange: Path) -> None:
     first, second = flange.parent / "a", flange.parent / "b"
     tolevo.run(flange, first)

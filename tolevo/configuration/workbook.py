@@ -411,27 +411,21 @@ class Live:
     text: str
 
 
-def with_result(content: bytes, problem: Stack, allocation: pd.DataFrame) -> bytes:
-    """The workbook with the sheets `ALLOCATION` and `ANALYSIS` of the first choice of a run.
+def with_result(content: bytes, problem: Stack, design: np.ndarray, allocation: pd.DataFrame | None = None) -> bytes:
+    """The workbook with the sheets `ALLOCATION` and `ANALYSIS` of a full design (all variables,).
 
     A part's tolerance on the first is a number that may be changed; worst case and root sum of
     squares of each requirement on the second follow from it by formulas, with the sensitivities at
-    the mid-limits as numbers. `allocation` is the table of `allocation.csv`.
+    the mid-limits as numbers. `allocation` are the rows of `allocation.csv` of the design, if it has some.
     """
     from openpyxl import load_workbook
 
-    first = allocation[allocation["point"] == allocation["point"].iloc[0]].drop_duplicates("variable")
-    rows = {str(row["variable"]): row for row in first.to_dict("records")}
-    labels = {v.name: list(v.labels) for v in problem.variables}
-    values = [rows[name]["rounded"] for name in problem.names]
-    design = np.array(
-        [labels[n].index(v) if labels[n] else float(v) for n, v in zip(problem.names, values, strict=True)]
-    )
+    records = [] if allocation is None else allocation.to_dict("records")
     book = load_workbook(io.BytesIO(content))
     for title in (ALLOCATION, ANALYSIS):
         if title in book.sheetnames:
             book.remove(book[title])
-    _allocation_sheet(book.create_sheet(ALLOCATION), problem, design, rows)
+    _allocation_sheet(book.create_sheet(ALLOCATION), problem, design, {str(row["variable"]): row for row in records})
     _analysis_sheet(book.create_sheet(ANALYSIS), problem, design)
     return _saved(book)
 
@@ -452,11 +446,11 @@ def _allocation_sheet(sheet: Any, problem: Stack, design: np.ndarray, rows: Mapp
         columns += [f"{label}: {what}" for what in COEFFICIENTS]
     lines = []
     for at, part in enumerate(problem.definition.parts):
-        row = rows[f"{part.name}_t"]
+        row = rows.get(f"{part.name}_t", {})
         ratio = float(spread[at] / t[at]) if t[at] > 0.0 else 1.0
         followed = Live(f"={TOLERANCE}{at + 2}" + ("" if ratio == 1.0 else f"*{ratio!r}"))
-        line = [part.name, part.unit, part.nominal, part.mid, float(t[at]), row["unrounded"], row["notation"]]
-        line += [row["process"] or None, followed]
+        line = [part.name, part.unit, part.nominal, part.mid, float(t[at])]
+        line += [row.get("unrounded"), row.get("notation"), row.get("process") or None, followed]
         for measured in problem.measured:
             linear = measured.linear
             line += [float(linear.slope[at]), float(linear.worst[at]), float(linear.covariance[at, at])]
@@ -466,7 +460,7 @@ def _allocation_sheet(sheet: Any, problem: Stack, design: np.ndarray, rows: Mapp
 
 
 ANALYSED = (
-    "requirement", "unit", "nominal", "lower", "upper", "worst case", "worst case least", "worst case greatest",
+    "requirement", "unit", "at the mid-limits", "lower", "upper", "worst case", "worst case least", "worst case greatest",
     "mean", "rss", "rss least", "rss greatest", "worst case kept", "rss kept", "tolevo: worst case", "tolevo: rss",
     "statement",
 )  # fmt: skip

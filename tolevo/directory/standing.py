@@ -43,7 +43,15 @@ KINDS: Mapping[str, Kind] = {
     "analyse": Kind(
         marks=("histograms.csv",),
         state=(),
-        files=("config.toml", "requirements.csv", "contributions.csv", "histograms.csv", "page.json", "summary.json"),
+        files=(
+            "config.toml",
+            "requirements.csv",
+            "contributions.csv",
+            "histograms.csv",
+            "page.json",
+            "summary.json",
+            "stack.xlsx",
+        ),
         pages=(PAGE,),
         saved="nothing",
     ),

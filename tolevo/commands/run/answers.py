@@ -605,7 +605,7 @@ def add_capability(result: RunResult, problem: ToleranceProblem) -> RunResult:
     return replace(result, summary=dict(result.summary) | {"answers": answers})
 
 
-def _rounded_design(result: RunResult, problem: ToleranceProblem, point: int) -> Array | None:
+def rounded_design(result: RunResult, problem: ToleranceProblem, point: int) -> Array | None:
     """The full design (all variables,) of a point with the values of its drawing, if it has one."""
     allocation = result.allocation
     if allocation is None or result.front.empty or point not in set(allocation["point"]):
@@ -622,7 +622,7 @@ def add_promise(result: RunResult, problem: ToleranceProblem) -> RunResult:
     if not promised_limits(problem):
         return result
     point = chosen_point(result)
-    outcome = promise_outcome(problem, result.front, point, _rounded_design(result, problem, point))
+    outcome = promise_outcome(problem, result.front, point, rounded_design(result, problem, point))
     if outcome is None:
         return result
     answers = dict(result.answers) | {"promise": outcome.sentence}

@@ -25,14 +25,14 @@ from ...algorithms.search import SearchResult, search
 from ...directory import Ownership, own_folder
 from ...errors import InputError, refuse
 from ...execution import Background, Closing, Execution, Lost, Processes, executor_of, next_of, pinned
-from ...files import csv_text, write_bytes, write_text
+from ...files import WORKBOOK, csv_text, write_bytes, write_text
 from ...journal import recording_steps
 from ...page_data import as_json, records
 from ...problems.tolerance_problem import ToleranceProblem, designs_frame
 from ...records import Axis, RunResult, mechanism_lines, model_lines
 from ...units import plain_number
 from . import references as effects
-from .answers import TABLES, add_assumptions, add_capability, add_choices, add_promise, answers
+from .answers import TABLES, add_assumptions, add_capability, add_choices, add_promise, answers, rounded_design
 from .changes import value_against_limit, words
 from .decide import decide
 from .front import (
@@ -51,7 +51,7 @@ from .front import (
     seconds_before,
     sentences,
 )
-from .plan import RunOutcome, RunPlan, add_analysis, add_units
+from .plan import RunOutcome, RunPlan, add_analysis, add_units, chosen_point
 from .proofs import (
     ProvenFront,
     add_bounds,
@@ -267,8 +267,6 @@ def _texts(result: RunResult) -> dict[str, str]:
 
 MISS = "nearest_miss.csv"
 FAILED = "failed.csv"
-WORKBOOK = "stack.xlsx"
-"""The workbook of the configuration, with its result."""
 
 
 def run(
@@ -329,13 +327,23 @@ def _run(
         listed = designs_frame(plan.problem, plan.problem.complete(search_result.failed))
         write_text(out / FAILED, csv_text(listed))
     write(result, out)
-    if plan.workbook and result.allocation is not None:
-        from ...configuration.workbook import with_result
-
-        write_bytes(out / WORKBOOK, with_result(plan.workbook, plan.problem, result.allocation))
+    if plan.workbook:
+        _write_workbook(plan, result, out)
     status = str(result.summary["status"])
     place.complete(status)
     return RunOutcome(status, out, _lines(result, status, out, lines, _broken_limits(plan.problem, miss)), result)
+
+
+def _write_workbook(plan: RunPlan, result: RunResult, folder: Path) -> None:
+    """The workbook of a stack with sheets of the first choice, where there is one."""
+    from ...configuration.workbook import with_result
+    from ...problems.stack import Stack
+
+    point = chosen_point(result)
+    design = rounded_design(result, plan.problem, point)
+    if design is not None and result.allocation is not None and isinstance(plan.problem, Stack):
+        rows = result.allocation[result.allocation["point"] == point]
+        write_bytes(folder / WORKBOOK, with_result(plan.workbook, plan.problem, design, rows))
 
 
 def _conclude_run(

@@ -168,9 +168,9 @@ def rounding_faults(problem: ToleranceProblem, settings: ChoiceSettings) -> list
 
 
 def notation(variable: Variable, nominal: float | None, mid: float, t: float, grade: str = "") -> str:
-    """Like "36.05 +0.012/-0.013 mm", "25 ±0.0065 mm (IT6)", "-3 to 1 um" (with a true minus sign) where no nominal size is
-    known, "R3 0/-0.002 mm (⌀6 0/-0.004 mm)", "0 to 5 um", "grade 5": never with a sign at its beginning, which a
-    spreadsheet would compute.
+    """Like "36.05 +0.012/-0.013 mm", "25 ±0.0065 mm (IT6)", "-3 to 1 um" where no nominal size is known,
+    "R3 0/-0.002 mm (⌀6 0/-0.004 mm)", "0 to 5 um", "grade 5". None begins with + or a hyphen (a minus sign is
+    another character), which a spreadsheet would compute.
 
     `nominal` is the nominal size, None where it is not known, `mid` the middle of the zone as a
     deviation from it and t the tolerance, all in the unit of the variable.
