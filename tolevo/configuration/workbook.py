@@ -460,10 +460,10 @@ def _allocation_sheet(sheet: Any, problem: Stack, design: np.ndarray, rows: Mapp
 
 
 ANALYSED = (
-    "requirement", "unit", "at the mid-limits", "lower", "upper",
-    "worst case", "worst case least", "worst case greatest", "mean", "rss", "rss least", "rss greatest", "worst case kept", "rss kept", "tolevo: worst case", "tolevo: rss",
-    "statement",
-)  # fmt: skip
+    *("requirement", "unit", "at the mid-limits", "lower", "upper", "worst case", "worst case least"),
+    *("worst case greatest", "mean", "rss", "rss least", "rss greatest", "worst case kept", "rss kept"),
+    *("tolevo: worst case", "tolevo: rss", "statement"),
+)
 STATEMENTS = {
     True: "by sensitivities at the mid-limits; tolevo takes the corners of the formula for the worst case",
     False: "linear: by sensitivities",
