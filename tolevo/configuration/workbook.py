@@ -420,7 +420,7 @@ def with_result(content: bytes, problem: Stack, design: np.ndarray, allocation: 
     """
     from openpyxl import load_workbook
 
-    records = [] if allocation is None else allocation.to_dict("records")
+    records: list[Any] = [] if allocation is None else allocation.to_dict("records")
     book = load_workbook(io.BytesIO(content))
     for title in (ALLOCATION, ANALYSIS):
         if title in book.sheetnames:
@@ -449,7 +449,7 @@ def _allocation_sheet(sheet: Any, problem: Stack, design: np.ndarray, rows: Mapp
         row = rows.get(f"{part.name}_t", {})
         ratio = float(spread[at] / t[at]) if t[at] > 0.0 else 1.0
         followed = Live(f"={TOLERANCE}{at + 2}" + ("" if ratio == 1.0 else f"*{ratio!r}"))
-        line = [part.name, part.unit, part.nominal, part.mid, float(t[at])]
+        line: list[Any] = [part.name, part.unit, part.nominal, part.mid, float(t[at])]
         line += [row.get("unrounded"), row.get("notation"), row.get("process") or None, followed]
         for measured in problem.measured:
             linear = measured.linear
@@ -460,23 +460,9 @@ def _allocation_sheet(sheet: Any, problem: Stack, design: np.ndarray, rows: Mapp
 
 
 ANALYSED = (
-    "requirement",
-    "unit",
-    "at the mid-limits",
-    "lower",
-    "upper",
-    "worst case",
-    "worst case least",
-    "worst case greatest",
-    "mean",
-    "rss",
-    "rss least",
-    "rss greatest",
-    "worst case kept",
-    "rss kept",
-    "tolevo: worst case",
-    "tolevo: rss",
-    "statement",
+    *("requirement", "unit", "at the mid-limits", "lower", "upper", "worst case", "worst case least"),
+    *("worst case greatest", "mean", "rss", "rss least", "rss greatest", "worst case kept", "rss kept"),
+    *("tolevo: worst case", "tolevo: rss", "statement"),
 )
 STATEMENTS = {
     True: "by sensitivities at the mid-limits; tolevo takes the corners of the formula for the worst case",
