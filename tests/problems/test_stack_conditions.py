@@ -60,7 +60,10 @@ def faults(**changed: Any) -> list[str]:
 
 
 SENSITIVITIES = [part | {"sensitivity": s} for part, s in zip(configuration()["part"], (1.0, -1e-3), strict=True)]
-WITHOUT_FORMULA = {"requirement": {"name": "fit", "unit": "mm", "lower": -0.005, "upper": 0.1}, "part": SENSITIVITIES}
+WITHOUT_FORMULA: dict[str, Any] = {
+    "requirement": {"name": "fit", "unit": "mm", "lower": -0.005, "upper": 0.1},
+    "part": SENSITIVITIES,
+}
 
 
 @pytest.mark.parametrize("stated", [{}, WITHOUT_FORMULA], ids=["formula", "sensitivities"])
