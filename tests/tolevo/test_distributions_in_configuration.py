@@ -172,7 +172,7 @@ def test_every_fault_at_its_key(text: str) -> None:
 def test_every_key_is_known_without_being_stated() -> None:
     assert keys()[0] == "distribution"
     assert set(keys()) == {"distribution", "mode", "top", "alpha", "beta", "cp", "cpk", "shift",
-                         "skew", "values", "centres", "spreads", "shares"}  # fmt: skip
+                         "skew", "shape", "values", "centres", "spreads", "shares"}  # fmt: skip
     assert [name_of(kind) for kind in DISTRIBUTIONS.values()] == list(DISTRIBUTIONS)
 
 

@@ -274,8 +274,9 @@ def _obstacle(table: Table, over: Mapping[str, Any]) -> str:
         if name not in named:
             return f'"{name}" is not the name of a [[{key}]]{nearest(name, named)}; there are {", ".join(named)}'
         inner, value = named[name], value[name]
-    both = isinstance(value, dict) and isinstance(inner, dict)
-    return _obstacle(inner, value) if both else "leads through a value that is not a table"
+    if isinstance(value, dict) and isinstance(inner, dict):
+        return _obstacle(inner, value)
+    return "leads through a value that is not a table"
 
 
 def _setting(key: str, value: str) -> Table | None:
