@@ -222,7 +222,7 @@ def ends_by_corners(mechanism: Mechanism, t: Tolerances) -> tuple[Array, Array]:
     for which y has a value. Exact where y is monotone in each piece while the others are held.
     """
     assert mechanism.formula is not None
-    if not mechanism.discs and sum(name in mechanism.formula.names for name in mechanism.names) > CORNERS:
+    if sum(name in mechanism.formula.names for name in mechanism.names) > CORNERS:
         from .extremes import extremes  # few formulas have as many parts
 
         ends = np.array([extremes(mechanism, limit_of(t)[at : at + 1])[:2] for at in range(len(t))]).reshape(-1, 2)

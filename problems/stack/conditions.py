@@ -113,7 +113,8 @@ def stack_at(
                 text = f"has no value at {condition.temperature_C:g} degC (condition {condition.name})"
                 faults.append(Fault(f"{requirement.place}.formula", text))
             nominal = requirement.nominal
-            if not requirement.formula and (nominal is not None or all(part.nominal is not None for part in parts)):
+            sized = all(part.nominal is not None or part.feature is not None for part in parts)
+            if not requirement.formula and (nominal is not None or sized):
                 nominal = anew.centre - float(anew.sensitivities @ _means(parts)[anew.owners])
             moved.append(replace(next(at_conditions), nominal=nominal))
             changed.append(anew)
@@ -178,7 +179,7 @@ def thermal_assumptions(definition: Definition) -> tuple[Assumption, ...]:
         place = f"part.{part.name}.expansion"
         if part.material:
             assumptions.append(Assumption(place, part.expansion or 0.0, "1/K", MATERIALS[part.material][1]))
-        elif part.expansion is None and family(part.unit)[0] == "meter":
+        elif part.expansion is None and part.feature is None and family(part.unit)[0] == "meter":
             text = "neither expansion nor material is stated: its size does not change with the temperature"
             assumptions.append(Assumption(place, 0.0, "1/K", text))
     return tuple(assumptions)
