@@ -80,9 +80,8 @@ def _extreme(mechanism: Mechanism, ends: Mapping[str, Ends], side: float) -> tup
     inside = {name: 0.5 * (a + b) + 0.5 * (b - a) * row for (name, (a, b)), row in zip(rest.items(), z, strict=True)}
     values = side * np.broadcast_to(formula.value(at | inside), z.shape[1])
     best = float(np.max(values[np.isfinite(values)], initial=-np.inf))
-    return (side * best if np.isfinite(best) else np.nan), "corners" if len(
-        rest
-    ) <= ENUMERATED and straight else "sample"
+    kind = "corners" if len(rest) <= ENUMERATED and straight else "sample"
+    return (side * best if np.isfinite(best) else np.nan), kind
 
 
 def _points(pieces: int) -> Array:

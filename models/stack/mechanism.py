@@ -222,7 +222,7 @@ def ends_by_corners(mechanism: Mechanism, t: Tolerances) -> tuple[Array, Array]:
     than `CORNERS` pieces those of `models/stack/extremes.py`.
     """
     assert mechanism.formula is not None
-    if not mechanism.discs and sum(name in mechanism.formula.names for name in mechanism.names) > CORNERS:
+    if sum(name in mechanism.formula.names for name in mechanism.names) > CORNERS:
         from .extremes import extremes  # few formulas have as many parts
 
         ends = [extremes(mechanism, row)[:2] for row in limit_of(t)]

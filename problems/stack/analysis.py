@@ -150,7 +150,7 @@ def _requirement_row(
 
 def _worst_ends(measured: Measured, made: Tolerances) -> tuple[float, float, str]:
     """Least and greatest value of parts within their zones, and how they were found."""
-    if not measured.straight and not measured.mechanism.discs:
+    if not measured.straight:
         return extremes(measured.drawn, limit_of(made)[0])
     ends = measured.variations(made) | measured.window(made, asked=True)
     least, greatest = (float(ends[measured.name(name)][0]) for name in WINDOW)
@@ -302,6 +302,7 @@ def quick_model(stack: Stack, design: Array) -> dict[str, Any]:
             continue
         acting = np.flatnonzero(mechanism.acting)
         curvature = _second_derivatives(mechanism, acting)
+        slopes = mechanism.directed if measured.straight else mechanism.sensitivities
         requirements.append(
             {
                 "name": label_of(measured),
@@ -310,7 +311,7 @@ def quick_model(stack: Stack, design: Array) -> dict[str, Any]:
                 "lower": None if np.isinf(mechanism.lower) else mechanism.lower,
                 "upper": None if np.isinf(mechanism.upper) else mechanism.upper,
                 "owner": mechanism.owners[acting].tolist(),
-                "slope": mechanism.sensitivities[acting].tolist(),
+                "slope": slopes[acting].tolist(),
                 "curvature": curvature.tolist() if np.any(curvature) else [],
             }
         )

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import tomli_w
 
+import tolevo
 from tolevo.algorithms.exact.bounds import proof
 from tolevo.algorithms.exact.solver import closed_form, exact_vectors
 from tolevo.configuration.reader import read
@@ -266,6 +267,46 @@ def test_a_zone_of_position_is_searched_like_a_tolerance(tmp_path: Path) -> None
     assert outputs["contribution_at_percent"][0] == pytest.approx(100.0 * (weights[1] * best[1] / 0.3) ** 2)
     bound = proof(stack, {"cost": outputs["cost"]}, 1).bound
     assert bound[0] == pytest.approx(np.sum(1.0 / best), rel=1e-6)
+
+
+# ---------------------------------------------------------------- the sheet
+
+
+def test_the_sheet_states_the_ends_and_shares_of_features_by_name(tmp_path: Path) -> None:
+    """Linear: the ends by the length of the slope, the shares of the variance by the radius squared over 4."""
+    text = (
+        requirement("plate + 0.6*at_x + 0.8*at_y + face", "lower = 19.8\nupper = 20.2")
+        + part("plate", 20.0, "tolerance = 0.03")
+        + feature("at", "position", "zone = 0.1") + feature("face", "profile", "zone = 0.06")
+    )  # fmt: skip
+    (tmp_path / "c.toml").write_text('problem = "stack"\n' + text, encoding="utf-8")
+    sheet = tolevo.analyse(tmp_path / "c.toml")
+    row = sheet.requirements.iloc[0]
+    assert (row["worst_case_least"], row["worst_case_greatest"]) == pytest.approx((19.89, 20.11), rel=1e-12)
+    assert row["worst_case_kind"] == "corners"
+    shares = sheet.contributions.set_index("part")
+    variance = np.array([0.01**2, 0.05**2 / 4.0, 0.03**2 / 3.0])
+    assert row["std"] == pytest.approx(np.sqrt(variance.sum()))
+    found = shares.loc[["plate", "at", "face"]]
+    np.testing.assert_allclose(found["variance_percent"], 100.0 * variance / variance.sum())
+    np.testing.assert_allclose(found["worst_case_percent"], np.array([3.0, 5.0, 3.0]) / 0.11)
+
+
+def test_the_sheet_of_a_fastener_states_the_worst_case_and_the_share_of_every_place(tmp_path: Path) -> None:
+    """The distance of two places alike grows with both tolerances alike, var(D) = (S d)^2."""
+    plain = requirement("sqrt((a_x - b_x)**2 + (a_y - b_y)**2) + plate", "upper = 0.2")
+    plain += part("plate", 0.05, "tolerance = 0.001")
+    text = plain + feature("a", "position", "zone = 0.1") + feature("b", "position", "zone = 0.1")
+    (tmp_path / "c.toml").write_text('problem = "stack"\n' + text, encoding="utf-8")
+    sheet = tolevo.analyse(tmp_path / "c.toml")
+    row, shares = sheet.requirements.iloc[0], sheet.contributions.set_index("part")["variance_percent"]
+    assert row["worst_case_greatest"] == pytest.approx(0.151, rel=1e-9)
+    rng = np.random.default_rng(12)
+    (a_x, a_y), (b_x, b_y) = disc(rng), disc(rng)
+    distance, plate = 0.05**2 * np.var(np.hypot(a_x - b_x, a_y - b_y)), 0.001**2 / 9.0
+    assert row["std"] == pytest.approx(np.sqrt(distance + plate), rel=5e-3)
+    half = 50.0 * distance / (distance + plate)
+    np.testing.assert_allclose(shares[["plate", "a", "b"]], [100.0 - 2.0 * half, half, half], atol=0.5)
 
 
 # ---------------------------------------------------------------- several requirements, lets, tables
