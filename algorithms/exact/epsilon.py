@@ -69,7 +69,7 @@ def feasible_afresh(run: Run, branch: Branch, y: Array, level: Array, search: bo
     accepted: list[tuple[float, float, Array]] = []
     displacement, moved, target = _limit_displacement(run), np.zeros(0), level
     if search and (finer := run.problem.finer()) is not run.problem:
-        branch = Branch(type(run)(finer, Budget(), seed=0), branch.smooth.x, branch.unit)
+        branch = branch.on(finer)
     rounds = ALONE if run.problem.n_obj == 1 else ROUNDS
     for left in range(rounds if search else 0, -1, -1):
         x = branch.smooth.vectors(y[None, :])
@@ -243,10 +243,9 @@ def _solve_coarse_levels(run: Run, branches: list[Branch]) -> Levels:
     last = min((b for b in branches if b.f), key=lambda b: b.f[0][1], default=None)
     if last is None:
         return {}
-    corner = np.where(last.smooth.log, 0.0, last.y[0])
-    last.minimise(1, corner, none)
-    finest = Branch(type(run)(run.problem.finer(), Budget(), seed=0), last.smooth.x, last.unit)
-    finest.minimise(1, np.where(last.smooth.log, 0.0, last.y[0]), none)
+    last.minimise(1, last.tightest(last.y[0]), none)
+    finest = last.on(run.problem.finer())
+    finest.minimise(1, last.tightest(last.y[0]), none)
     low = END * max(branch.f[0][1] for branch in (last, finest) if branch.f)
     count = int(np.ceil(np.log(low / high) / np.log(RATIO)))
     levels = np.geomspace(low, high, max(count, 2) + 1).tolist()
