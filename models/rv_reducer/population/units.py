@@ -264,6 +264,15 @@ class Involute:
             return np.asarray(np.exp(-0.5 * z * z) / (np.sqrt(2.0 * np.pi) * SMOOTHING))
         return law_density(self.planet, (excess - self.middle) / self.half) / self.half
 
+    @property
+    def variation(self) -> float:
+        """Total variation of the density of `cdf` [1/arcmin], which rises from 0 and falls to 0."""
+        if self.half == 0.0:
+            return 2.0 * float(self.density(np.array(self.middle)))
+        nodes, below, _ = _table(self.planet)
+        density = np.diff(below) / np.diff(nodes) / self.half
+        return float(np.abs(np.diff(density, prepend=0.0, append=0.0)).sum())
+
     def ends(self) -> tuple[float, float]:
         """Least and largest phi_1 [arcmin]."""
         if self.half == 0.0:
