@@ -6,6 +6,7 @@ from collections import OrderedDict
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -45,6 +46,9 @@ from .declared import (
 )
 from .evaluation import MEASURES, Evaluation, Populations, UnitModel, is_unit_statistic, unit_tables
 from .promising import PromisingUnits
+
+if TYPE_CHECKING:
+    from .bound import CommonErrorBound
 
 # Designs of `rv_reducer` that a search by gradients begins from.
 
@@ -234,7 +238,9 @@ class RvReducer(PromisingUnits, Machined):
         },
     )
     machinable = frozenset(TERMS)
-    _drawn_again = frozenset(("_searched", "_reported", "_recent", "_verdicts", "_mixed", "_promised_units"))
+    _drawn_again = frozenset(
+        ("_searched", "_reported", "_recent", "_verdicts", "_mixed", "_promised_units", "_cost_bound")
+    )
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
@@ -461,8 +467,17 @@ class RvReducer(PromisingUnits, Machined):
         return [
             *declared.faults(self.model.geometry, self.given, ends),
             *unpriced_error_faults({variable.name for variable in self.free}, self.settings.costs),
-            *(size_faults(self.count, MAX_CACHED_EVALUATIONS) or super().faults()),
+            *(size_faults(self.count, MAX_CACHED_EVALUATIONS) or super().faults() or self.cost_bound().faults()),
         ]
+
+    def cost_bound(self) -> CommonErrorBound:
+        return self._cost_bound
+
+    @cached_property
+    def _cost_bound(self) -> CommonErrorBound:
+        from .bound import CommonErrorBound
+
+        return CommonErrorBound(self)
 
     def search_faults(self) -> list[Fault]:
         return unlimited_interference_faults(self.settings.limits, self.settings.parameters)
