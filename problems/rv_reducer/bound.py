@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from itertools import pairwise, product
 from typing import TYPE_CHECKING
 
@@ -158,51 +158,25 @@ def _law_of_mean(law: tuple[float, Even] | None, parts: int, share: float) -> tu
     return (even, parts) if share == 0.0 and (parts <= 2 or even == UNIFORM) else None
 
 
-# The chance that a unit can be good, as a cosine series, never too small.
+# The share of units that can be good, as a cosine series, never too small.
 
 
 TERMS, NODES = 128, 32_768
 """Terms of the series, and nodes by which its coefficients are computed."""
 ALIASES = np.pi**2 / 4.0
-"""Sum of 2/(2 m - 1)^2 over m: coefficients beyond twice the nodes that each coefficient takes up."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Chance:
-    """P(phi_1 <= min(limit, limit + gap - 2 |s|)) as a series in cos(k pi s/period), k = 0 .. `TERMS`.
-
-    The series continues the chance, which is 0 from half the period on, periodically: nothing is lost. The terms
-    beyond fall at least like 1/k^2 with the total variation of the slope; `rounding` bounds what the coefficients
-    take up of them by their sampling, `remainder` their sum.
-    """
-
-    coefficients: Array
-    remainder: float
-    rounding: float
-
-    @classmethod
-    def of(cls, involute: Involute, limit: float, gap: float, period: float) -> Chance:
-        """The chance [arcmin] at one grade."""
-        s = (np.arange(NODES) + 0.5) * period / NODES
-        coefficients = scipy.fft.dct(involute.cdf(np.minimum(limit, limit + gap - 2.0 * s)))[: TERMS + 1] / NODES
-        coefficients[0] *= 0.5
-        fall = 2.0 * period / np.pi**2 * 2.0 * involute.variation
-        return cls(coefficients, fall / TERMS, (TERMS + 1) * ALIASES * fall / NODES**2 + 1e-12)
-
-
-# The least cost of tolerances and a grade at which enough units can be good.
-
-
+"""Sum of 2/(2 m - 1)^2: coefficients beyond twice the nodes times m, of which each coefficient takes up a part."""
 STEPS = 1024
 """Steps of the range of a tolerance, even in its logarithm."""
 NARROWEST = 1e-3
 """Fraction of the end of a range up to which its beginning is one step."""
 SHORT = 0.003
 """Fraction by which the cost to be proven lies below one that a local search reaches: it is left to the steps."""
+STARTS = 33
+"""Designs from the loosest to the tightest, the first feasible of which the local search starts from."""
 CELLS = 8192
 """Cells that are tested at once."""
-STARTS = 33
-"""Designs between the tightest and the loosest, the loosest feasible of which the local search starts from."""
+ROUNDING = 1e-12
+"""Rounding of a share."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -214,135 +188,113 @@ class Steps:
     cost: Array
 
 
-@dataclass(frozen=True, slots=True)
-class Grade:
-    """The involute stage at one grade, with its cost and that of all that has no part in the theorem."""
-
-    involute: Involute
-    cost: float
+Grade = tuple[Involute, float]
+"""The involute stage at a grade, and the cost of that and of all that has no part in the theorem."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Level:
-    """The share of units that can be good at one grade, against tolerances by their steps.
+    """The share of units with phi_1 <= min(limit, limit + gap - 2 |s|), against tolerances by their steps.
 
-    `waves` (n, terms) are the factors of the terms by each tolerance, `ends` (n,) those of the terms beyond. The share
-    falls with every tolerance, because a sum of independent even unimodal errors spreads with each of them
+    The share given s is a series in cos(k pi s/period) with `coefficients` up to k = `TERMS`. `waves` (n, terms) are
+    the factors of its mean by each tolerance, `ends` (n,) those of the terms beyond, whose sum is at most `remainder`.
+    The share falls with every tolerance: a sum of independent even unimodal errors spreads with each of them
     (Birnbaum 1948, Annals of Mathematical Statistics 19, 76-81).
     """
 
-    tolerances: list[Steps]
+    cost: list[Array]
     waves: list[Array]
     ends: list[Array]
-    chance: Chance
-    wanted: float
-
-    def _spare(self, waves: Array, last: Array) -> Array:
-        chance = self.chance
-        return np.asarray(waves @ chance.coefficients + chance.remainder * last + chance.rounding - self.wanted)
+    coefficients: Array
+    remainder: float
+    missing: float
 
     def spare(self, steps: Integers) -> Array:
         """The share (n,) beyond the wanted one at the ends of steps (n, tolerances)."""
-        spare = np.empty(len(steps))
-        for first in range(0, len(steps), CELLS):
-            part = steps[first : first + CELLS]
-            waves, last = np.ones((len(part), TERMS + 1)), np.ones(len(part))
-            for at, (wave, end) in enumerate(zip(self.waves, self.ends, strict=True)):
-                waves *= wave[part[:, at]]
-                last *= end[part[:, at]]
-            spare[first : first + CELLS] = self._spare(waves, last)
-        return spare
+        waves, ends = (
+            reduce(np.multiply, [table[at] for table, at in zip(tables, steps.T, strict=True)])
+            for tables in (self.waves, self.ends)
+        )
+        return np.asarray(waves @ self.coefficients + self.remainder * ends - self.missing)
 
     def reached(self) -> float:
         """A cost at which the share is left, by a local search between the steps; inf where there is none."""
-        last = np.array([len(steps.t) - 1 for steps in self.tolerances])
+        last = np.array([len(cost) - 1 for cost in self.cost])
 
-        def between(x: Array, tables: list[Array]) -> Iterator[Array]:
-            for place, most, table in zip(x, last, tables, strict=True):
-                step = min(int(place * most), most - 1)
-                yield table[step] + (place * most - step) * (table[step + 1] - table[step])
-
-        def cost(x: Array) -> float:
-            return float(sum(between(x, [steps.cost for steps in self.tolerances])))
+        def between(tables: list[Array], x: Array) -> list[Array]:
+            steps = np.minimum((x * last).astype(int), last - 1)
+            return [(1.0 - p) * t[i] + p * t[i + 1] for t, i, p in zip(tables, steps, x * last - steps, strict=True)]
 
         def spare(x: Array) -> float:
-            return float(self._spare(np.prod(list(between(x, self.waves)), axis=0), np.zeros(1)).item())
+            return float(reduce(np.multiply, between(self.waves, x)) @ self.coefficients - self.missing)
 
-        starts = [np.full(len(last), part) for part in np.linspace(0.0, 1.0, STARTS)]
-        start = next((x for x in reversed(starts) if spare(x) >= 0.0), None)
-        if start is None:
-            return np.inf
+        starts = [np.full(len(last), part) for part in np.linspace(1.0, 0.0, STARTS)]
+        start = next((x for x in starts if spare(x) >= 0.0), starts[-1])
         found = scipy.optimize.minimize(
-            cost, start, method="SLSQP", bounds=[(0.0, 1.0)] * len(last), constraints={"type": "ineq", "fun": spare}
+            lambda x: sum(between(self.cost, x)),
+            start,
+            method="SLSQP",
+            bounds=[(0.0, 1.0)] * len(last),
+            constraints={"type": "ineq", "fun": spare},
         )
-        return min(cost(start), cost(found.x) if spare(found.x) >= -1e-6 else np.inf)
+        return float(sum(between(self.cost, found.x if spare(found.x) >= -1e-6 else start)))
 
     def proven(self, target: float) -> float:
         """The least cost at which the share can be left, `target` where none below it is.
 
-        A cell spans steps of all tolerances but the last. What lies in it costs at least what its loosest do, and
-        leaves no more units than its tightest: with the tightest of the last tolerance that is cheap enough it is
-        tested whole, and halved where it may hold something.
+        A cell spans steps of all tolerances. What lies in it costs at least what its loosest do and leaves no more
+        units than its tightest; it is halved until one of them excludes it.
         """
-        *cut, last = self.tolerances
-        first, end = np.zeros((1, len(cut)), np.int64), np.array([[len(steps.t) - 1 for steps in cut]])
-        while len(first):
-            cost = np.sum([steps.cost[end[:, at]] for at, steps in enumerate(cut)], axis=0)
-            step = np.searchsorted(-last.cost[1:], cost - target, side="right")
-            kept = step < len(last.t) - 1
-            kept[kept] = self.spare(np.column_stack([first[kept], step[kept]])) >= 0.0
-            first, end, cost, step = (values[kept] for values in (first, end, cost, step))
-            whole = np.all(end - first == 1, axis=1)
-            loosest = self._loosest(first[whole], step[whole])
-            target = float(np.min(cost[whole] + last.cost[loosest + 1], initial=target))
-            first, end = self._halved(first[~whole], end[~whole])
+        cells = np.array([[[0] * len(self.cost), [len(cost) - 1 for cost in self.cost]]])
+        while len(cells):
+            cells, some = cells[:-CELLS], cells[-CELLS:]
+            cost = np.stack([table[some[:, :, at]] for at, table in enumerate(self.cost)], axis=2)
+            kept = cost[:, 1].sum(axis=1) < target
+            kept[kept] = self.spare(some[kept, 0]) >= 0.0
+            some, cost = some[kept], cost[kept]
+            width = some[:, 1] - some[:, 0]
+            whole = np.all(width == 1, axis=1)
+            target = float(cost[whole, 1].sum(axis=1).min(initial=target))
+            some, fall = some[~whole], np.where(width > 1, cost[:, 0] - cost[:, 1], -1.0)[~whole]
+            rows, at = np.arange(len(some)), np.argmax(fall, axis=1)
+            tight, loose = some.copy(), some.copy()
+            tight[rows, 1, at] = loose[rows, 0, at] = some[rows, :, at].sum(axis=1) // 2
+            cells = np.concatenate([cells, tight, loose])
         return target
 
-    def _loosest(self, first: Integers, low: Integers) -> Integers:
-        """The last step (n,) of the last tolerance that leaves the share, which `low` (n,) do."""
-        high = np.full(len(low), len(self.tolerances[-1].t) - 1)
-        while np.any(high - low > 1):
-            middle = (low + high) // 2
-            fits = self.spare(np.column_stack([first, middle])) >= 0.0
-            low, high = np.where(fits, middle, low), np.where(fits, high, middle)
-        return low
 
-    def _halved(self, first: Integers, end: Integers) -> tuple[Integers, Integers]:
-        """Cells cut in two where their cost varies most."""
-        fall = [s.cost[first[:, at]] - s.cost[end[:, at]] for at, s in enumerate(self.tolerances[:-1])]
-        varies = np.where(end - first > 1, np.reshape(fall, end.T.shape).T, -1.0)
-        rows, at = np.arange(len(first)), np.argmax(varies, axis=1)
-        middle = (first[rows, at] + end[rows, at]) // 2
-        lower_end, upper_first = end.copy(), first.copy()
-        lower_end[rows, at] = upper_first[rows, at] = middle
-        return np.concatenate([first, upper_first]), np.concatenate([lower_end, end])
+def levels(tolerances: list[Steps], grades: list[Grade], needed: Array) -> Iterator[tuple[Level, float]]:
+    """Levels and their other costs, at grades where the tightest tolerances leave a share of units at limit and gap.
 
-
-def levels(tolerances: list[Steps], grades: list[Grade], needed: Array) -> Iterator[tuple[Level, Grade]]:
-    """The grades at which the tightest tolerances leave a share of units, limit and gap [arcmin] in `needed`."""
-    wanted, limit, gap = needed.tolist()
-    period = limit + gap - min(grade.involute.ends()[0] for grade in grades)
+    `needed` are share, limit and gap [arcmin]. The share given s is 0 from half the period on, and continued
+    periodically, so that nothing is lost. Its coefficients fall at least like 1/k^2, by the total variation of its
+    slope; what they take up from beyond the nodes is made good.
+    """
+    share, limit, gap = needed.tolist()
+    period = limit + gap - min(involute.ends()[0] for involute, _ in grades)
     if period <= 0.0:
         return
-    w = np.arange(TERMS + 1) * np.pi / period
-    scales = [(steps.error, steps.error.slope * steps.t) for steps in tolerances]
-    waves = [error.characteristic(scale[:, None] * w) for error, scale in scales]
-    ends = [error.envelope(scale * w[-1]) for error, scale in scales]
-    for grade in grades:
-        level = Level(tolerances, waves, ends, Chance.of(grade.involute, limit, gap, period), wanted)
+    w, scales = np.arange(TERMS + 1) * np.pi / period, [steps.error.slope * steps.t for steps in tolerances]
+    errors = [steps.error for steps in tolerances]
+    waves = [error.characteristic(scale[:, None] * w) for error, scale in zip(errors, scales, strict=True)]
+    ends = [error.envelope(scale * w[-1]) for error, scale in zip(errors, scales, strict=True)]
+    s, cost = (np.arange(NODES) + 0.5) * period / NODES, [steps.cost for steps in tolerances]
+    for involute, rest in grades:
+        within = involute.cdf(np.minimum(limit, limit + gap - 2.0 * s))
+        coefficients = scipy.fft.dct(within)[: TERMS + 1] / NODES * ([0.5] + [1.0] * TERMS)
+        fall = 4.0 * period / np.pi**2 * involute.variation
+        missing = share - (TERMS + 1) * ALIASES * fall / NODES**2 - ROUNDING
+        level = Level(cost, waves, ends, coefficients, fall / TERMS, missing)
         if level.spare(np.zeros((1, len(tolerances)), np.int64))[0] >= 0.0:
-            yield level, grade
+            yield level, rest
 
 
 def least_cost(tolerances: list[Steps], grades: list[Grade], needed: Array) -> float:
-    """Proven least cost at which a share of units can be good: `needed` are share, limit and gap [arcmin].
-
-    inf where no tolerances and grade leave the share.
-    """
+    """Proven least cost at which a share of units can be good, `needed` as in `levels`; inf where none leaves it."""
     possible = list(levels(tolerances, grades, needed))
-    proven = (1.0 - SHORT) * min((grade.cost + level.reached() for level, grade in possible), default=np.inf)
-    for level, grade in possible:
-        proven = min(proven, grade.cost + level.proven(proven - grade.cost))
+    proven = (1.0 - SHORT) * min((rest + level.reached() for level, rest in possible), default=np.inf)
+    for level, rest in possible:
+        proven = min(proven, rest + level.proven(proven - rest))
     return proven
 
 
@@ -380,8 +332,8 @@ class CommonErrorBound:
             return "no bound is known where effects change the backlash outside of the contact"
         if not self._pairs:
             return (
-                "a bound needs backlash_max_arcmin, backlash_mean_arcmin or yield_percent, and interference that is "
-                "counted without load, each as a limit or an objective"
+                f"a bound needs {MAX}, {MEAN} or {YIELD}, and interference that is counted without load, each as a "
+                "limit or an objective"
             )
         return "" if self._errors[0] else "no law of an error that parts have in common is symmetric and log-concave"
 
@@ -394,50 +346,47 @@ class CommonErrorBound:
         used = {"cost", *FREE, *(name for pair in self._pairs for name in pair)}
         asked = (*self.problem.objectives, *(limit.name for limit in self.problem.limits if limit.count))
         left_out = [name for name in dict.fromkeys(asked) if name not in used]
-        return "; ".join(
-            [
-                f"least cost of {', '.join(error.variable for error in errors)} and the grade at which enough units "
-                f"can keep backlash and interference, {THEOREM}: the backlash counts as even over the turn, all other "
-                "tolerances as their widest, the modification as free; for the units as a whole, of which the values "
-                "of a point are a sample",
-                *([f"not counted, for their laws: {', '.join(fixed)}"] if fixed else []),
-                *([f"left out: {', '.join(left_out)}"] if left_out else []),
-            ]
+        text = (
+            f"least cost of {', '.join(error.variable for error in errors)} and the grade at which enough units can "
+            f"keep backlash and interference, {THEOREM}: the backlash counts as even over the turn, all other "
+            "tolerances as their widest, the modification as free; for the units as a whole, of which the values of a "
+            "point are a sample"
         )
+        for what, names in (("not counted, for their laws", fixed), ("left out", left_out)):
+            text += f"; {what}: {', '.join(names)}" if names else ""
+        return text
 
     # ---------------------------------------------------------------- what is needed
+
+    @cached_property
+    def _pairs(self) -> list[tuple[str, str]]:
+        """Outputs whose limits or values hold the backlash, each with one that holds interference."""
+        kind, limits = self.problem.model.conditions.interference, self.problem.limits
+        held = {*self.problem.objectives, *(limit.name for limit in limits if np.isfinite(limit.high))}
+        kept = [name for name in (MAX, MEAN) if name in held]
+        kept += [YIELD] if np.isfinite(narrow_range(limits, YIELD)[0]) else []
+        anywhere = {SHARE_OF_TURN, *([PROBABILITY] if kind == "share_of_turn" else [])}
+        missed = {PROBABILITY, SHARE_OF_TURN, OVERLAP} & held - ({PROBABILITY} if kind == "preload" else set())
+        return [pair for pair in product(kept, sorted(missed)) if pair[0] != MEAN or pair[1] not in anywhere]
 
     def _upper(self, name: str, values: Mapping[str, Array]) -> Array:
         """Upper limits of an output at points: that of the run, and their own value of an objective."""
         own = values[name] if name in self.problem.objectives and name in values else np.inf
         return loosened(np.minimum(own, narrow_range(self.problem.limits, name)[1]), ROOM)
 
-    @cached_property
-    def _pairs(self) -> list[tuple[str, str]]:
-        """Outputs whose limits or values hold the backlash, each with one that holds interference."""
-        kind = self.problem.model.conditions.interference
-        held = {*self.problem.objectives, *(limit.name for limit in self.problem.limits if np.isfinite(limit.high))}
-        backlash = [name for name in (MAX, MEAN) if name in held]
-        if np.isfinite(narrow_range(self.problem.limits, YIELD)[0]):
-            backlash.append(YIELD)
-        anywhere = {SHARE_OF_TURN, *([PROBABILITY] if kind == "share_of_turn" else [])}
-        interference = {PROBABILITY, SHARE_OF_TURN, OVERLAP} & held - ({PROBABILITY} if kind == "preload" else set())
-        return [pair for pair in product(backlash, sorted(interference)) if pair[0] != MEAN or pair[1] not in anywhere]
-
     def _needed(self, pair: tuple[str, str], values: Mapping[str, Array], points: int) -> Array:
         """Share of good units, limit and gap [arcmin] (points, 3) that a pair of outputs needs."""
-        kept, missed = pair
-        conditions = self.problem.model.conditions
-        share, limit = conditions.coverage, self._upper(kept, values)
+        (kept, missed), conditions = pair, self.problem.model.conditions
+        share, limit = np.array(conditions.coverage), self._upper(kept, values)
         if kept == YIELD:
-            share = 0.01 * float(loosened(narrow_range(self.problem.limits, YIELD)[0], -ROOM))
-            limit = np.array(conditions.limit)
-        overlaps = missed == PROBABILITY and conditions.interference == "overlap"
-        gap = conditions.overlap if overlaps else 0.0
-        allowed = self._upper(missed, values)
+            least = narrow_range(self.problem.limits, YIELD)[0]
+            share, limit = 0.01 * loosened(least, -ROOM), np.array(conditions.limit)
+        allowed, gap = self._upper(missed, values), np.zeros(1)
         if missed == OVERLAP:
-            gap, allowed = allowed, np.array(1.0 - OVERLAP_SHARE)
-        return np.stack([np.broadcast_to(v, points) for v in (share - allowed, limit, gap)], axis=1)
+            allowed, gap = np.array(1.0 - OVERLAP_SHARE), allowed
+        elif missed == PROBABILITY and conditions.interference == "overlap":
+            gap = np.array(conditions.overlap)
+        return np.stack([np.broadcast_to(value, points) for value in (share - allowed, limit, gap)], axis=1)
 
     # ---------------------------------------------------------------- costs
 
@@ -447,91 +396,71 @@ class CommonErrorBound:
 
     @cached_property
     def _tolerances(self) -> list[Steps]:
-        """Tolerances of the common errors, that with the greatest range of costs last."""
-        steps = [self._steps(error) for error in self._errors[0]]
-        return sorted(steps, key=lambda s: float(s.cost[0] - s.cost[-1]))
-
-    def _steps(self, error: CommonError) -> Steps:
-        low, high = self.problem.interval(error.variable)
-        t = np.array([low, high])
-        if low < high:
-            t = np.geomspace(max(low, NARROWEST * high), high, STEPS + 1)
+        tolerances = []
+        for error in self._errors[0]:
+            low, high = self.problem.interval(error.variable)
+            t = np.geomspace(max(low, NARROWEST * high), high, STEPS + 1) if low < high else np.array([low, high])
             t[0] = low
-        curve = self.problem.settings.costs.get(error.variable)
-        priced = np.minimum(t, curve.t[-1]) if isinstance(curve, Table) else t
-        with np.errstate(divide="ignore"):
-            cost = np.zeros_like(t) if curve is None else curve.cost(priced)
-        return Steps(error, t, np.minimum.accumulate(np.minimum(cost, DEAREST)))
+            curve = self.problem.settings.costs.get(error.variable)
+            priced = np.minimum(t, curve.t[-1]) if isinstance(curve, Table) else t
+            with np.errstate(divide="ignore"):
+                cost = np.zeros_like(t) if curve is None else curve.cost(priced)
+            tolerances.append(Steps(error, t, np.minimum.accumulate(np.minimum(cost, DEAREST))))
+        return tolerances
 
     @cached_property
     def _grades(self) -> list[Grade]:
-        """Every grade, with its cost and that of all other tolerances at their widest."""
+        """Every grade, its cost with that of all other tolerances at their widest."""
         problem, counted = self.problem, {steps.error.variable for steps in self._tolerances}
         low, high = problem.interval("involute_grade")
         grades = np.arange(np.rint(low), np.rint(high) + 1.0) if low < high else np.array([low])
         designs = np.tile([problem.interval(name)[1] for name in problem.names], (len(grades), 1))
         designs[:, problem.names.index("involute_grade")] = grades
         costs = [cost for name, cost in problem.costs_of(designs).items() if name not in counted]
-        whole = np.minimum(np.sum(costs, axis=0), DEAREST)
-        return [Grade(problem.model.involute(grade), float(cost)) for grade, cost in zip(grades, whole, strict=True)]
+        rest = np.minimum(np.sum(costs, axis=0), DEAREST) + np.zeros(len(grades))
+        return [(problem.model.involute(grade), float(cost)) for grade, cost in zip(grades, rest, strict=True)]
 
     def least_costs(self, values: Mapping[str, Array], points: int) -> Array:
         """Least costs (points,) at limits and at values (points,) of the objectives; inf where no design keeps them."""
         bounds = np.full(points, -np.inf)
-        for pair in self._pairs:
+        for pair in self._pairs if points else []:
             needed, place = np.unique(self._needed(pair, values, points), axis=0, return_inverse=True)
             bounds = np.maximum(bounds, self._solved(needed)[np.ravel(place)])
         return bounds
 
     def _solved(self, needed: Array) -> Array:
         """Least costs (n,) of needs (n, 3): where they are too many, of some, and of others by looser ones."""
-        order = np.argsort(needed[:, 1], kind="stable")
-        rows = needed[order[np.unique(np.linspace(0, len(order) - 1, SOLVED).astype(int))]]
-        loosest = np.array([needed[:, 0].min(), *needed[:, 1:].max(axis=0)])
-        costs, tighter = np.full(len(needed), -np.inf), needed * [1.0, -1.0, -1.0]
-        for row in np.unique([loosest, *rows], axis=0):
-            beyond = np.all(tighter >= row * [1.0, -1.0, -1.0], axis=1)
-            costs[beyond] = np.maximum(costs[beyond], least_cost(self._tolerances, self._grades, row))
+        order, sign = np.argsort(needed[:, 1], kind="stable"), np.array([1.0, -1.0, -1.0])
+        rows = order[np.unique(np.linspace(0, len(order) - 1, SOLVED).astype(int))]
+        costs, loosest = np.full(len(needed), -np.inf), (sign * needed).min(axis=0) * sign
+        for row in np.unique([loosest, *needed[rows]], axis=0):
+            tighter = np.all(sign * needed >= sign * row, axis=1)
+            costs[tighter] = np.maximum(costs[tighter], least_cost(self._tolerances, self._grades, row))
         return costs
 
     # ---------------------------------------------------------------- limits that nothing keeps
 
-    def _best(self, limit: float, gap: float) -> float:
-        """The greatest share of units that any tolerances allow to be good."""
+    def _possible(self, share: float, limit: float, gap: float) -> bool:
+        """Whether the tightest tolerances leave a share of units at any grade."""
         tightest = [Steps(steps.error, steps.t[:1], steps.cost[:1]) for steps in self._tolerances]
-        first = np.zeros((1, len(tightest)), np.int64)
-        every = levels(tightest, self._grades, np.array([0.0, limit, gap]))
-        return max((float(level.spare(first)[0]) for level, _ in every), default=0.0)
+        return any(True for _ in levels(tightest, self._grades, np.array([share, limit, gap])))
 
     def faults(self) -> list[Fault]:
         """A fault for each limit on backlash or yield that no design keeps together with one on interference."""
         faults = {}
-        for kept, missed in [] if self.missing else self._pairs:
-            share, limit, gap = self._needed((kept, missed), {}, 1)[0].tolist()
-            if not np.isfinite(limit) or (best := self._best(limit, gap)) >= share:
-                continue
-            stated = narrow_range(self.problem.limits, kept)
-            if kept == YIELD:
-                most = min(stated[0] - 100.0 * (share - best), 100.0)
-                asked, reach = f"at least {stated[0]:g} %", f"at most {most:.4g} %"
-            else:
-                asked, reach = (
-                    f"at most {stated[1]:g} arcmin",
-                    f"no less than {self._least(share, limit, gap):.4g} arcmin",
+        for pair in [] if self.missing else self._pairs:
+            share, limit, gap = self._needed(pair, {}, 1)[0].tolist()
+            if np.isfinite(limit) and not self._possible(share, limit, gap):
+                low, high = limit, 2.0 * abs(limit) + 1.0
+                while not self._possible(share, high, gap):
+                    low, high = high, 2.0 * high
+                for _ in range(BISECTIONS):
+                    middle = 0.5 * (low + high)
+                    low, high = (low, middle) if self._possible(share, middle, gap) else (middle, high)
+                faults[pair[0]] = Fault(
+                    f"limits.{pair[0]}",
+                    f"cannot be kept together with limits.{pair[1]}, {THEOREM}: so many units with the tightest "
+                    f"tolerances need {high:.4g} arcmin at least, the limit is {limit:g}; relax one of the two or "
+                    "widen the ranges",
                 )
-            faults[kept] = Fault(
-                f"limits.{kept}",
-                f"{asked} cannot be kept together with limits.{missed}, {THEOREM}: the tightest tolerances allow "
-                f"{reach}; relax one of the limits or widen the ranges",
-            )
         return list(faults.values())
-
-    def _least(self, share: float, low: float, gap: float) -> float:
-        """The least limit [arcmin] above `low` at which a share of units can be good, found from below."""
-        high = 2.0 * abs(low) + 1.0
-        while self._best(high, gap) < share:
-            low, high = high, 2.0 * high
-        for _ in range(BISECTIONS):
-            middle = 0.5 * (low + high)
-            low, high = (low, middle) if self._best(middle, gap) >= share else (middle, high)
-        return low
