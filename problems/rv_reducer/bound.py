@@ -31,7 +31,6 @@ import scipy
 from numpy.polynomial import chebyshev
 
 from ...errors import Fault
-from ...models.costs import Table
 from ...models.propagation.convolution import UNIFORM, Even, EvenNormal, even_law
 from ...models.rv_reducer.population.errors import Lattice, turn_lattice
 from ...models.rv_reducer.population.units import Involute, Profile, stem
@@ -83,7 +82,7 @@ def least_slopes(profile: Profile, shifts: tuple[float, float]) -> tuple[float, 
 
 
 SERIES = 24
-"""Terms of a power series that is exact to rounding for arguments up to the number of parts and 4."""
+"""Terms, beyond the number of parts, of a power series that is exact to rounding for arguments up to that and 4."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +105,7 @@ class CommonError:
             return np.asarray(self.law.value(w / self.parts) ** self.parts)
         n, small = self.parts, w < self.parts + 4.0
         near, square = np.ones_like(w[small]), w[small] ** 2
-        for m in range(SERIES, 0, -1):
+        for m in range(SERIES + n, 0, -1):
             near = 1.0 - square / ((n + 2 * m - 1) * (n + 2 * m)) * near
         far = np.cos(w[~small]) if n % 2 == 0 else np.sinc(w[~small] / np.pi)
         for k in range(2 + n % 2, n + 1, 2):
@@ -129,54 +128,42 @@ def common_errors(problem: RvReducer) -> tuple[list[CommonError], list[str]]:
     low, high = narrow_range(problem.limits, "dr_p_mm", *problem.interval("dr_p_mm"))
     by_normal, by_circle = least_slopes(lattice.profile, (low * MM, high * MM))
     by_play = 0.25 * UM / geometry.nominal.centre_distance / ARCMIN
-    counted, share = (geometry.discs, hierarchy.share_discs), geometry.cranks * geometry.discs
+    of_discs = geometry.discs, hierarchy.share_discs
     kinds = (
         ("pin_circle_radius_um", by_circle, 1, 0.0),
-        ("equidistance_um", by_normal, *counted),
-        ("shift_um", by_circle, *counted),
-        ("crank_bearing_um", by_play, share, 0.0),
+        ("equidistance_um", by_normal, *of_discs),
+        ("shift_um", by_circle, *of_discs),
+        ("crank_bearing_um", by_play, geometry.cranks * geometry.discs, 0.0),
     )
     errors, fixed = [], []
-    for variable, slope, parts, fraction in kinds:
-        law = _law_of_mean(even_law(hierarchy.of(stem(variable))), parts, fraction)
-        if law is None or slope <= 0.0:
+    for variable, slope, parts, common in kinds:
+        even = (even_law(hierarchy.of(stem(variable))) or (0.0, None))[1]
+        if isinstance(even, EvenNormal):
+            even, parts = EvenNormal(even.sigma * float(np.sqrt(common + (1.0 - common) / parts))), 1
+        parts = 1 if common == 1.0 else parts
+        covered = parts == 1 or (common == 0.0 and (parts == 2 or even == UNIFORM))
+        if even is None or slope <= 0.0 or not covered:
             fixed.append(variable)
         else:
-            errors.append(CommonError(variable, 2.0 * slope / geometry.output_ratio, *law))
+            errors.append(CommonError(variable, 2.0 * slope / geometry.output_ratio, even, parts))
     return errors, fixed
-
-
-def _law_of_mean(law: tuple[float, Even] | None, parts: int, share: float) -> tuple[Even, int] | None:
-    """Law and number of the parts that a mean is of, which have a `share` of their variance in common."""
-    if law is None:
-        return None
-    even = law[1]
-    if isinstance(even, EvenNormal):
-        return EvenNormal(even.sigma * float(np.sqrt(share + (1.0 - share) / parts))), 1
-    if share == 1.0:
-        return even, 1
-    return (even, parts) if share == 0.0 and (parts <= 2 or even == UNIFORM) else None
 
 
 # The share of units that can be good, as a cosine series, never too small.
 
 
-TERMS, NODES = 128, 32_768
+TERMS, NODES = 128, 8192
 """Terms of the series, and nodes by which its coefficients are computed."""
 ALIASES = np.pi**2 / 4.0
 """Sum of 2/(2 m - 1)^2: coefficients beyond twice the nodes times m, of which each coefficient takes up a part."""
 STEPS = 1024
-"""Steps of the range of a tolerance, even in its logarithm."""
-NARROWEST = 1e-3
-"""Fraction of the end of a range up to which its beginning is one step."""
+"""Steps of the range of a tolerance, even in the root of what lies beyond its tightest."""
 SHORT = 0.003
 """Fraction by which the cost to be proven lies below one that a local search reaches: it is left to the steps."""
 STARTS = 33
-"""Designs from the loosest to the tightest, the first feasible of which the local search starts from."""
+"""Designs from the loosest to the tightest, of which the first feasible is where the local search starts."""
 CELLS = 8192
 """Cells that are tested at once."""
-ROUNDING = 1e-12
-"""Rounding of a share."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -218,26 +205,23 @@ class Level:
         return np.asarray(waves @ self.coefficients + self.remainder * ends - self.missing)
 
     def reached(self) -> float:
-        """A cost at which the share is left, by a local search between the steps; inf where there is none."""
+        """A cost at which the share is left, by a local search between the steps."""
         last = np.array([len(cost) - 1 for cost in self.cost])
 
         def between(tables: list[Array], x: Array) -> list[Array]:
             steps = np.minimum((x * last).astype(int), last - 1)
             return [(1.0 - p) * t[i] + p * t[i + 1] for t, i, p in zip(tables, steps, x * last - steps, strict=True)]
 
+        def cost(x: Array) -> float:
+            return float(sum(between(self.cost, x)))
+
         def spare(x: Array) -> float:
             return float(reduce(np.multiply, between(self.waves, x)) @ self.coefficients - self.missing)
 
-        starts = [np.full(len(last), part) for part in np.linspace(1.0, 0.0, STARTS)]
-        start = next((x for x in starts if spare(x) >= 0.0), starts[-1])
-        found = scipy.optimize.minimize(
-            lambda x: sum(between(self.cost, x)),
-            start,
-            method="SLSQP",
-            bounds=[(0.0, 1.0)] * len(last),
-            constraints={"type": "ineq", "fun": spare},
-        )
-        return float(sum(between(self.cost, found.x if spare(found.x) >= -1e-6 else start)))
+        alike = np.linspace(1.0, 0.0, STARTS)[:, None] + np.zeros(len(last))
+        start, kept = next((x for x in alike if spare(x) >= 0.0), alike[-1]), {"type": "ineq", "fun": spare}
+        x = scipy.optimize.minimize(cost, start, method="SLSQP", bounds=[(0.0, 1.0)] * len(last), constraints=kept).x
+        return cost(x if spare(x) >= -1e-6 else start)
 
     def proven(self, target: float) -> float:
         """The least cost at which the share can be left, `target` where none below it is.
@@ -274,16 +258,17 @@ def levels(tolerances: list[Steps], grades: list[Grade], needed: Array) -> Itera
     period = limit + gap - min(involute.ends()[0] for involute, _ in grades)
     if period <= 0.0:
         return
-    w, scales = np.arange(TERMS + 1) * np.pi / period, [steps.error.slope * steps.t for steps in tolerances]
-    errors = [steps.error for steps in tolerances]
-    waves = [error.characteristic(scale[:, None] * w) for error, scale in zip(errors, scales, strict=True)]
-    ends = [error.envelope(scale * w[-1]) for error, scale in zip(errors, scales, strict=True)]
-    s, cost = (np.arange(NODES) + 0.5) * period / NODES, [steps.cost for steps in tolerances]
+    w, waves, ends = np.arange(TERMS + 1) * np.pi / period, [], []
+    for steps in tolerances:
+        phase = steps.error.slope * steps.t[:, None] * w
+        waves.append(steps.error.characteristic(phase))
+        ends.append(steps.error.envelope(phase[:, -1]))
+    cost, s = [steps.cost for steps in tolerances], (np.arange(NODES) + 0.5) * period / NODES
     for involute, rest in grades:
         within = involute.cdf(np.minimum(limit, limit + gap - 2.0 * s))
         coefficients = scipy.fft.dct(within)[: TERMS + 1] / NODES * ([0.5] + [1.0] * TERMS)
         fall = 4.0 * period / np.pi**2 * involute.variation
-        missing = share - (TERMS + 1) * ALIASES * fall / NODES**2 - ROUNDING
+        missing = share - (TERMS + 1) * ALIASES * fall / NODES**2
         level = Level(cost, waves, ends, coefficients, fall / TERMS, missing)
         if level.spare(np.zeros((1, len(tolerances)), np.int64))[0] >= 0.0:
             yield level, rest
@@ -301,10 +286,6 @@ def least_cost(tolerances: list[Steps], grades: list[Grade], needed: Array) -> f
 # The bound of a problem: what its limits and objectives need of the units.
 
 
-SOLVED = 100
-"""Sets of limits that are solved at most; others have the bound of the next looser one."""
-DEAREST = 1e12
-"""Cost that stands for an infinite one."""
 ROOM = 2.0
 """Widening of limits, in units of the room within which they count as kept."""
 BISECTIONS = 40
@@ -330,6 +311,8 @@ class CommonErrorBound:
             return f"no bound is known where machines make tolerances ({made})"
         if self.problem.model.change.outside:
             return "no bound is known where effects change the backlash outside of the contact"
+        if not np.all(np.isfinite(self.problem.interval("cost"))):
+            return "a tolerance has no finite cost at an end of its range"
         if not self._pairs:
             return (
                 f"a bound needs {MAX}, {MEAN} or {YIELD}, and interference that is counted without load, each as a "
@@ -399,13 +382,11 @@ class CommonErrorBound:
         tolerances = []
         for error in self._errors[0]:
             low, high = self.problem.interval(error.variable)
-            t = np.geomspace(max(low, NARROWEST * high), high, STEPS + 1) if low < high else np.array([low, high])
-            t[0] = low
+            parts = np.linspace(0.0, 1.0, (STEPS if low < high else 1) + 1)
+            t = low + (high - low) * parts**2
             curve = self.problem.settings.costs.get(error.variable)
-            priced = np.minimum(t, curve.t[-1]) if isinstance(curve, Table) else t
-            with np.errstate(divide="ignore"):
-                cost = np.zeros_like(t) if curve is None else curve.cost(priced)
-            tolerances.append(Steps(error, t, np.minimum.accumulate(np.minimum(cost, DEAREST))))
+            cost = np.zeros_like(t) if curve is None else np.minimum.accumulate(curve.cost(t))
+            tolerances.append(Steps(error, t, cost))
         return tolerances
 
     @cached_property
@@ -417,7 +398,7 @@ class CommonErrorBound:
         designs = np.tile([problem.interval(name)[1] for name in problem.names], (len(grades), 1))
         designs[:, problem.names.index("involute_grade")] = grades
         costs = [cost for name, cost in problem.costs_of(designs).items() if name not in counted]
-        rest = np.minimum(np.sum(costs, axis=0), DEAREST) + np.zeros(len(grades))
+        rest = np.sum(costs, axis=0) + np.zeros(len(grades))
         return [(problem.model.involute(grade), float(cost)) for grade, cost in zip(grades, rest, strict=True)]
 
     def least_costs(self, values: Mapping[str, Array], points: int) -> Array:
@@ -425,18 +406,9 @@ class CommonErrorBound:
         bounds = np.full(points, -np.inf)
         for pair in self._pairs if points else []:
             needed, place = np.unique(self._needed(pair, values, points), axis=0, return_inverse=True)
-            bounds = np.maximum(bounds, self._solved(needed)[np.ravel(place)])
+            costs = np.array([least_cost(self._tolerances, self._grades, row) for row in needed])
+            bounds = np.maximum(bounds, costs[np.ravel(place)])
         return bounds
-
-    def _solved(self, needed: Array) -> Array:
-        """Least costs (n,) of needs (n, 3): where they are too many, of some, and of others by looser ones."""
-        order, sign = np.argsort(needed[:, 1], kind="stable"), np.array([1.0, -1.0, -1.0])
-        rows = order[np.unique(np.linspace(0, len(order) - 1, SOLVED).astype(int))]
-        costs, loosest = np.full(len(needed), -np.inf), (sign * needed).min(axis=0) * sign
-        for row in np.unique([loosest, *needed[rows]], axis=0):
-            tighter = np.all(sign * needed >= sign * row, axis=1)
-            costs[tighter] = np.maximum(costs[tighter], least_cost(self._tolerances, self._grades, row))
-        return costs
 
     # ---------------------------------------------------------------- limits that nothing keeps
 
