@@ -20,11 +20,11 @@ and the least cost of tolerances that keep this is a bound of the cost.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from itertools import pairwise, product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy
@@ -32,8 +32,7 @@ from numpy.polynomial import chebyshev
 
 from ...errors import Fault
 from ...models.propagation.convolution import UNIFORM, Even, EvenNormal, even_law
-from ...models.rv_reducer.population.errors import Lattice, turn_lattice
-from ...models.rv_reducer.population.units import Involute, Profile, stem
+from ...models.rv_reducer.population.units import Involute, Profile, contact_phases, stem
 from ...section import Array, Integers
 from ...units import ARCMIN, MM, UM
 from ..limits import loosened, narrow_range
@@ -47,8 +46,10 @@ if TYPE_CHECKING:
 
 PIECES = 8
 """Parts of the range of the shift modification in which slopes are bounded separately."""
-SINGLE_PRECISION = 1e-5
-"""Fraction by which slopes are lowered: the kernels hold them within 6e-8."""
+PHASES = 4001
+"""Phases of pins at which slopes are computed: between them they are 1e-6 smaller at most."""
+ROUNDING = 1e-5
+"""Fraction by which slopes are lowered, for that and for the kernels, which hold them within 6e-8."""
 
 
 def least_slopes(profile: Profile, shifts: tuple[float, float]) -> tuple[float, float]:
@@ -74,7 +75,7 @@ def least_slopes(profile: Profile, shifts: tuple[float, float]) -> tuple[float, 
         longest, least = arm[0] + arm_reach, along[0] - reach
         by_normal = min(by_normal, float(1.0 / longest.max()))
         by_circle = min(by_circle, float(np.min(least / np.where(least > 0.0, longest, arm[0] - arm_reach))))
-    unit = (1.0 - SINGLE_PRECISION) * UM / ARCMIN
+    unit = (1.0 - ROUNDING) * UM / ARCMIN
     return unit * by_normal, unit * by_circle
 
 
@@ -124,9 +125,9 @@ class CommonError:
 def common_errors(problem: RvReducer) -> tuple[list[CommonError], list[str]]:
     """The common errors whose laws the theorem covers, and the variables of those that count as fixed."""
     geometry, hierarchy = problem.model.geometry, problem.model.hierarchy
-    lattice = Lattice.of(geometry, turn_lattice(problem.count("positions"), geometry.nominal.cycloid_teeth))
+    profile = Profile.of(geometry, np.linspace(*contact_phases(geometry), PHASES))
     low, high = narrow_range(problem.limits, "dr_p_mm", *problem.interval("dr_p_mm"))
-    by_normal, by_circle = least_slopes(lattice.profile, (low * MM, high * MM))
+    by_normal, by_circle = least_slopes(profile, (low * MM, high * MM))
     by_play = 0.25 * UM / geometry.nominal.centre_distance / ARCMIN
     of_discs = geometry.discs, hierarchy.share_discs
     kinds = (
@@ -158,16 +159,15 @@ ALIASES = np.pi**2 / 4.0
 """Sum of 2/(2 m - 1)^2: coefficients beyond twice the nodes times m, of which each coefficient takes up a part."""
 STEPS = 1024
 """Steps of the range of a tolerance, even in the root of what lies beyond its tightest."""
-SHORT = 0.003
-"""Fraction by which the cost to be proven lies below one that a local search reaches: it is left to the steps."""
-STARTS = 33
-"""Designs from the loosest to the tightest, of which the first feasible is where the local search starts."""
-CELLS = 8192
+SHORTEST = 1e-3
+"""Period [arcmin] at limits that no unit keeps."""
+SHORT = 0.006
+"""Fraction by which the cost to be proven lies below the least of any tolerances that were tested: for the steps."""
+CELLS = 1024
 """Cells that are tested at once."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Steps:
+class Steps(NamedTuple):
     """A tolerance of a common error at the ends (n,) of its steps, from the tightest on, and its cost there."""
 
     error: CommonError
@@ -175,16 +175,21 @@ class Steps:
     cost: Array
 
 
-Grade = tuple[Involute, float]
-"""The involute stage at a grade, and the cost of that and of all that has no part in the theorem."""
+class Grade(NamedTuple):
+    """The involute stage at a grade, and the cost of that and of all that has no part in the theorem."""
+
+    involute: Involute
+    cost: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Level:
-    """The share of units with phi_1 <= min(limit, limit + gap - 2 |s|), against tolerances by their steps.
+    """The share of units with phi_1 <= min(limit, limit + gap - 2 |s|), against steps of all tolerances and the grade.
 
-    The share given s is a series in cos(k pi s/period) with `coefficients` up to k = `TERMS`. `waves` (n, terms) are
-    the factors of its mean by each tolerance, `ends` (n,) those of the terms beyond, whose sum is at most `remainder`.
+    The share given s is a series in cos(k pi s/period), up to k = `TERMS` with `coefficients` (grades, terms). `waves`
+    (steps, terms) are the factors of its mean by each tolerance, `ends` (steps,) those of the terms beyond, whose sum
+    is at most `remainder` (grades,). `cost` are those of the tolerances (steps,) and of the grades (grades,).
+
     The share falls with every tolerance: a sum of independent even unimodal errors spreads with each of them
     (Birnbaum 1948, Annals of Mathematical Statistics 19, 76-81).
     """
@@ -193,94 +198,67 @@ class Level:
     waves: list[Array]
     ends: list[Array]
     coefficients: Array
-    remainder: float
-    missing: float
+    remainder: Array
 
-    def spare(self, steps: Integers) -> Array:
-        """The share (n,) beyond the wanted one at the ends of steps (n, tolerances)."""
+    @classmethod
+    def of(cls, tolerances: list[Steps], grades: list[Grade], limit: float, gap: float) -> Level:
+        """The level of a limit and gap [arcmin].
+
+        The share given s is 0 from half the period on, and continued periodically, so that nothing is lost. Its
+        coefficients fall at least like 1/k^2, by the total variation of its slope; what they take up from beyond the
+        nodes is added to the first.
+        """
+        period = max(limit + gap - min(grade.involute.ends()[0] for grade in grades), SHORTEST)
+        w, waves, ends = np.arange(TERMS + 1) * np.pi / period, [], []
+        for steps in tolerances:
+            phase = steps.error.slope * steps.t[:, None] * w
+            waves.append(steps.error.characteristic(phase))
+            ends.append(steps.error.envelope(phase[:, -1]))
+        within = np.minimum(limit, limit + gap - 2.0 * (np.arange(NODES) + 0.5) * period / NODES)
+        coefficients = scipy.fft.dct([grade.involute.cdf(within) for grade in grades])[:, : TERMS + 1] / NODES
+        fall = 4.0 * period / np.pi**2 * np.array([grade.involute.variation for grade in grades])
+        coefficients[:, 0] = 0.5 * coefficients[:, 0] + (TERMS + 1) * ALIASES * fall / NODES**2
+        cost = [*(steps.cost for steps in tolerances), np.array([grade.cost for grade in grades])]
+        return cls(cost, waves, ends, coefficients, fall / TERMS)
+
+    def share(self, steps: Integers) -> Array:
+        """The share (n,) at the ends of steps of tolerances, and grades (n, tolerances + 1); at most too great."""
+        *steps, grade = steps.T
         waves, ends = (
-            reduce(np.multiply, [table[at] for table, at in zip(tables, steps.T, strict=True)])
+            reduce(np.multiply, [table[at] for table, at in zip(tables, steps, strict=True)])
             for tables in (self.waves, self.ends)
         )
-        return np.asarray(waves @ self.coefficients + self.remainder * ends - self.missing)
+        return np.asarray(np.einsum("nk,nk->n", waves, self.coefficients[grade]) + self.remainder[grade] * ends)
 
-    def reached(self) -> float:
-        """A cost at which the share is left, by a local search between the steps."""
-        last = np.array([len(cost) - 1 for cost in self.cost])
+    def cells(self) -> Integers:
+        """First and last steps (grades, 2, tolerances + 1) of all tolerances at each grade."""
+        *last, grades = [len(cost) for cost in self.cost]
+        return np.array([[[*(0 for _ in last), g], [*(count - 1 for count in last), g]] for g in range(grades)])
 
-        def between(tables: list[Array], x: Array) -> list[Array]:
-            steps = np.minimum((x * last).astype(int), last - 1)
-            return [(1.0 - p) * t[i] + p * t[i + 1] for t, i, p in zip(tables, steps, x * last - steps, strict=True)]
+    def least_cost(self, share: float) -> float:
+        """The least cost at which a share can be left, proven, `SHORT` of what is reached; inf where none leaves it.
 
-        def cost(x: Array) -> float:
-            return float(sum(between(self.cost, x)))
-
-        def spare(x: Array) -> float:
-            return float(reduce(np.multiply, between(self.waves, x)) @ self.coefficients - self.missing)
-
-        alike = np.linspace(1.0, 0.0, STARTS)[:, None] + np.zeros(len(last))
-        start, kept = next((x for x in alike if spare(x) >= 0.0), alike[-1]), {"type": "ineq", "fun": spare}
-        x = scipy.optimize.minimize(cost, start, method="SLSQP", bounds=[(0.0, 1.0)] * len(last), constraints=kept).x
-        return cost(x if spare(x) >= -1e-6 else start)
-
-    def proven(self, target: float) -> float:
-        """The least cost at which the share can be left, `target` where none below it is.
-
-        A cell spans steps of all tolerances. What lies in it costs at least what its loosest do and leaves no more
-        units than its tightest; it is halved until one of them excludes it.
+        What lies in a cell costs at least what its loosest tolerances do, and leaves no more units than its tightest.
+        The cheapest cells are halved first, until one of the two excludes them.
         """
-        cells = np.array([[[0] * len(self.cost), [len(cost) - 1 for cost in self.cost]]])
+        cells, target = self.cells(), np.inf
         while len(cells):
-            cells, some = cells[:-CELLS], cells[-CELLS:]
-            cost = np.stack([table[some[:, :, at]] for at, table in enumerate(self.cost)], axis=2)
-            kept = cost[:, 1].sum(axis=1) < target
-            kept[kept] = self.spare(some[kept, 0]) >= 0.0
+            cost = np.sum([table[cells[:, :, at]] for at, table in enumerate(self.cost)], axis=0)
+            order = np.argsort(cost[:, 1], kind="stable")
+            order = order[cost[order, 1] < target]
+            some, cost, cells = cells[order[:CELLS]], cost[order[:CELLS]], cells[order[CELLS:]]
+            kept = self.share(some[:, 0]) >= share
             some, cost = some[kept], cost[kept]
             width = some[:, 1] - some[:, 0]
-            whole = np.all(width == 1, axis=1)
-            target = float(cost[whole, 1].sum(axis=1).min(initial=target))
-            some, fall = some[~whole], np.where(width > 1, cost[:, 0] - cost[:, 1], -1.0)[~whole]
-            rows, at = np.arange(len(some)), np.argmax(fall, axis=1)
+            whole = np.all(width <= 1, axis=1)
+            target = min(target, (1.0 - SHORT) * cost[:, 0].min(initial=np.inf), cost[whole, 1].min(initial=np.inf))
+            some, width = some[~whole], width[~whole]
+            fall = [table[some[:, 0, at]] - table[some[:, 1, at]] for at, table in enumerate(self.cost)]
+            rows, at = np.arange(len(some)), np.argmax(np.where(width > 1, np.transpose(fall), -1.0), axis=1)
             tight, loose = some.copy(), some.copy()
             tight[rows, 1, at] = loose[rows, 0, at] = some[rows, :, at].sum(axis=1) // 2
             cells = np.concatenate([cells, tight, loose])
-        return target
-
-
-def levels(tolerances: list[Steps], grades: list[Grade], needed: Array) -> Iterator[tuple[Level, float]]:
-    """Levels and their other costs, at grades where the tightest tolerances leave a share of units at limit and gap.
-
-    `needed` are share, limit and gap [arcmin]. The share given s is 0 from half the period on, and continued
-    periodically, so that nothing is lost. Its coefficients fall at least like 1/k^2, by the total variation of its
-    slope; what they take up from beyond the nodes is made good.
-    """
-    share, limit, gap = needed.tolist()
-    period = limit + gap - min(involute.ends()[0] for involute, _ in grades)
-    if period <= 0.0:
-        return
-    w, waves, ends = np.arange(TERMS + 1) * np.pi / period, [], []
-    for steps in tolerances:
-        phase = steps.error.slope * steps.t[:, None] * w
-        waves.append(steps.error.characteristic(phase))
-        ends.append(steps.error.envelope(phase[:, -1]))
-    cost, s = [steps.cost for steps in tolerances], (np.arange(NODES) + 0.5) * period / NODES
-    for involute, rest in grades:
-        within = involute.cdf(np.minimum(limit, limit + gap - 2.0 * s))
-        coefficients = scipy.fft.dct(within)[: TERMS + 1] / NODES * ([0.5] + [1.0] * TERMS)
-        fall = 4.0 * period / np.pi**2 * involute.variation
-        missing = share - (TERMS + 1) * ALIASES * fall / NODES**2
-        level = Level(cost, waves, ends, coefficients, fall / TERMS, missing)
-        if level.spare(np.zeros((1, len(tolerances)), np.int64))[0] >= 0.0:
-            yield level, rest
-
-
-def least_cost(tolerances: list[Steps], grades: list[Grade], needed: Array) -> float:
-    """Proven least cost at which a share of units can be good, `needed` as in `levels`; inf where none leaves it."""
-    possible = list(levels(tolerances, grades, needed))
-    proven = (1.0 - SHORT) * min((rest + level.reached() for level, rest in possible), default=np.inf)
-    for level, rest in possible:
-        proven = min(proven, rest + level.proven(proven - rest))
-    return proven
+        return float(target)
 
 
 # The bound of a problem: what its limits and objectives need of the units.
@@ -399,30 +377,38 @@ class CommonErrorBound:
         designs[:, problem.names.index("involute_grade")] = grades
         costs = [cost for name, cost in problem.costs_of(designs).items() if name not in counted]
         rest = np.sum(costs, axis=0) + np.zeros(len(grades))
-        return [(problem.model.involute(grade), float(cost)) for grade, cost in zip(grades, rest, strict=True)]
+        return [Grade(problem.model.involute(grade), float(cost)) for grade, cost in zip(grades, rest, strict=True)]
 
     def least_costs(self, values: Mapping[str, Array], points: int) -> Array:
         """Least costs (points,) at limits and at values (points,) of the objectives; inf where no design keeps them."""
-        bounds = np.full(points, -np.inf)
+        bounds = np.full(points, np.nan)
         for pair in self._pairs if points else []:
             needed, place = np.unique(self._needed(pair, values, points), axis=0, return_inverse=True)
-            costs = np.array([least_cost(self._tolerances, self._grades, row) for row in needed])
-            bounds = np.maximum(bounds, costs[np.ravel(place)])
+            costs = np.array([self._least_cost(row) for row in needed])
+            bounds = np.fmax(bounds, costs[np.ravel(place)])
         return bounds
+
+    def _least_cost(self, needed: Array) -> float:
+        """Least cost at share, limit and gap (3,); NaN where one of them is not known."""
+        if not np.all(np.isfinite(needed)):
+            return np.nan
+        share, limit, gap = needed
+        return Level.of(self._tolerances, self._grades, limit, gap).least_cost(share)
 
     # ---------------------------------------------------------------- limits that nothing keeps
 
     def _possible(self, share: float, limit: float, gap: float) -> bool:
         """Whether the tightest tolerances leave a share of units at any grade."""
         tightest = [Steps(steps.error, steps.t[:1], steps.cost[:1]) for steps in self._tolerances]
-        return any(True for _ in levels(tightest, self._grades, np.array([share, limit, gap])))
+        level = Level.of(tightest, self._grades, limit, gap)
+        return bool(np.any(level.share(level.cells()[:, 0]) >= share))
 
     def faults(self) -> list[Fault]:
         """A fault for each limit on backlash or yield that no design keeps together with one on interference."""
         faults = {}
         for pair in [] if self.missing else self._pairs:
-            share, limit, gap = self._needed(pair, {}, 1)[0].tolist()
-            if np.isfinite(limit) and not self._possible(share, limit, gap):
+            share, limit, gap = needed = self._needed(pair, {}, 1)[0]
+            if np.all(np.isfinite(needed)) and not self._possible(share, limit, gap):
                 low, high = limit, 2.0 * abs(limit) + 1.0
                 while not self._possible(share, high, gap):
                     low, high = high, 2.0 * high

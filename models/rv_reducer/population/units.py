@@ -525,7 +525,7 @@ class Profile:
     @classmethod
     def of(cls, geometry: ContactGeometry, phase: Array, shifts: tuple[float, float] = RANGE) -> Profile:
         """The profile at phases within those of pins whose lever arms count."""
-        nodes, table = _profile_table(geometry, _phases(geometry), shifts)
+        nodes, table = _profile_table(geometry, contact_phases(geometry), shifts)
         count = table.shape[1]
         values = _interpolation(nodes, phase) @ table.reshape(len(nodes), 4 * count)
         basis = chebyshev.chebvander(_nodes(count), count - 1)
@@ -600,7 +600,7 @@ def _nodes(count: int) -> Array:
     return np.asarray(np.cos(np.pi * (np.arange(count) + 0.5) / count))
 
 
-def _phases(geometry: ContactGeometry) -> tuple[float, float]:
+def contact_phases(geometry: ContactGeometry) -> tuple[float, float]:
     """Phases [rad] between which lever arms count."""
     phase = np.linspace(0.0, np.pi, 20_001)
     counted = phase[lever(geometry, phase) / geometry.nominal.lever >= LEAST_LEVER]
