@@ -161,7 +161,7 @@ STEPS = 1024
 """Steps of the range of a tolerance, even in the root of what lies beyond its tightest."""
 SHORTEST = 1e-3
 """Period [arcmin] at limits that no unit keeps."""
-SHORT = 0.006
+SHORT = 0.003
 """Fraction by which the cost to be proven lies below the least of any tolerances that were tested: for the steps."""
 CELLS = 1024
 """Cells that are tested at once."""

@@ -52,5 +52,5 @@ def test_levels_that_the_other_front_does_not_reach_are_empty() -> None:
     assert add_distance(own, other.iloc[:0], NAMES)[ABOVE].isna().all()
     elsewhere = pd.DataFrame({"cost": [50.0], "backlash_arcmin": [9.0]})
     assert notes(add_distance(own, elsewhere, NAMES), "NSGA-II", elsewhere, NAMES)[0] == (
-        "nothing is proven for this problem"
+        "no optimum is proven for this problem"
     )

@@ -406,7 +406,8 @@ class Sentences:
                 "How far the points are from the optimum is not known: the proven bound is not informative, because it "
                 f"leaves out limits that hold them back ({proven.statement})."
             )
-        middle, most = float(np.nanmedian(gap)), float(np.nanmax(gap))
+        below = 100.0 * gap / (100.0 + gap)  # a gap is in percent of the bound
+        middle, most = float(np.nanmedian(below)), float(np.nanmax(below))
         at = self._at_equal_requirements()
         if len(gap) == 1 and most < EXACT:
             return f"Proven: this is the least cost within the limits{at} ({proven.statement})."

@@ -226,8 +226,8 @@ def gains(reference: Array, front: Array, alike: Array) -> list[float]:
 
 # Another algorithm's front on the same problem, for comparison with the front of the run.
 #
-# Where a model proves no bound, the distance of a run's points from the optimum is estimated by the
-# best known front: the joint front of both.
+# Where a model proves no optimum, the distance of a run's points from it is estimated by the best known
+# front: the joint front of both.
 
 
 ABOVE = "above_best_known_percent"
@@ -294,7 +294,7 @@ def notes(front: pd.DataFrame, label: str, other: pd.DataFrame, names: list[str]
     distance = front[ABOVE].to_numpy(dtype=float)
     lowest, other_lowest = front[second].min(), other[second].min()
     compared = distance[~np.isnan(distance)]
-    sentences = ["nothing is proven for this problem"]
+    sentences = ["no optimum is proven for this problem"]
     if len(compared):
         middle, most = distance_words(np.median(compared)), distance_words(np.max(compared))
         points = (
@@ -303,7 +303,7 @@ def notes(front: pd.DataFrame, label: str, other: pd.DataFrame, names: list[str]
             else (f"{len(compared)} of {len(distance)} points, those at levels that it reaches, cost")
         )
         sentences = [
-            f"nothing is proven for this problem; compared with the best known front, its own joined with that of "
+            f"no optimum is proven for this problem; compared with the best known front, its own joined with that of "
             f"{label}, {points} {middle} more in the median and {most} at most at equal {second}"
         ]
     best = front[["cost", second]].to_numpy(dtype=float)
