@@ -75,8 +75,7 @@ def least_slopes(profile: Profile, shifts: tuple[float, float]) -> tuple[float, 
         longest, least = arm[0] + arm_reach, along[0] - reach
         by_normal = min(by_normal, float(1.0 / longest.max()))
         by_circle = min(by_circle, float(np.min(least / np.where(least > 0.0, longest, arm[0] - arm_reach))))
-    unit = (1.0 - ROUNDING) * UM / ARCMIN
-    return unit * by_normal, unit * by_circle
+    return by_normal * UM / ARCMIN, by_circle * UM / ARCMIN
 
 
 # The errors that all parts of a kind have in common.
@@ -146,7 +145,7 @@ def common_errors(problem: RvReducer) -> tuple[list[CommonError], list[str]]:
         if even is None or slope <= 0.0 or not covered:
             fixed.append(variable)
         else:
-            errors.append(CommonError(variable, 2.0 * slope / geometry.output_ratio, even, parts))
+            errors.append(CommonError(variable, 2.0 * (1.0 - ROUNDING) * slope / geometry.output_ratio, even, parts))
     return errors, fixed
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from typer.testing import CliRunner, Result
@@ -84,7 +86,12 @@ def test_every_point_keeps_its_limits_and_has_its_error(finished: Path) -> None:
     assert (front["interference_probability"] <= 0.05).all()
     assert (front["backlash_max_arcmin_error"] > 0.0).all()
     assert front["lost_motion_arcmin"].notna().all()
-    assert front["bound"].isna().all()  # nothing is proven
+    assert (front["bound"] > 3.0).all() and (front["bound"] < front["cost"]).all()
+    assert front["bound"].is_monotonic_decreasing == front["backlash_max_arcmin"].is_monotonic_increasing
+    np.testing.assert_allclose(front["gap_percent"], 100.0 * (front["cost"] / front["bound"] - 1.0))
+    summary = json.loads((finished / "summary.json").read_text(encoding="utf-8"))
+    assert "by the theorem of de Bruijn, Tengbergen and Kruyswijk" in summary["bound_form"]
+    assert summary["answers"]["proof"].startswith("Proven: no allocation of equal other objectives costs less than ")
 
 
 @pytest.mark.slow
