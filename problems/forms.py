@@ -20,13 +20,15 @@ from .limits import keeps
 
 
 class CostBound(Protocol):
-    """Lower bounds of the cost of a problem that has no convex form.
+    """Lower bounds of the cost of a problem that has no convex form."""
 
-    `missing` says why there are none, empty where there are some; `statement` what they hold for.
-    """
+    @property
+    def missing(self) -> str:
+        """Why there are none, empty where there are some."""
 
-    missing: str
-    statement: str
+    @property
+    def statement(self) -> str:
+        """What they hold for."""
 
     def least_costs(self, values: Mapping[str, Array], points: int) -> Array:
         """Bounds (points,) at the limits and at values (points,) of the objectives; inf where no design keeps them."""

@@ -259,8 +259,8 @@ def reason(problem: ToleranceProblem, form: Form | None) -> str:
     if "cost" not in problem.objectives:
         return "cost is not an objective"
     if form is None:
-        known = problem.cost_bound()
-        return "the problem has no convex form" if known is None else known.missing
+        bound = problem.cost_bound()
+        return "the problem has no convex form" if bound is None else bound.missing
     known_by = ("cost", *form.outputs, *form.stands.values())
     others = [name for name in problem.objectives if name not in known_by]
     if others:

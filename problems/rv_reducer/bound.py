@@ -222,9 +222,9 @@ class Level:
 
     def share(self, steps: Integers) -> Array:
         """The share (n,) at the ends of steps of tolerances, and grades (n, tolerances + 1); at most too great."""
-        *steps, grade = steps.T
+        *ends_of_steps, grade = steps.T
         waves, ends = (
-            reduce(np.multiply, [table[at] for table, at in zip(tables, steps, strict=True)])
+            reduce(np.multiply, [table[at] for table, at in zip(tables, ends_of_steps, strict=True)])
             for tables in (self.waves, self.ends)
         )
         return np.asarray(np.einsum("nk,nk->n", waves, self.coefficients[grade]) + self.remainder[grade] * ends)
