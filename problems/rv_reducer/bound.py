@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property, reduce
+from functools import cached_property, lru_cache, reduce
 from itertools import pairwise, product
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -32,7 +32,8 @@ from numpy.polynomial import chebyshev
 
 from ...errors import Fault
 from ...models.propagation.convolution import UNIFORM, Even, EvenNormal, even_law
-from ...models.rv_reducer.population.units import Involute, Profile, contact_phases, stem
+from ...models.rv_reducer.contact.geometry import ContactGeometry
+from ...models.rv_reducer.population.units import RANGE, Involute, Profile, contact_phases, stem
 from ...section import Array, Integers
 from ...units import ARCMIN, MM, UM
 from ..limits import loosened, narrow_range
@@ -52,17 +53,16 @@ ROUNDING = 1e-5
 """Fraction by which slopes are lowered, for that and for the kernels, which hold them within 6e-8."""
 
 
-def least_slopes(profile: Profile, shifts: tuple[float, float]) -> tuple[float, float]:
-    """Least growth of a contact's turn [arcmin] by 1 um along its normal, and by 1 um of the pin circle, over the
-    contacts of a profile at all shift modifications [m] in an interval.
+@lru_cache(maxsize=16)
+def least_slopes(geometry: ContactGeometry, shifts: tuple[float, float]) -> tuple[float, float]:
+    """Least growth of a contact's turn [arcmin] by 1 um along its normal, and by 1 um of the pin circle, at all phases
+    and at all shift modifications [m] in an interval.
 
     Normal and lever arm are polynomials in the modification, as the kernels use them. In each of `PIECES` they lie
     within the sum of the magnitudes of their other Chebyshev coefficients about the first.
     """
-    low, high = profile.shifts
-    if not (low <= shifts[0] and shifts[1] <= high):
-        low, high = shifts[0], max(shifts[1], shifts[0] + UM)
-        profile = Profile.of(profile.geometry, profile.phase, (low, high))
+    low, high = RANGE if RANGE[0] <= shifts[0] and shifts[1] <= RANGE[1] else (shifts[0] - UM, shifts[1] + UM)
+    profile = Profile.of(geometry, np.linspace(*contact_phases(geometry), PHASES), (low, high))
     count = len(profile.coefficients)
     nodes = np.cos(np.pi * (np.arange(count) + 0.5) / count)
     to_series = np.linalg.inv(chebyshev.chebvander(nodes, count - 1))
@@ -124,9 +124,8 @@ class CommonError:
 def common_errors(problem: RvReducer) -> tuple[list[CommonError], list[str]]:
     """The common errors whose laws the theorem covers, and the variables of those that count as fixed."""
     geometry, hierarchy = problem.model.geometry, problem.model.hierarchy
-    profile = Profile.of(geometry, np.linspace(*contact_phases(geometry), PHASES))
     low, high = narrow_range(problem.limits, "dr_p_mm", *problem.interval("dr_p_mm"))
-    by_normal, by_circle = least_slopes(profile, (low * MM, high * MM))
+    by_normal, by_circle = least_slopes(geometry, (low * MM, high * MM))
     by_play = 0.25 * UM / geometry.nominal.centre_distance / ARCMIN
     of_discs = geometry.discs, hierarchy.share_discs
     kinds = (
@@ -162,8 +161,8 @@ SHORTEST = 1e-3
 """Period [arcmin] at limits that no unit keeps."""
 SHORT = 0.003
 """Fraction by which the cost to be proven lies below the least of any tolerances that were tested: for the steps."""
-CELLS = 1024
-"""Cells that are tested at once."""
+CELLS, ROUNDS = 1024, 1000
+"""Cells that are tested at once, and how often at most."""
 
 
 class Steps(NamedTuple):
@@ -238,10 +237,10 @@ class Level:
         """The least cost at which a share can be left, proven, `SHORT` of what is reached; inf where none leaves it.
 
         What lies in a cell costs at least what its loosest tolerances do, and leaves no more units than its tightest.
-        The cheapest cells are halved first, until one of the two excludes them.
+        The cheapest cells are halved first, until one of the two excludes them, or the cheapest left is the bound.
         """
-        cells, target = self.cells(), np.inf
-        while len(cells):
+        cells, target, rounds = self.cells(), np.inf, 0
+        while len(cells) and (rounds := rounds + 1) <= ROUNDS:
             cost = np.sum([table[cells[:, :, at]] for at, table in enumerate(self.cost)], axis=0)
             order = np.argsort(cost[:, 1], kind="stable")
             order = order[cost[order, 1] < target]
@@ -250,14 +249,16 @@ class Level:
             some, cost = some[kept], cost[kept]
             width = some[:, 1] - some[:, 0]
             whole = np.all(width <= 1, axis=1)
-            target = min(target, (1.0 - SHORT) * cost[:, 0].min(initial=np.inf), cost[whole, 1].min(initial=np.inf))
+            short = cost[:, 0] - SHORT * np.abs(cost[:, 0])
+            target = min(target, short.min(initial=np.inf), cost[whole, 1].min(initial=np.inf))
             some, width = some[~whole], width[~whole]
             fall = [table[some[:, 0, at]] - table[some[:, 1, at]] for at, table in enumerate(self.cost)]
             rows, at = np.arange(len(some)), np.argmax(np.where(width > 1, np.transpose(fall), -1.0), axis=1)
             tight, loose = some.copy(), some.copy()
             tight[rows, 1, at] = loose[rows, 0, at] = some[rows, :, at].sum(axis=1) // 2
             cells = np.concatenate([cells, tight, loose])
-        return float(target)
+        left = np.sum([table[cells[:, 1, at]] for at, table in enumerate(self.cost)], axis=0)
+        return float(left.min(initial=target))
 
 
 # The bound of a problem: what its limits and objectives need of the units.
@@ -265,7 +266,8 @@ class Level:
 
 ROOM = 2.0
 """Widening of limits, in units of the room within which they count as kept."""
-BISECTIONS = 40
+FAR = 60.0
+"""Distance [arcmin] from a limit that is not kept within which the least one is sought."""
 MAX, MEAN = "backlash_max_arcmin", "backlash_mean_arcmin"
 PROBABILITY, SHARE_OF_TURN, OVERLAP = "interference_probability", "interference_share_of_turn", "overlap_p95_arcmin"
 OVERLAP_SHARE = 0.95
@@ -316,8 +318,6 @@ class CommonErrorBound:
             text += f"; {what}: {', '.join(names)}" if names else ""
         return text
 
-    # ---------------------------------------------------------------- what is needed
-
     @cached_property
     def _pairs(self) -> list[tuple[str, str]]:
         """Outputs whose limits or values hold the backlash, each with one that holds interference."""
@@ -348,8 +348,6 @@ class CommonErrorBound:
             gap = np.array(conditions.overlap)
         return np.stack([np.broadcast_to(value, points) for value in (share - allowed, limit, gap)], axis=1)
 
-    # ---------------------------------------------------------------- costs
-
     @cached_property
     def _errors(self) -> tuple[list[CommonError], list[str]]:
         return common_errors(self.problem)
@@ -379,45 +377,33 @@ class CommonErrorBound:
         return [Grade(problem.model.involute(grade), float(cost)) for grade, cost in zip(grades, rest, strict=True)]
 
     def least_costs(self, values: Mapping[str, Array], points: int) -> Array:
-        """Least costs (points,) at limits and at values (points,) of the objectives; inf where no design keeps them."""
-        bounds = np.full(points, np.nan)
-        for pair in self._pairs if points else []:
-            needed, place = np.unique(self._needed(pair, values, points), axis=0, return_inverse=True)
-            costs = np.array([self._least_cost(row) for row in needed])
-            bounds = np.fmax(bounds, costs[np.ravel(place)])
+        """Least costs (points,) at limits and at values (points,) of the objectives: inf where no design keeps them,
+        NaN where they are not known.
+        """
+        bounds, needs = np.full(points, np.nan), [self._needed(pair, values, points) for pair in self._pairs]
+        for at, (share, limit, gap) in enumerate(np.concatenate(needs)):
+            if np.all(np.isfinite([share, limit, gap])):
+                least = Level.of(self._tolerances, self._grades, limit, gap).least_cost(share)
+                bounds[at % points] = np.fmax(bounds[at % points], least)
         return bounds
 
-    def _least_cost(self, needed: Array) -> float:
-        """Least cost at share, limit and gap (3,); NaN where one of them is not known."""
-        if not np.all(np.isfinite(needed)):
-            return np.nan
-        share, limit, gap = needed
-        return Level.of(self._tolerances, self._grades, limit, gap).least_cost(share)
-
-    # ---------------------------------------------------------------- limits that nothing keeps
-
-    def _possible(self, share: float, limit: float, gap: float) -> bool:
-        """Whether the tightest tolerances leave a share of units at any grade."""
-        tightest = [Steps(steps.error, steps.t[:1], steps.cost[:1]) for steps in self._tolerances]
+    def _spare(self, limit: float, gap: float, share: float) -> float:
+        """What the tightest tolerances leave of units beyond a share, at the best grade."""
+        tightest = [steps._replace(t=steps.t[:1], cost=steps.cost[:1]) for steps in self._tolerances]
         level = Level.of(tightest, self._grades, limit, gap)
-        return bool(np.any(level.share(level.cells()[:, 0]) >= share))
+        return float(level.share(level.cells()[:, 0]).max()) - share
 
     def faults(self) -> list[Fault]:
         """A fault for each limit on backlash or yield that no design keeps together with one on interference."""
         faults = {}
         for pair in [] if self.missing else self._pairs:
             share, limit, gap = needed = self._needed(pair, {}, 1)[0]
-            if np.all(np.isfinite(needed)) and not self._possible(share, limit, gap):
-                low, high = limit, 2.0 * abs(limit) + 1.0
-                while not self._possible(share, high, gap):
-                    low, high = high, 2.0 * high
-                for _ in range(BISECTIONS):
-                    middle = 0.5 * (low + high)
-                    low, high = (low, middle) if self._possible(share, middle, gap) else (middle, high)
+            if np.all(np.isfinite(needed)) and self._spare(limit, gap, share) < 0.0:
+                least = scipy.optimize.brentq(self._spare, limit, limit + FAR, args=(gap, share))
                 faults[pair[0]] = Fault(
                     f"limits.{pair[0]}",
                     f"cannot be kept together with limits.{pair[1]}, {THEOREM}: so many units with the tightest "
-                    f"tolerances need {high:.4g} arcmin at least, the limit is {limit:g}; relax one of the two or "
+                    f"tolerances need {least:.4g} arcmin at least, the limit is {limit:g}; relax one of the two or "
                     "widen the ranges",
                 )
         return list(faults.values())

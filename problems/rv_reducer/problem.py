@@ -238,9 +238,7 @@ class RvReducer(PromisingUnits, Machined):
         },
     )
     machinable = frozenset(TERMS)
-    _drawn_again = frozenset(
-        ("_searched", "_reported", "_recent", "_verdicts", "_mixed", "_promised_units", "_cost_bound")
-    )
+    _drawn_again = frozenset(("_searched", "_reported", "_recent", "_verdicts", "_mixed", "_promised_units"))
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
@@ -464,18 +462,15 @@ class RvReducer(PromisingUnits, Machined):
 
     def faults(self) -> list[Fault]:
         ends = {name: super(RvReducer, self).interval(name) for name in ("dr_rp_mm", "dr_p_mm")}
-        return [
+        faults = [
             *declared.faults(self.model.geometry, self.given, ends),
             *unpriced_error_faults({variable.name for variable in self.free}, self.settings.costs),
-            *(size_faults(self.count, MAX_CACHED_EVALUATIONS) or super().faults() or self.cost_bound().faults()),
+            *(size_faults(self.count, MAX_CACHED_EVALUATIONS) or super().faults()),
         ]
+        return faults or self.cost_bound().faults()
 
     def cost_bound(self) -> CommonErrorBound:
-        return self._cost_bound
-
-    @cached_property
-    def _cost_bound(self) -> CommonErrorBound:
-        from .bound import CommonErrorBound
+        from .bound import CommonErrorBound  # not before one is asked for
 
         return CommonErrorBound(self)
 
