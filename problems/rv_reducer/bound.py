@@ -294,8 +294,8 @@ class CommonErrorBound:
             return "a tolerance has no finite cost at an end of its range"
         if not self._pairs:
             return (
-                f"a bound needs {MAX}, {MEAN} or {YIELD}, and interference that is counted without load, each as a "
-                "limit or an objective"
+                f"a bound needs {MAX}, {MEAN} or {YIELD} (no promise by samples), and interference that is counted "
+                "without load, each as a limit or an objective"
             )
         return "" if self._errors[0] else "no law of an error that parts have in common is symmetric and log-concave"
 
