@@ -65,10 +65,8 @@ NOTES: Mapping[str, Mapping[str, str]] = {
         "t_max": "Loosest half-width.",
         "tolerance": "Half-width of a part whose tolerance is fixed, in place of t_min and t_max.",
         "grade": "IT6: fixed; in place of tolerance.",
-        "fit": "25 g6: fixed; in place of tolerance.",
         "distribution": "Normal with Cp = 1 where empty.",
         "cp": "Capability of a normal part.",
-        "drawing": "Number of the drawing.",
     },
     COSTS: {
         "part": "Name of a part of the sheet of parts.",
@@ -122,9 +120,8 @@ def read_sheets(content: bytes, place: str) -> Sheets:
             {GENERAL: _read_general, COSTS: _read_costs}.get(key, _read_list)(rows, key, read)
     if not read.tables and not read.faults:
         read.faults.append(Fault(place, 'needs the sheets "Stack", "Parts" and "Requirements"'))
-    for key in ("problem", "objectives"):  # what a workbook without a word of it means
-        default: Any = {"problem": "stack", "objectives": {"minimise": ["cost"]}}[key]
-        read.tables.setdefault(key, default)
+    read.tables.setdefault("problem", "stack")
+    read.tables.setdefault("objectives", {"minimise": ["cost"]})
     read.faults[:] = [Fault(f"{place}: {fault.place}", fault.message) for fault in read.faults]
     return read
 
@@ -326,12 +323,8 @@ def _flat(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any
             yield key, value
 
 
-def _written(value: Any) -> Any:
-    """A value in a cell; lists and tables as TOML has them."""
-    return _inline(value) if isinstance(value, list | tuple | dict) else value
-
-
 def _inline(value: Any) -> str:
+    """A value as TOML has it in a line."""
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{json.dumps(key)} = {_inline(inner)}" for key, inner in value.items()) + " }"
     if isinstance(value, list | tuple):
@@ -358,7 +351,8 @@ def _book(sheets: Mapping[str, Sequence[Mapping[str, Any]]]) -> bytes:
         usual = NOTES[title]
         columns = [*usual, *dict.fromkeys(key for row in rows for key in row if key not in usual)]
         sheet = book.create_sheet(title)
-        _fill(sheet, columns, [[_written(row.get(column)) for column in columns] for row in rows])
+        cells = [[row.get(column) for column in columns] for row in rows]
+        _fill(sheet, columns, [[_inline(v) if isinstance(v, list | dict) else v for v in line] for line in cells])
         for at, column in enumerate(columns, start=1):
             if column in usual:
                 sheet.cell(1, at).comment = Comment(usual[column], "tolevo", height=80, width=300)
@@ -376,9 +370,9 @@ def _fill(sheet: Any, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> 
     for at, line in enumerate([columns, *rows], start=1):
         for place, value in enumerate(line, start=1):
             cell = sheet.cell(at, place)
-            cell.value = value.text if isinstance(value, Live) else value
+            cell.value = value
             if isinstance(value, str):
-                cell.data_type = "s"
+                cell.data_type = "f" if isinstance(value, Live) else "s"
     for at, column in enumerate(columns, start=1):
         head = sheet.cell(1, at)
         head.font = Font(bold=True)
@@ -404,11 +398,8 @@ def _saved(book: Any) -> bytes:
 # The result, on sheets that calculate without tolevo.
 
 
-@dataclass(frozen=True, slots=True)
-class Live:
+class Live(str):
     """A cell that a spreadsheet computes."""
-
-    text: str
 
 
 def with_result(content: bytes, problem: Stack, design: np.ndarray, allocation: pd.DataFrame | None = None) -> bytes:
@@ -464,10 +455,7 @@ ANALYSED = (
     *("worst case greatest", "mean", "rss", "rss least", "rss greatest", "worst case kept", "rss kept"),
     *("tolevo: worst case", "tolevo: rss", "statement"),
 )
-STATEMENTS = {
-    True: "by sensitivities at the mid-limits; tolevo takes the corners of the formula for the worst case",
-    False: "linear: by sensitivities",
-}
+LINEAR = "by sensitivities at the mid-limits"
 
 
 def _analysis_sheet(sheet: Any, problem: Stack, design: np.ndarray) -> None:
@@ -480,12 +468,6 @@ def _analysis_sheet(sheet: Any, problem: Stack, design: np.ndarray) -> None:
     def column(letter: str) -> str:
         return f"{ALLOCATION}!${letter}$2:${letter}${last}"
 
-    def kept(ends: Sequence[float | None], low: str, high: str) -> Live | None:
-        tests = [
-            f"{cell}{test}" for cell, test, end in zip((low, high), tests_of, ends, strict=True) if end is not None
-        ]
-        return Live(f"=AND({','.join(tests)})") if tests else None
-
     lines = []
     for at, measured in enumerate(problem.measured):
         own, linear, row = measured.mechanism, measured.linear, at + 2
@@ -497,7 +479,14 @@ def _analysis_sheet(sheet: Any, problem: Stack, design: np.ndarray) -> None:
         )
         squares = f"SUMPRODUCT({column(variance)},{column(SPREAD)},{column(SPREAD)})"
         ends = [float(end) if np.isfinite(end) else None for end in (own.lower, own.upper)]
-        tests_of = (f"{row}>=D{row}", f"{row}<=E{row}")
+        tests = [
+            [
+                f"{cell}{row}{test}{row}"
+                for cell, test, end in zip(cells, (">=D", "<=E"), ends, strict=True)
+                if end is not None
+            ]
+            for cells in ("GH", "KL")
+        ]
         label = measured.requirement.key or measured.requirement.name
         formulas = [
             f"=SUMPRODUCT({column(worst)},{column(TOLERANCE)})",
@@ -510,8 +499,8 @@ def _analysis_sheet(sheet: Any, problem: Stack, design: np.ndarray) -> None:
         ]
         lines.append(
             [label, measured.requirement.unit, float(own.centre), *ends, *map(Live, formulas)]
-            + [kept(ends, "G", "H"), kept(ends, "K", "L")]
+            + [Live(f"=AND({','.join(both)})") if both else None for both in tests]
             + [float(outputs[measured.name(kind)][0]) for kind in ("worst_case", "rss")]
-            + [STATEMENTS[own.formula is not None]]
+            + [f"{LINEAR}; tolevo takes the formula for the worst case" if own.formula else f"linear: {LINEAR}"]
         )
     _fill(sheet, list(ANALYSED), lines)

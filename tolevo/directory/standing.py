@@ -40,7 +40,7 @@ def _figure_files(*stems: str) -> tuple[str, ...]:
     return tuple(f"{stem}.{ending}" for stem in stems for ending in ("png", "svg"))
 
 
-PAGE = "report.html"
+PAGE, XLSX = "report.html", "stack.xlsx"
 KINDS: Mapping[str, Kind] = {
     "analyse": Kind(
         marks=("histograms.csv",),
@@ -52,7 +52,7 @@ KINDS: Mapping[str, Kind] = {
             "histograms.csv",
             "page.json",
             "summary.json",
-            "stack.xlsx",
+            XLSX,
         ),
         pages=(PAGE,),
         saved="nothing",
@@ -136,7 +136,7 @@ KINDS: Mapping[str, Kind] = {
             "drawing.html",
             "reducers.npz",
             "allocation.xlsx",
-            "stack.xlsx",
+            XLSX,
             "nearest_miss.csv",
             "failed.csv",
             "summary.json",

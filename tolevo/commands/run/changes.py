@@ -52,11 +52,6 @@ class Ladders:
         full[:, self.columns] = self.values[np.arange(len(self.columns)), rungs]
         return full
 
-    @property
-    def combinations(self) -> float:
-        """How many combinations there are."""
-        return float(np.prod(self.counts.astype(float)))
-
 
 def ladders(problem: ToleranceProblem, design: Array, values: Mapping[str, Array]) -> Ladders:
     """The orderable `values`, by variable, nearest to those of `design` in the room that it has.
@@ -462,7 +457,7 @@ def rounding_sentence(problem: ToleranceProblem, rounded: Rounded, before: float
     if broken:
         return f"Rounded for the drawing, it breaks {words(broken)}: {tried} and none keeps all limits."
     currency = problem.settings.money.currency
-    amount = f"{100.0 * abs(share):.2g} % {'more' if share > 0.0 else 'less'}" if abs(share) > 5e-5 else "the same"
+    amount = f"{100.0 * abs(share):.2g} % {'more' if share > 0.0 else 'less'}"
     text = f"Rounded for the drawing, it costs {plain_number(after)} {currency}".rstrip() + f" ({amount})"
     if share <= NEGLIGIBLE:
         return f"{text}."
@@ -481,7 +476,7 @@ def rounding_sentence(problem: ToleranceProblem, rounded: Rounded, before: float
 def _best_combination(near: Ladders, quick: Ranking, full: Ranking) -> Rounded:
     """The best design by the full model among the best by the quick one."""
     most = MAX_EXHAUSTIVE_SAMPLED if quick.problem.declaration.sampled else MAX_EXHAUSTIVE
-    every = near.combinations <= most
+    every = float(np.prod(near.counts.astype(float))) <= most
     rungs = _all_combinations(near) if every else search_combinations(near, quick)
     designs = near.designs(rungs)
     shortlist = designs[best(quick.keys(designs))[:VERIFIED]]
