@@ -278,6 +278,8 @@ def of_approximate(records: Sequence[Scored]) -> list[Figure]:
 def near(one: Scored) -> list[bool]:
     """Whether the first number of the hidden effect is near that of its formula's best fit, or in its interval."""
     each, found = one.told[0], list[bool]()
+    if {*one.said.names} & (one.allowed - {each.name}):
+        return []  # given another effect of the same cause the number is another one
     stem = first_parameter(each.name, one.truth.kind)
     for name, (low, high) in one.said.intervals.get(each.name, {}).items():
         if stem and name.startswith(stem) and isfinite(each.value):
