@@ -152,8 +152,6 @@ def _broken_line(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ..
 
 TRIED = 4
 """Number of forms and effects that are tried at each step, the likeliest first."""
-ADDED_IN_TURN = (("effects",), ("forms",))
-"""What may be added: those of one entry compete, and the next entry is tried where none of them predicts better."""
 SETTLE_ROUNDS = 40
 FORMS_MORE = 2
 """Number of forms that may be added although not significant, to predict as well as each step."""
@@ -318,23 +316,19 @@ class Settling:
         return float(np.sum((q.T @ contribution) ** 2)) > 0.9 * float(contribution @ contribution)
 
     def _larger(self, fit: Fit, excluded: set[str]) -> Fit | None:
-        """The fit with one more effect or form that fits best and predicts better; an effect
-        precedes forms that fit no better. A form predicts other sessions or test conditions better as
-        well, where the record has any. None where there is none.
+        """The fit with one more effect, or else one more form, that fits best and predicts better. A form
+        predicts other sessions or test conditions better as well, where the record has any. None where
+        there is none.
         """
-        tested, labels, elsewhere = self.search.tested, self.search.labels, self.search.elsewhere
-        whole = self.search.split is None or not self.search.split.natural
-        additions = {"effects": self._with_effects, "forms": self._forms}
-        for together in ADDED_IN_TURN:
-            fits = self.search.ordered(f for kind in together for f in additions[kind](fit, excluded))
-            for larger in fits[: 2 * TRIED]:
-                better, added = improvement(tested(fit), tested(larger), labels), len(larger.terms) > len(fit.terms)
-                if not added and better.real:
-                    return larger
-                if not added or better.gain <= better.error:
-                    continue
-                if whole or improvement(elsewhere.tested(fit), elsewhere.tested(larger), elsewhere.labels).real:
-                    return larger
+        search, split = self.search, self.search.split
+        for larger in search.ordered(self._with_effects(fit, excluded))[: 2 * TRIED]:
+            if improvement(search.tested(fit), search.tested(larger), search.labels).real:
+                return larger
+        searches = [search, search.elsewhere] if split is not None and split.natural else [search]
+        for larger in search.ordered(self._forms(fit, excluded)):
+            tests = (improvement(each.tested(fit), each.tested(larger), each.labels) for each in searches)
+            if all(better.gain > better.error for better in tests):
+                return larger
         return None
 
     def _with_effects(self, fit: Fit, excluded: set[str]) -> Iterator[Fit]:
