@@ -51,7 +51,7 @@ from .selection import (
     with_identified_by_likelihood,
 )
 from .setup import Setup, move_setup
-from .unresolved import label, member_of, member_with, term_of, whole_term
+from .unresolved import effect_of, label, member_of, member_with, term_of, whole_term
 
 KNOTS = 60
 """Knots of a curve, at most."""
@@ -324,8 +324,10 @@ class Settling:
         for larger in search.ordered(self._with_effects(fit, excluded))[: 2 * TRIED]:
             if improvement(search.tested(fit), search.tested(larger), search.labels).real:
                 return larger
-        searches = [search, search.elsewhere] if split is not None and split.natural else [search]
+        natural = split is not None and split.natural
         for larger in search.ordered(self._forms(fit, excluded)):
+            elsewhere = natural and effect_of(larger.members[-1]).term.shape != LEVELS  # which are of one session
+            searches = [search, search.elsewhere] if elsewhere else [search]
             tests = (improvement(each.tested(fit), each.tested(larger), each.labels) for each in searches)
             if all(better.gain > better.error for better in tests):
                 return larger
