@@ -409,8 +409,12 @@ def result_of(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None =
         outputs=tuple(Axis(o.name, o.unit, o.meaning) for o in data.outputs),
         inputs=tuple(Axis(c.name, c.unit, c.meaning) for c in data.inputs),
         gate=gate(end),
-        where=regions_of_prediction(setup, end.fit, table)
-        + regions(initial.setup, initial.search.fitter, initial.generic, initial.null_fit, limit),
+        where=(
+            *regions_of_prediction(setup, end.fit, table),
+            *regions(initial.setup, initial.search.fitter, initial.generic, initial.null_fit, limit),
+        )
+        if analysis.significant
+        else (),
         scores=scores(end),
         steps=analysis.selection.steps,
         effects=in_problem(plan, text, effects(end, spread)),
