@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from tolevo.algorithms.exact.epsilon import feasible_afresh, scale_of
 from tolevo.algorithms.exact.local import Branch
 from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.ga import GA
@@ -105,22 +106,26 @@ def test_least_cost_is_that_of_the_front(grades: int) -> None:
     np.testing.assert_allclose(cost, along, rtol=0.08)
 
 
-def test_little_is_left_to_a_solution_on_many_more_units() -> None:
-    """At its own values on 4,096 other units; an optimum of the 48 units of the search leaves 3 %."""
-    left = []
-    for report_units in (64, 2048):
-        limited = problem(1, backlash_max_arcmin=Bound(high=1.2)).settings
-        tried = RvReducer(replace(limited, parameters=dict(limited.parameters) | {"report_units": report_units}))
-        x = search(tried, Exact(), Budget(), seed=0).chosen
-        many = RvReducer(replace(limited, seed=9, parameters=dict(limited.parameters) | {"search_units": 4096}))
-        branch = Branch(Run(many, Budget(), seed=0), x[0], np.ones(1))
-        y = branch.smooth.scaled(x)[0]
-        (cost,), violation = branch.smooth.values(y)
-        slack = np.where(violation > -0.3, -violation, 0.0)
-        least = branch.smooth.values(branch.solved(0, y, np.full(1, np.inf), slack))[0][0]
-        left.append(cost / least - 1.0)
-    assert left[0] > 0.01
-    assert left[1] < 0.005
+def test_a_point_is_solved_again_at_its_level_on_as_many_units_as_it_is_tested_on() -> None:
+    """Little is left on that sample, and the level is used up on fresh units; 48 units of the search leave 2 %."""
+    settings, level = problem(1).settings, 1.2
+    tried = RvReducer(replace(settings, parameters=dict(settings.parameters) | {"report_units": 1024}))
+    finer = tried.finer()
+    assert finer.finer() is finer
+    x = exact(1).chosen
+    start = x[[int(np.argmin(np.abs(tried.tested(x)[0][:, 1] - level)))]]
+    branch = Branch(Run(tried, Budget(), seed=0), start[0], scale_of(tried))
+    y = branch.smooth.scaled(start)[0]
+    found = feasible_afresh(branch.smooth.run, branch, y, branch.at_most(1, level), search=True)
+    (fresh,), (violation,) = tried.tested(found)
+    assert np.all(violation <= 0.0)
+    assert 0.99 * level < fresh[1] <= 1.001 * level
+    again = Branch(Run(finer, Budget(), seed=0), found[0], scale_of(tried))
+    y = again.smooth.scaled(found)[0]
+    values, violation = again.smooth.values(y)
+    kept = np.where(np.abs(violation) < 0.1, -violation, 0.0)
+    least = again.smooth.values(again.solved(0, y, again.at_most(1, values[1]), kept))[0]
+    assert values[0] < 1.005 * least[0]
 
 
 def test_polish_improves_a_front_of_nsga2() -> None:
