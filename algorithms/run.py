@@ -1,4 +1,6 @@
-"""Problems whose free variables are all whole numbers: no design is evaluated twice."""
+"""A search in progress: it evaluates designs, counts and records them, and ends when its budget is spent;
+problems whose free variables are all whole numbers evaluate no design twice.
+"""
 
 from __future__ import annotations
 

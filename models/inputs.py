@@ -17,23 +17,6 @@ from scipy.special import gamma as special_gamma
 from ..registry import Kinds
 from ..section import Array, Range
 
-__all__ = [
-    "DISTRIBUTIONS",
-    "Beta",
-    "Distribution",
-    "Empirical",
-    "Exponential",
-    "LogNormal",
-    "Normal",
-    "Rayleigh",
-    "SkewNormal",
-    "Trapezoid",
-    "Triangular",
-    "TruncatedNormal",
-    "Uniform",
-    "Zone",
-]
-
 # The interface of a toleranced input: input = mid + t z, with z in units of the half-width.
 
 
@@ -104,10 +87,10 @@ class Distribution(ABC):
         ]
 
 
-def coarse(law: Distribution) -> float:
-    """The `grain` of a law with atoms or poles."""
+def std_of(law: Distribution) -> float:
+    """Standard deviation of z."""
     _, first, second = law.raw_moments(2)
-    return GRAIN_PER_STD * float(np.sqrt(second - first**2))
+    return float(np.sqrt(second - first**2))
 
 
 class WithinZone(Distribution):
@@ -140,7 +123,7 @@ class Beta(WithinZone):
 
     @property
     def grain(self) -> float:
-        return GRAIN if min(self.alpha, self.beta) >= 1.0 else coarse(self)
+        return GRAIN if min(self.alpha, self.beta) >= 1.0 else GRAIN_PER_STD * std_of(self)
 
     def raw_moments(self, order: int) -> Array:
         lean, total = self.alpha - self.beta, self.alpha + self.beta
@@ -193,7 +176,7 @@ class Empirical(Distribution):
 
     @property
     def grain(self) -> float:
-        return coarse(self)
+        return GRAIN_PER_STD * std_of(self)
 
     def faults(self) -> list[tuple[str, str]]:
         faults = Distribution.faults(self)
@@ -333,8 +316,7 @@ class Mixture(Distribution):
     @property
     def sigma(self) -> float:
         """Standard deviation of z."""
-        _, first, second = self.raw_moments(2)
-        return float(np.sqrt(second - first**2))
+        return std_of(self)
 
     def raw_moments(self, order: int) -> Array:
         shares, parts = self._parts()

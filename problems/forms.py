@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from operator import attrgetter
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -17,6 +17,22 @@ from ..models.propagation.convolution import Even
 from ..models.propagation.symmetric_sum import SymmetricSum, Tangent
 from ..section import Array, Flags, Integers
 from .limits import keeps
+
+
+class CostBound(Protocol):
+    """Lower bounds of the cost of a problem that has no convex form."""
+
+    @property
+    def missing(self) -> str:
+        """Why there are none, empty where there are some."""
+
+    @property
+    def statement(self) -> str:
+        """What they hold for."""
+
+    def least_costs(self, values: Mapping[str, Array], points: int) -> Array:
+        """Bounds (points,) at the limits and at values (points,) of the objectives; inf where no design keeps them."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,7 +32,7 @@ from .settings import (
 if TYPE_CHECKING:
     from ..models.capability import PartSample
     from ..models.costs import CostCurve
-    from .forms import Form
+    from .forms import CostBound, Form
 
 # Full designs of a problem as tables hold them: whole numbers as such, choices by name.
 
@@ -387,6 +387,10 @@ class ToleranceProblem(Problem):
         """The same problem on a smaller sample, for algorithms that evaluate much."""
         return self
 
+    def finer(self) -> ToleranceProblem:
+        """The same problem on a larger sample, on which the points of a search are solved again."""
+        return self
+
     def smooth(self) -> ToleranceProblem:
         """The same problem whose values in a search are smooth, for searches by gradients."""
         return self
@@ -418,6 +422,10 @@ class ToleranceProblem(Problem):
 
     def form(self) -> Form | None:
         """The convex form that bounds of the cost are proven with, None where there is none."""
+        return None
+
+    def cost_bound(self) -> CostBound | None:
+        """Bounds of the cost that need no convex form, None where none are known."""
         return None
 
     def form_values(self, form: Form, designs: Array, outputs: Mapping[str, Array]) -> Array:

@@ -23,6 +23,7 @@ from .arguments import choice_faults, file_faults, page_faults, page_next_to, so
 from .configuration.configuration import Configuration
 from .configuration.reader import read as read_raw
 from .configuration.source import at_hand as once_read
+from .configuration.source import workbook_of
 from .errors import Fault, InputError, raise_all, refuse
 from .files import unwritable
 from .results import Analysis, Gap, Reproduction, Run, Scratch, Study
@@ -373,7 +374,7 @@ def analyse(
     not be attainable. Raises
     ConfigurationError with every fault.
     """
-    from .commands.analyse.analyse import analysis_of, lines_of, write_analysis
+    from .commands.analyse.analyse import analysis_of, lines_of, workbook_with_analysis, write_analysis
 
     faults = start_faults_of(out, None, False, overwrite)
     source = at_hand(source)
@@ -388,7 +389,8 @@ def analyse(
     result = analysis_of(found)
     report_lines(tell, "warning", result.summary["warnings"])
     folder, scratch = folder_for(out)
-    write_analysis(result, folder, overwrite or out is None)
+    workbook = workbook_with_analysis(found, workbook_of(source))
+    write_analysis(result, folder, overwrite or out is None, workbook)
     return Analysis("done", lines_of(result), result, folder, scratch)
 
 
@@ -421,6 +423,7 @@ def run(
     plan = collected(lambda: _with_problem(read(source, settings, algorithm=algorithm, seed=seed)), faults).plan()
     collected(lambda: searchable(plan.problem, plan.algorithm), faults)
     raise_all(faults)
+    plan = replace(plan, workbook=workbook_of(source))
     report_lines(tell, "warning", plan.problem.cautions())
     folder, scratch = folder_for(out)
     done = running(plan, folder, where, progress, resume, overwrite or out is None)

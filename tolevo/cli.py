@@ -21,7 +21,7 @@ import typer
 from . import registry
 from .arguments import template_faults
 from .errors import TolevoError, raise_all
-from .files import cause, write_text
+from .files import cause, write_bytes, write_text
 from .interrupts import INTERRUPTED, current, keep_standard_streams, listen, warn_in_a_line
 from .models.manipulator.maps import SOURCES
 from .results import Finished
@@ -404,8 +404,13 @@ def template(
     run: Annotated[Path | None, typer.Option("--run", help="Whose limits, for qdas.")] = None,
 ) -> None:
     """Write a filled-in table or configuration of the form that a command reads."""
-    from .commands.template import written
+    from .commands.template import stack_workbook, written
 
+    if kind == "stack" and out is not None and out.suffix.lower() == ".xlsx":
+        raise_all(template_faults(out))
+        write_bytes(out, stack_workbook(config))
+        typer.echo(f"written: {out}")
+        return
     text = written(kind, config, run)
     if out is None:
         typer.echo(text, nl=False)

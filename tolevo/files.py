@@ -50,6 +50,8 @@ KINDS = (
     (stat.S_ISLNK, "a link"),
 )
 """What a path may name other than a file, in words."""
+WORKBOOK = "stack.xlsx"
+"""The workbook of a configuration with its result, in the directory of the result."""
 CONFIGURATION = 8 * 2**20
 """Bytes of a configuration at most."""
 TABLE = 2**30

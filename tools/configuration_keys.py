@@ -64,7 +64,7 @@ OF_NAMES = frozenset(
     ]
 )
 """Tables whose keys are such names."""
-PLAIN = frozenset({"costs.assumed", "costs.scale_assumed"})
+PLAIN = frozenset({"costs.assumed", "costs.scale_assumed", "rounding.steps"})
 """Keys that stand beside such names."""
 SHARED = (
     (r"^(?:part\[\](?:\.process\[\])?|feature\[\]|joint\[\]\.ERROR)\.cost(?=\.|$)", f"costs.{NAME}"),

@@ -97,6 +97,15 @@ def closed_form() -> Figures:
     return figures
 
 
+def bounds() -> Figures:
+    """Bounds of the cost of the main job at levels of backlash, and how far below its front they lie in percent."""
+    figures: dict[str, float] = {}
+    for level in (1.0, 1.48):
+        bound = main_problem().cost_bound().least_costs({"backlash_max_arcmin": np.array([level])}, 1)[0]
+        figures |= {f"at {level:g}": bound, f"below {level:g}": 100.0 * (1.0 - bound / front_cost(level))}
+    return figures
+
+
 def references() -> Figures:
     """The references of the main job by contact: number from 1, and name."""
     problem = main_problem()
@@ -211,7 +220,18 @@ def assumptions() -> Figures:
 
 SOURCES: Mapping[str, Callable[[], Figures]] = {
     one.__name__: cache(one)
-    for one in (closed_form, references, readings, front, assumptions, by_definition, least_costs, inspected, batch)
+    for one in (
+        closed_form,
+        bounds,
+        references,
+        readings,
+        front,
+        assumptions,
+        by_definition,
+        least_costs,
+        inspected,
+        batch,
+    )
 }
 
 

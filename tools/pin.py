@@ -18,7 +18,7 @@ import pandas as pd
 import tomli_w
 
 import tolevo
-from tolevo.commands.template import template
+from tolevo.commands.template import written
 from tolevo.configuration.reader import read
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -67,7 +67,7 @@ def evaluated(path: Path) -> tuple[str, dict[str, float]]:
     found = read(path)
     assert found.problem is not None
     sets = [SIZES[found.problem.name]] if found.problem.name in SIZES else []
-    designs = pd.read_csv(io.StringIO(template("designs", found.problem, None)))  # type: ignore[arg-type]
+    designs = pd.read_csv(io.StringIO(written("designs", path)))
     row = tolevo.evaluate(path, designs.iloc[:1], settings=sets).iloc[0]
     names = dict.fromkeys((*found.problem.objectives, *found.problem.settings.limits))
     more = "".join(f" --set {one}" for one in sets)

@@ -55,7 +55,7 @@ LABELS = {"name": "", "description": "", "drawing": ""}
 CHOICE = {
     "choice": {"budget": 1.0, "limits": {"cost": 1.0}, "weights": {"cost": 1.0},
                "roughness_share": 0.1},
-    "rounding": {},
+    "rounding": {"steps": "preferred"},
 }  # fmt: skip
 STACK: dict[str, Any] = {
     **LABELS,

@@ -1,4 +1,6 @@
-"""Costs that are not convex, as several ways with convex ones."""
+"""Proven lower bounds of cost, at limits and at the points of a front; costs that are not convex are several
+ways with convex ones.
+"""
 
 from __future__ import annotations
 
@@ -182,8 +184,13 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
     """
     form = problem.form()
     missing = reason(problem, form)
-    if missing or form is None:
+    if missing:
         return Proof.without(points, missing)
+    if form is None:
+        known = problem.cost_bound()
+        assert known is not None  # else there is a reason
+        bound, cost = known.least_costs(values, points), np.asarray(values["cost"])
+        return Proof(_checked(problem, bound, cost, np.abs(cost)), known.statement)
     if not points:
         return Proof(np.empty(0), form.statement, form.relaxed)
     own = [_values_if_required(problem, form, values, name, points) for name in form.outputs]
@@ -193,15 +200,20 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
     distinct, place = np.unique(limits, axis=0, return_inverse=True)
     bound = _least_bound(form, distinct)[np.ravel(place)]
     cost = np.asarray(values["cost"])
-    least, most = cost_range(form)
+    size = np.maximum(np.abs(cost), np.min(np.abs(cost_range(form))))
+    return Proof(_checked(problem, bound, cost, size), form.statement, form.relaxed)
+
+
+def _checked(problem: ToleranceProblem, bound: Array, cost: Array, size: Array) -> Array:
+    """Bounds (n,), none above its cost. Raises ModelError where one is, by more than rounding of a `size` (n,)."""
     excess = np.subtract(bound, cost, out=np.full(len(cost), -np.inf), where=np.isfinite(cost))
-    if np.any(excess > 1e-9 * np.maximum(np.abs(cost), min(abs(least), abs(most)))):
+    if np.any(excess > 1e-9 * size):
         at = int(np.argmax(excess))
         raise ModelError(
             f"the proven bound {bound[at]} lies above a cost of {cost[at]}: the form "
             f"of {type(problem).__name__} does not bound that cost"
         )
-    return Proof(np.minimum(bound, cost), form.statement, form.relaxed)
+    return np.minimum(bound, cost)
 
 
 def _least_bound(form: Form, limits: Array) -> Array:
@@ -249,7 +261,8 @@ def reason(problem: ToleranceProblem, form: Form | None) -> str:
     if "cost" not in problem.objectives:
         return "cost is not an objective"
     if form is None:
-        return "the problem has no convex form"
+        bound = problem.cost_bound()
+        return "the problem has no convex form" if bound is None else bound.missing
     known_by = ("cost", *form.outputs, *form.stands.values())
     others = [name for name in problem.objectives if name not in known_by]
     if others:

@@ -40,46 +40,53 @@ OF_TAIL = 0.02
 farther."""
 HALVED = 10
 """Times that the step to the tightest tolerances is halved, where nothing else keeps the limits."""
+HELD = 3e-5
+"""Part of the range of an objective by which a point may lie beyond its level."""
 MAX_RESTORATION_STEP = 0.5
 """Fraction of a limit by which it is moved at most."""
 
 
-def submit_retested_points(run: Run, points: Sequence[tuple[Branch, int]]) -> None:
-    """Hand points, each by its branch and index, to the run as its result.
+def submit_retested_points(run: Run, points: Sequence[tuple[Branch, int]], levels: Sequence[float] = ()) -> None:
+    """Hand points, each by its branch and index, to the run as its result, at the levels of the second
+    objective where there are some.
 
     A point that breaks a limit on fresh units is solved again with the limit moved by the excess.
     """
     for done, (branch, at) in enumerate(points):
         run.phase("fresh units", 0.9 + 0.1 * done / len(points))
-        run.choose(feasible_afresh(run, branch, branch.y[at], branch.f[at], search=True))
+        level = branch.at_most(1, levels[done]) if len(levels) else np.full(1, np.inf)
+        run.choose(feasible_afresh(run, branch, branch.y[at], level, search=not run.spent))
 
 
-def feasible_afresh(run: Run, branch: Branch, y: Array, f: Array, search: bool) -> Array:
+def feasible_afresh(run: Run, branch: Branch, y: Array, level: Array, search: bool, objective: int = 0) -> Array:
     """The search vector (1, variables) of a point, after its limits hold on fresh units.
 
-    With `search` it is solved again with every limit moved by the difference between fresh units
-    and the sample, and the cheapest point accepted on fresh units is taken; else the nearest.
+    With `search` it is solved again on the larger sample of the problem, with the other objectives at
+    most at their `level` (m,), and these and every limit moved by the difference between fresh units and
+    that sample, until little room is left. The best point accepted on fresh units is taken; else the
+    nearest.
     """
-    limit = np.full(len(f), np.inf)
-    limit[1:] = f[1:]
-    accepted: list[tuple[float, Array]] = []
+    accepted: list[tuple[float, float, Array]] = []
+    displacement, moved, target = _limit_displacement(run), np.zeros(0), level
+    if search and (finer := run.problem.finer()) is not run.problem:
+        branch = branch.on(finer)
     rounds = ALONE if run.problem.n_obj == 1 else ROUNDS
-    for _ in range(rounds if search else 0):
-        excess = _excess_afresh(run, branch, y, accepted)
-        violation = branch.smooth.values(y)[1]
-        moved = np.where(excess != violation, excess - violation + _limit_displacement(run), 0.0)
-        y = branch.solved(0, branch.restored(y, moved, MAX_RESTORATION_STEP), limit, moved)
-    _excess_afresh(run, branch, y, accepted)
-    return min(accepted, key=lambda point: point[0])[1] if accepted else _push_inside_limits(run, branch, y)
-
-
-def _excess_afresh(run: Run, branch: Branch, y: Array, accepted: list[tuple[float, Array]]) -> Array:
-    """Violations (constraints,) on fresh units; a point without any joins `accepted`."""
-    x = branch.smooth.vectors(y[None, :])
-    values, excess = run.problem.tested(x)
-    if np.all(excess <= 0.0):
-        accepted.append((float(values[0, 0]), x))
-    return branch.smooth.constraints(excess[0])[0]
+    for left in range(rounds if search else 0, -1, -1):
+        x = branch.smooth.vectors(y[None, :])
+        (fresh,), (excess,) = run.problem.tested(x)
+        over = np.delete((fresh - level) / branch.unit, objective).max(initial=0.0)
+        if np.all(excess <= 0.0):
+            accepted.append((max(float(over) - HELD, 0.0), float(fresh[objective]), x))
+        (values, violation), excess = branch.smooth.values(y), branch.smooth.constraints(excess)[0]
+        binding = len(moved) > 0 and np.abs(violation + moved) <= NEARLY
+        used_up = np.all(excess <= 0.0) and np.all(excess[binding] >= -2.0 * displacement[binding])
+        if not left or (len(moved) and used_up and over <= HELD):
+            break
+        moved = np.where(excess != violation, excess - violation + displacement, 0.0)
+        target = level - np.where(fresh != values, fresh - values + MARGIN * np.abs(values), 0.0)
+        target[objective] = np.inf
+        y = branch.solved(objective, branch.restored(y, moved, MAX_RESTORATION_STEP), target, moved)
+    return min(accepted, key=lambda point: point[:2])[2] if accepted else _push_inside_limits(run, branch, y)
 
 
 def _push_inside_limits(run: Run, branch: Branch, y: Array) -> Array:
@@ -141,8 +148,8 @@ SWEEPS, SAGGING = 2, 1e-3
 """Times that points are solved again from their neighbours, and the excess over the chord of both
 from which that is done, in natural logarithms."""
 END = 1.03
-"""The tight end of the front, as a multiple of the least second objective: beyond it the cost
-rises without bound, and chance dominates."""
+"""The tight end of the front, as a multiple of the second objective of the tightest tolerances, which is
+the same on every processor: beyond it the cost rises without bound, and chance dominates."""
 Levels = dict[float, Array]
 
 
@@ -156,7 +163,7 @@ def sampled_front(run: Run, branches: list[Branch], points: int) -> None:
         submit_retested_points(run, joint_front_points(alive)[:1] if alive else [])
     else:
         levels = _fill_between_levels(run, branches, points)
-        submit_retested_points(run, [_best_branch_point(branches, level) for level in sorted(levels)])
+        submit_retested_points(run, [_best_branch_point(branches, level) for level in sorted(levels)], sorted(levels))
         run.chosen = nondominated_feasible_designs(run.problem, run.chosen)
 
 
@@ -236,9 +243,10 @@ def _solve_coarse_levels(run: Run, branches: list[Branch]) -> Levels:
     last = min((b for b in branches if b.f), key=lambda b: b.f[0][1], default=None)
     if last is None:
         return {}
-    for _ in range(SWEEPS):
-        last.minimise(1, last.y[0], none)
-    low = END * last.f[0][1]
+    last.minimise(1, last.tightest(last.y[0]), none)
+    finest = last.on(run.problem.finer())
+    finest.minimise(1, last.tightest(last.y[0]), none)
+    low = END * max(branch.f[0][1] for branch in (last, finest) if branch.f)
     count = int(np.ceil(np.log(low / high) / np.log(RATIO)))
     levels = np.geomspace(low, high, max(count, 2) + 1).tolist()
     return {level: np.array([_solve_level(b, level) for b in branches]) for level in levels}

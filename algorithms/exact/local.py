@@ -15,6 +15,7 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array
 from ..archive import nondominated
 from ..run import Run
+from ..settings import Budget
 from .slsqp import slsqp
 
 # A problem in the form for SLSQP: scaled coordinates, values and derivatives at one design.
@@ -179,6 +180,14 @@ class Branch:
         self.y: list[Array] = []
         self.f: list[Array] = []
         self.barren: set[tuple[float, float]] = set()
+
+    def on(self, problem: ToleranceProblem) -> Branch:
+        """The same integers of another problem, without points."""
+        return Branch(type(self.smooth.run)(problem, Budget(), seed=0), self.smooth.x, self.unit)
+
+    def tightest(self, y: Array) -> Array:
+        """The vector (size,) of a point with every tolerance at its tightest."""
+        return np.where(self.smooth.log, 0.0, y)
 
     def minimise(self, objective: int, start: Array, limit: Array) -> Array | None:
         """Objectives (m,) of the least `objective` with f <= limit; recorded where it is feasible."""

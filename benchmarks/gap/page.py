@@ -28,8 +28,24 @@ Answers = Mapping[str, Sequence[Scored]]
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+    first, *others = ("| " + " | ".join(cells) + " |" for cells in (head, *rows))
+    return "\n".join([first, "|" + "---|" * len(head), *others])
+
+
+def both_sides(lines: list[list[str]]) -> list[list[str]]:
+    """Figures that have goals on both sides, ", at least" and ", at most", in one line where both are met alike."""
+    joined: list[list[str]] = []
+    for line in lines:
+        name = line[0].removesuffix(", at most")
+        if name != line[0] and joined and joined[-1][0] == f"{name}, at least" and joined[-1][3:] == line[3:]:
+            ends = zip(joined[-1][1:3], line[1:3], strict=True)
+            joined[-1][:3] = [
+                name,
+                *(f"{low.removeprefix('>= ').removesuffix(' %')} to {high.removeprefix('<= ')}" for low, high in ends),
+            ]
+        else:
+            joined.append(line)
+    return joined
 
 
 def number(value: float, rate: bool) -> str:
@@ -61,7 +77,7 @@ def figure_table(answers: Answers) -> str:
          *(cell(column[name], by) if name in column else "-" for by, column in columns.items())]
         for name, one in every.items()
     ]  # fmt: skip
-    return table(["figure", "must", "aim", *columns], lines)
+    return table(["figure", "must", "aim", *columns], both_sides(lines))
 
 
 def share_of(hits: int, count: int) -> str:
@@ -84,7 +100,7 @@ def dominant_table(answers: Answers) -> str:
         [same[0].name, goal(same[0].must, same[0]), goal(same[0].aim, same[0]), *map(cell, same, columns)]
         for same in zip(*columns.values(), strict=True)
     ]
-    return table(["figure", "must", "aim", *columns], lines)
+    return table(["figure", "must", "aim", *columns], both_sides(lines))
 
 
 def baseline_table(answers: Answers) -> str:

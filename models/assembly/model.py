@@ -1,6 +1,7 @@
-"""Declarations of the assembly models, by the names of configurations.
+"""The model `assembly` of successive reducers as measured on the assembly line, and its declarations by the
+names of configurations.
 
-Shared by the model `assembly` and the problem `rv_transmission_error`.
+The declarations are those of the problem `rv_transmission_error` as well.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from .knowledge import (
     norm_of,
 )
 from .samples import PartSample, read_sample
-from .subpopulations import Subpopulations, subpopulations
+from .subpopulations import subpopulations
 
 __all__ = [
     "Aim",
@@ -26,7 +26,6 @@ __all__ = [
     "PartSample",
     "Prior",
     "Processes",
-    "Subpopulations",
     "Surplus",
     "Ways",
     "calibrated",

@@ -25,6 +25,7 @@ from .knowledge import Gauge
 
 POOLED = 0.05
 """Probability by chance from which an interaction of parts and operators is pooled with the error."""
+EQUAL = "has repeated measurements that are all equal: the resolution of the gauge is too coarse"
 REPEATS = 10
 """Repeated measurements of one part at least."""
 
@@ -86,7 +87,7 @@ def gauge_study(
     error = float(np.sum((table - cell[:, :, None]) ** 2)), p * o * (r - 1)
     crossed = float(r * np.sum((cell - of_parts[:, None] - of_operators + mean) ** 2)), (p - 1) * (o - 1)
     if error[0] <= 0.0:
-        raise ValueError("has repeated measurements that are all equal: the resolution of the gauge is too coarse")
+        raise ValueError(EQUAL)
     square = error[0] / error[1]
     chance = float(scipy.stats.f.sf(crossed[0] / crossed[1] / square, crossed[1], error[1])) if crossed[1] else 1.0
     interacts = chance < POOLED
@@ -121,14 +122,13 @@ def _of_one_part(values: Array, reference: float | None, operators: int) -> Gaug
     """The study of one part, which is measured again and again."""
     if operators > 1:
         raise ValueError("has one part only, measured by several operators: several parts are needed")
-    n = len(values)
+    n, sigma = len(values), float(np.std(values, ddof=min(1, len(values) - 1)))
     if n < REPEATS:
         raise ValueError(f"has {n} measurements of one part; at least {REPEATS} are needed")
-    sigma = float(np.std(values, ddof=1))
     if sigma <= 0.0:
-        raise ValueError("has repeated measurements that are all equal: the resolution of the gauge is too coarse")
-    bias = np.nan if reference is None else float(np.mean(values) - reference)
-    chance = np.nan
-    if reference is not None:
-        chance = 2.0 * float(scipy.stats.t.sf(abs(bias) / (sigma / np.sqrt(n)), n - 1))
+        raise ValueError(EQUAL)
+    if reference is None:
+        return GaugeStudy(1, sigma, n - 1.0, sigma, 0.0, 0.0)
+    bias = float(np.mean(values) - reference)
+    chance = 2.0 * float(scipy.stats.t.sf(abs(bias) / (sigma / np.sqrt(n)), n - 1))
     return GaugeStudy(1, sigma, n - 1.0, sigma, 0.0, 0.0, bias, chance)

@@ -57,6 +57,24 @@ class Difference:
         """The variance of the parts alone."""
         return self.measured - self.gauge
 
+    def upper_limit(self, confidence: float = CONFIDENCE) -> float:
+        """Upper confidence limit of the difference of the two variances.
+
+        Reference: Ting, Burdick, Graybill, Jeyaratnam, Lu (1990), Confidence intervals on linear
+        combinations of variance components that are unrestricted in sign, J. Statistical Computation
+        and Simulation 35(1-2), 135-143.
+        """
+        first, second = self.measured, self.gauge
+        chi_square = float(scipy.stats.chi2.ppf(1.0 - confidence, self.measured_df))
+        above = self.measured_df / chi_square - 1.0
+        below, f = 0.0, chi_square / self.measured_df
+        if np.isfinite(self.gauge_df):
+            below = 1.0 - self.gauge_df / float(scipy.stats.chi2.ppf(confidence, self.gauge_df))
+            f = float(scipy.stats.f.ppf(1.0 - confidence, self.measured_df, self.gauge_df))
+        mixed = ((1.0 - f) ** 2 - (above * f) ** 2 - below**2) / f
+        variance = (above * first) ** 2 + (below * second) ** 2 + mixed * first * second
+        return first - second + float(np.sqrt(max(variance, 0.0)))
+
 
 @dataclass(frozen=True, slots=True)
 class Knowledge:
@@ -82,21 +100,14 @@ class Knowledge:
         """E, the posterior mean of the variance over std^2."""
         return 1.0 if np.isinf(self.df) else self.df / (self.df - 2.0)
 
-    @property
-    def surplus(self) -> float:
-        """`surplus_at` the usual confidence."""
-        return self.surplus_at(CONFIDENCE)
-
-    def surplus_at(self, confidence: float) -> float:
+    def surplus_at(self, confidence: float = CONFIDENCE) -> float:
         """G, the upper limit of the variance at a confidence over std^2, less E; at least 0."""
         if np.isinf(self.df):
             return 0.0
         surplus = _factor(self.df, confidence) - self.inflation
         if (difference := self.difference) is not None:
-            limit = upper_of_difference(
-                difference.measured, difference.measured_df, difference.gauge, difference.gauge_df, confidence
-            )
-            surplus += max(limit / difference.part_variance - _factor(difference.measured_df, confidence), 0.0)
+            limit = difference.upper_limit(confidence) / difference.part_variance
+            surplus += max(limit - _factor(difference.measured_df, confidence), 0.0)
         return max(surplus, 0.0)
 
     def drawn(self, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -156,45 +167,16 @@ def knowledge_of(
     parts = 0.0
     difference = None if gauge is None else Difference(observed, df, gauge.sigma**2, gauge.df)
     if prior is not None:
-        _check_prior(variance, df, prior)
+        below = float(scipy.stats.f.cdf(variance / prior.sigma**2, df, prior.parts))
+        if (chance := 2.0 * min(below, 1.0 - below)) < CONTRADICTED:
+            raise ValueError(
+                f"has a standard deviation of {np.sqrt(variance):.4g}, the prior one of {prior.sigma:.4g} with the "
+                f"weight of {prior.parts:g} parts: they differ as much by chance once in "
+                f"{1.0 / max(chance, 1e-12):.2g} samples; reduce prior.parts, or remove the prior"
+            )
         variance = (prior.parts * prior.sigma**2 + df * variance) / (prior.parts + df)
         df, parts = df + prior.parts, prior.parts
     return Knowledge(mean, float(np.sqrt(variance)), n_mean, df, parts, difference)
-
-
-def _check_prior(variance: float, df: float, prior: Prior) -> None:
-    """Raises ValueError where a sample contradicts a prior."""
-    below = float(scipy.stats.f.cdf(variance / prior.sigma**2, df, prior.parts))
-    chance = 2.0 * min(below, 1.0 - below)
-    if chance < CONTRADICTED:
-        raise ValueError(
-            f"has a standard deviation of {np.sqrt(variance):.4g}, the prior one of {prior.sigma:.4g} with the weight "
-            f"of {prior.parts:g} parts: they differ as much by chance once in {1.0 / max(chance, 1e-12):.2g} samples; "
-            "reduce prior.parts, or remove the prior"
-        )
-
-
-def upper_of_difference(
-    first: float, first_df: float, second: float, second_df: float, confidence: float = CONFIDENCE
-) -> float:
-    """Upper confidence limit of the difference of two variances, from their estimates.
-
-    Reference: Ting, Burdick, Graybill, Jeyaratnam, Lu (1990), Confidence intervals on linear
-    combinations of variance components that are unrestricted in sign, J. Statistical Computation
-    and Simulation 35(1-2), 135-143.
-    """
-    chi_square = float(scipy.stats.chi2.ppf(1.0 - confidence, first_df))
-    if second <= 0.0:
-        return first * first_df / chi_square
-    above = first_df / chi_square - 1.0
-    if np.isfinite(second_df):
-        below = 1.0 - second_df / float(scipy.stats.chi2.ppf(confidence, second_df))
-        f = float(scipy.stats.f.ppf(1.0 - confidence, first_df, second_df))
-    else:
-        below, f = 0.0, chi_square / first_df
-    mixed = ((1.0 - f) ** 2 - (above * f) ** 2 - below**2) / f
-    variance = (above * first) ** 2 + (below * second) ** 2 + mixed * first * second
-    return first - second + float(np.sqrt(max(variance, 0.0)))
 
 
 # The standard deviation in an assured allocation: a norm of the tolerances.
@@ -260,16 +242,11 @@ class Surplus:
         root = np.sqrt(a**2 + value)
         b, c = root - a, np.sqrt(np.sum(square * self.error, axis=-1) + self.fixed_error)
         both = np.hypot(b, c)
-        by_a, by_root, by_c = (0.5 * _inverse(size)[..., None] for size in (a, root, c))
+        by_a, by_root, by_c = (divide_or_default(np.full_like(size, 0.5), size)[..., None] for size in (a, root, c))
         by_b = (1.0 + rise) * by_root - by_a
-        slope = (b[..., None] * by_b + c[..., None] * self.error * by_c) * _inverse(both)[..., None]
-        far = (a + both)[..., None]
-        return both * (2.0 * a + both), 2.0 * (by_a * both[..., None] + far * slope)
-
-
-def _inverse(value: Array) -> Array:
-    """1/value, and 0 for 0."""
-    return np.divide(1.0, value, out=np.zeros_like(value), where=value > 0.0)
+        far, size = (a + both)[..., None], both[..., None]
+        slope = divide_or_default(b[..., None] * by_b + c[..., None] * self.error * by_c, size)
+        return both * (2.0 * a + both), 2.0 * (by_a * size + far * slope)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -294,8 +271,7 @@ class Norm:
     def slopes(self, t: Array) -> Array:
         """dh/dt, (n, p); 0 where nothing scatters."""
         square, value = t**2 * self.even, self.value(t)[:, None]
-        rise = t * self.even * (1.0 + self.surplus().value(square)[1])
-        return np.divide(rise, value, out=np.zeros_like(t), where=value > 0.0)
+        return divide_or_default(t * self.even * (1.0 + self.surplus().value(square)[1]), value)
 
     def surplus(self, rest: Array | float = 0.0) -> Surplus:
         """What uncertainty adds, as a function of the squares E v."""

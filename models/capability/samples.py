@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from ...section import POSITIVE, Array, Range, Section
+from ...section import ANY, POSITIVE, Array, Range, Section
 from ...units import converted, fits, unit_hint
 from ..inputs import Distribution, Mixture, Normal
 from .knowledge import MIN_SAMPLE_PARTS, Gauge, Knowledge, Prior, knowledge_of
@@ -321,41 +321,44 @@ def read_sample(
     section = owner.section("measured")
     if any(key in section for key in SUMMARY) and not {"values", "file"} & set(section.all_keys()):
         return _read_summary(owner, unit, nominal, mid, t, follows, natural)
-    stated_unit = _unit(section, unit)
-    numbers, groups, subgroups = section.numbers("values"), _groupings(section), section.take("subgroups")
+    known_unit = _unit(section, unit)
+    stated_unit = known_unit or unit
+    numbers, subgroups = section.numbers("values"), section.take("subgroups")
+    named = {"lot": section.take("lots") or []} | dict(section.take("groups") or {})
+    groups = {kind: [str(label) for label in labels] for kind, labels in named.items() if labels}
     mean = section.text("mean", MEANS)
-    gauge, of_gauge = _gauge(section, stated_unit or unit, unit)
-    made_to = _read_production_tolerance(section, stated_unit or unit, unit, t, follows)
-    of_file = section.number("nominal", stated_unit or unit)
-    single = _single_limit(section, stated_unit or unit, unit)
+    gauge, of_gauge = _gauge(section, stated_unit, unit)
+    made_to = _read_production_tolerance(section, stated_unit, unit, t, follows)
+    of_file = _number_in(section, "nominal", stated_unit, unit)
+    single = _single_limit(section, stated_unit, unit)
     section.accept(("characteristic",))
     prior = _prior(section, made_to or 0.0, unit)
     if "values" not in section:
         section.fault("file", "is missing: name a table or Q-DAS file of measured parts, or give values")
     section.finish()
-    if numbers is None or made_to is None or stated_unit is None:
+    if numbers is None or made_to is None or known_unit is None:
         return None
     values = np.asarray(converted(np.array(numbers), stated_unit, unit), dtype=float)
-    if of_file is not None:
-        file_nominal = float(converted(of_file, stated_unit, unit))
-        nominal = file_nominal if nominal is None else nominal
-        if not _file_matches_nominal(section, unit, file_nominal, nominal):
-            return None
+    nominal = of_file if nominal is None else nominal
+    if of_file is not None and nominal is not None and abs(of_file - nominal) > NEAR_NOMINAL * max(abs(nominal), 1.0):
+        other = f"is of a nominal of {of_file:g} {unit}, the part has {nominal:g} {unit}"
+        section.fault("file", f"{other}: another revision of the drawing?")
+        return None
     origin = _origin(values, nominal) + mid
-    deviations = values - origin
     limits = _limits(single, origin, made_to, natural)
     one_sided = (limits[0] is None) != (limits[1] is None)
     if one_sided and mean == "corrected":
         section.fault("mean", CORRECTED)
         return None
-    selected = _subgroups(section, subgroups, groups, deviations)
-    if selected is None:
+    if (selected := _subgroups(section, subgroups, groups, values - origin)) is None:
         return None
-    deviations, groups, differing = selected
+    deviations, departures = selected
+    differing = next((f.groups for f in departures if f.groups is not None and not isinstance(subgroups, dict)), None)
+    scatter = None if differing is None else differing.as_found()
+    if subgroups == "corrected" and differing is not None:
+        scatter, deviations, differing = differing.corrected(), differing.centred(deviations), None
+        departures = findings(deviations)
     try:
-        scatter = None if differing is None else differing.as_found()
-        if differing is not None and subgroups == "corrected":
-            scatter, deviations, differing = differing.corrected(), differing.centred(deviations), None
         knowledge = knowledge_of(deviations, prior, gauge, scatter)
     except ValueError as error:
         section.fault("values", str(error))
@@ -367,7 +370,7 @@ def read_sample(
         knowledge=knowledge,
         made_to=made_to,
         offset=0.0 if mean == "corrected" else knowledge.mean,
-        findings=tuple(findings(deviations, groups if subgroups != "corrected" else {})),
+        findings=tuple(departures),
         indices=capability(deviations, *limits),
         stated=dict(owner.take("measured")),
         assumed=({} if mean else {"measured.mean": AS_FOUND if one_sided else SAME_MEAN}) | of_gauge,
@@ -393,10 +396,10 @@ def _read_summary(
     section = owner.section("measured")
     stated_unit = _unit(section, unit) or unit
     n = section.integer("n", Range(low=MIN_SAMPLE_PARTS))
-    s = section.number("s", stated_unit, POSITIVE)
+    s = _number_in(section, "s", stated_unit, unit, POSITIVE)
     cp, cpk = (section.number(key, within=POSITIVE) for key in ("cp", "cpk"))
     corrected = section.take("mean") == "corrected"
-    mean = None if corrected else section.number("mean", stated_unit)
+    mean = None if corrected else _number_in(section, "mean", stated_unit, unit)
     made_to = _read_production_tolerance(section, stated_unit, unit, t, follows)
     section.finish()
     has = set(section.all_keys())
@@ -413,13 +416,9 @@ def _read_summary(
             section.fault(key, str(text))
     if any(wrong.values()) or n is None or made_to is None or (s is None and cpk is None):
         return None
-    off = 0.0
-    if mean is not None:
-        size = float(converted(mean, stated_unit, unit))
-        off = size - _origin(np.array([size]), nominal) - mid
-    if s is not None:
-        std = float(converted(s, stated_unit, unit))
-    else:
+    off = 0.0 if mean is None else mean - _origin(np.array([mean]), nominal) - mid
+    std = s
+    if std is None:
         assert cpk is not None
         off = off if cp is None else made_to * (1.0 - cpk / cp)
         std = (made_to + natural * off if natural else made_to - abs(off)) / (3.0 * cpk)
@@ -448,17 +447,11 @@ SUBGROUPS = ("as_found", "corrected")
 """What later parts are: of all groups as they are, or of groups that are set to one mean."""
 
 
-def _groupings(section: Section) -> dict[str, list[str]]:
-    """The lot, cavity, machine or operator of each value, by what the groups are."""
-    stated = {"lot": section.take("lots") or []} | dict(section.take("groups") or {})
-    return {kind: [str(label) for label in labels] for kind, labels in stated.items() if labels}
-
-
 def _subgroups(
     section: Section, wanted: Any, groups: dict[str, list[str]], values: Array
-) -> tuple[Array, dict[str, list[str]], Subpopulations | None] | None:
-    """The values that later parts are like, their groups, and the groups among them that differ;
-    None after a fault.
+) -> tuple[Array, list[Finding]] | None:
+    """The values that later parts are like, and their departures from one stable process; None after
+    a fault.
 
     `wanted` is one of `SUBGROUPS`, or one group alone, { cavity = "3" }.
     """
@@ -473,17 +466,16 @@ def _subgroups(
             section.fault("subgroups", f"names {kind} {name}, and the measured parts have {known}")
             return None
         kept = np.array([label == str(name) for label in groups[kind]])
-        return values[kept], {k: [n for n, here in zip(v, kept, strict=True) if here] for k, v in groups.items()}, None
-    if wanted not in (None, *SUBGROUPS):
+        values = values[kept]
+        groups = {k: [n for n, here in zip(v, kept, strict=True) if here] for k, v in groups.items()}
+    elif wanted not in (None, *SUBGROUPS):
         section.fault("subgroups", f'must be "as_found", "corrected" or one group, {{ cavity = "3" }}, got {wanted}')
         return None
-    varied = bool(groups) and float(np.ptp(values)) > 0.0
-    found = findings(values, groups) if varied else []
-    differing = next((finding.groups for finding in found if finding.groups is not None), None)
-    if wanted == "corrected" and differing is None:
+    departures = findings(values, groups) if len(values) >= MIN_SAMPLE_PARTS and np.ptp(values) > 0.0 else []
+    if wanted == "corrected" and not any(finding.groups is not None for finding in departures):
         section.fault("subgroups", "must be as_found: the measured parts name no groups that differ beyond chance")
         return None
-    return values, groups, differing
+    return values, departures
 
 
 def _are_plausible_deviations(section: Section, unit: str, deviations: Array, made_to: float) -> bool:
@@ -498,12 +490,9 @@ def _are_plausible_deviations(section: Section, unit: str, deviations: Array, ma
         problem = f"lie up to {far:.4g} {unit} off the mid-limit"
     else:
         return True
-    comparison = (
-        f"but were made to {made_to:g} {unit}{hint}: check their unit and made_to"
-        if made_to
-        else f"but three times their scatter is {width:.4g} {unit}{hint}: state measured.nominal, or check their unit"
-    )
-    section.fault("values", f"{problem}, {comparison}")
+    else_stated = f"three times their scatter is {width:.4g} {unit}{hint}: state measured.nominal, or check their unit"
+    comparison = f"were made to {made_to:g} {unit}{hint}: check their unit and made_to" if made_to else else_stated
+    section.fault("values", f"{problem}, but {comparison}")
     return False
 
 
@@ -511,15 +500,6 @@ def _origin(values: Array, nominal: float | None) -> float:
     """What deviations from the nominal count from; `values` are sizes, or deviations already."""
     middle = float(np.median(values)) if len(values) else 0.0
     return 0.0 if nominal is None or abs(middle) < abs(middle - nominal) else nominal
-
-
-def _file_matches_nominal(section: Section, unit: str, of_file: float, nominal: float) -> bool:
-    """Whether a file is of the nominal of the part; a fault is reported where it is not."""
-    same = abs(of_file - nominal) <= NEAR_NOMINAL * max(abs(nominal), 1.0)
-    if not same:
-        other = f"is of a nominal of {of_file:g} {unit}, the part has {nominal:g} {unit}"
-        section.fault("file", f"{other}: another revision of the drawing?")
-    return same
 
 
 def _limits(
@@ -535,12 +515,17 @@ def _limits(
 
 def _single_limit(section: Section, stated_unit: str, unit: str) -> tuple[str, float] | None:
     """`lower` or `upper`, the limit of a characteristic that has one alone, in the unit of the part."""
-    limits = {key: section.number(key, stated_unit) for key in ("lower", "upper")}
+    limits = {key: _number_in(section, key, stated_unit, unit) for key in ("lower", "upper")}
     if "lower" in section and "upper" in section:
         section.fault("upper", "is stated in addition to lower: of two limits state made_to, half their distance")
         return None
-    single = next(((key, limit) for key, limit in limits.items() if limit is not None), None)
-    return None if single is None else (single[0], float(converted(single[1], stated_unit, unit)))
+    return next(((key, limit) for key, limit in limits.items() if limit is not None), None)
+
+
+def _number_in(section: Section, key: str, stated_unit: str, unit: str, within: Range = ANY) -> float | None:
+    """A number in the unit of the part, None where there is none."""
+    number = section.number(key, stated_unit, within)
+    return None if number is None else float(converted(number, stated_unit, unit))
 
 
 def _unit(section: Section, unit: str) -> str | None:
@@ -563,8 +548,7 @@ def _read_production_tolerance(
     """Half-width that the measured parts were made to, in the unit of the part; 0: not known."""
     fixed = section.take("made_to") == FIXED
     if "made_to" in section and not fixed:
-        half_width = section.number("made_to", stated_unit, POSITIVE)
-        return None if half_width is None else float(converted(half_width, stated_unit, unit))
+        return _number_in(section, "made_to", stated_unit, unit, POSITIVE)
     unread = "values" in section and section.take("values") is None  # its own fault is reported already
     if t is None and follows and not unread:
         section.fault("made_to", NOT_FIXED if fixed else NOT_STATED)
@@ -578,20 +562,17 @@ def _gauge(section: Section, stated_unit: str, unit: str) -> tuple[Gauge | None,
     table = section.section("gauge")
     if "values" in table:
         return _studied_gauge(table, stated_unit, unit)
-    sigma = table.number("sigma", stated_unit, POSITIVE)
-    df = table.number("df", within=Range(low=1.0))
+    sigma, df = _number_in(table, "sigma", stated_unit, unit, POSITIVE), table.number("df", within=Range(low=1.0))
     if "sigma" not in table:
         table.fault("sigma", "is missing: the standard deviation of repeated measurements of a part")
     table.finish()
-    if sigma is None:
-        return None, {}
-    return Gauge(float(converted(sigma, stated_unit, unit)), np.inf if df is None else df), {}
+    return None if sigma is None else Gauge(sigma, np.inf if df is None else df), {}
 
 
 def _studied_gauge(table: Section, stated_unit: str, unit: str) -> tuple[Gauge | None, dict[str, str]]:
     """The gauge by repeated measurements of parts."""
     of_study = _unit(table, stated_unit) or unit
-    values, reference = table.numbers("values"), table.number("reference", of_study)
+    values, reference = table.numbers("values"), _number_in(table, "reference", of_study, unit)
     parts, operators = ([str(label) for label in table.take(key) or ()] for key in ("parts", "operators"))
     table.accept(("characteristic",))
     for key in ("sigma", "df"):
@@ -603,9 +584,8 @@ def _studied_gauge(table: Section, stated_unit: str, unit: str) -> tuple[Gauge |
     from .gauge_studies import gauge_study  # only few configurations have one
 
     measured = np.asarray(converted(np.array(values), of_study, unit), dtype=float)
-    known = None if reference is None else float(converted(reference, of_study, unit))
     try:
-        study = gauge_study(measured, parts, operators, known)
+        study = gauge_study(measured, parts, operators, reference)
     except ValueError as error:
         table.fault("values", str(error))
         return None, {}

@@ -1,4 +1,6 @@
-"""The shipped tables of ISO 286: rows of a CSV file, and rows by size class."""
+"""ISO 286 up to 500 mm: standard tolerance grades, fundamental deviations, and classes and fits by name
+("25 g6", "25 H7/g6") from the shipped tables.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Results of a propagation: estimates, each with the error that its method states."""
+"""The sum of independent inputs that is propagated, the interface of a propagation method, and its results:
+estimates, each with the error that its method states.
+"""
 
 from __future__ import annotations
 

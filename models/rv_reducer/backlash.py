@@ -1,4 +1,4 @@
-"""The toleranced inputs of a unit of a batch, in the order of its sum."""
+"""Geometric backlash of an RV reducer in its three stages, as a sum of toleranced inputs to propagate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Parameters and variables of the model `rv_batch` in addition to those of `rv_backlash`."""
+"""The model `rv_batch`: a batch of RV reducers drawn one by one, by the sum of the three stages or on the exact
+contact, as a test bench measures them.
+"""
 
 from __future__ import annotations
 

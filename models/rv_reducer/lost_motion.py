@@ -1,6 +1,7 @@
-"""One RV reducer under load, by the names of configurations: stiffness and a few part errors.
+"""One RV reducer under load, by the names of configurations, and the model `rv_lost_motion`: the twist of an
+output that is loaded and unloaded while the input is locked.
 
-Shared by the models `rv_transmission` and `rv_lost_motion`. Every error is zero by default: a
+The declarations are those of the model `rv_transmission` as well. Every error is zero by default: a
 perfect unit, with the modification and the two stiffnesses of the loaded contact.
 """
 

@@ -11,7 +11,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from ...section import Array
 from ..expressions import Formula
-from .mechanism import Mechanism, Tolerances, box, limit_of
+from .mechanism import Mechanism, box
 
 ENUMERATED = 16
 """Pieces whose corners are all tried, of those on which the requirement is not proven monotone."""
@@ -33,8 +33,8 @@ class Extremes(NamedTuple):
     kind: str
 
 
-def extremes(mechanism: Mechanism, t: Tolerances) -> Extremes:
-    """The worst case of one design (1, p), of the units for which the requirement has a value.
+def extremes(mechanism: Mechanism, t: Array) -> Extremes:
+    """The worst case within tolerances t (p,) about the mid-limits, of the units for which the requirement has a value.
 
     A piece on which the formula rises or falls everywhere, by the interval of its slope, stands at
     one end. Of up to `ENUMERATED` other pieces all corners are tried, and points between; of more,
@@ -46,11 +46,8 @@ def extremes(mechanism: Mechanism, t: Tolerances) -> Extremes:
     Reference: Moore, Kearfott & Cloud (2009), Introduction to Interval Analysis, SIAM (test of
     monotonicity, mean value form).
     """
-    reach = limit_of(t)[0][mechanism.owners]
-    if mechanism.formula is None or mechanism.mids is None or mechanism.scale is None:
-        worst = float(np.abs(mechanism.sensitivities) @ reach)
-        return Extremes(mechanism.centre - worst, mechanism.centre + worst, "corners")
-    half = reach * np.abs(mechanism.scale)
+    assert mechanism.formula is not None and mechanism.mids is not None and mechanism.scale is not None
+    half = t[mechanism.owners] * np.abs(mechanism.scale)
     ends = {
         name: (mechanism.mids[at] - half[at], mechanism.mids[at] + half[at])
         for at, name in enumerate(mechanism.names)

@@ -199,6 +199,12 @@ class Loops(Intermediate):
         Raises UnsettledError where they cannot be closed, or the unknowns do not follow from the parts.
         """
         first, last = ({name: float(x[name]) for name in self.inputs} for x in (nominals, middle))
+        begun = {
+            name: np.array([value]) for name, value in (*first.items(), *zip(self.unknowns, self.start, strict=True))
+        }
+        for place, formula in self.sources:
+            if why := formula.trouble(begun):
+                raise UnsettledError(place, f"has no value at the nominal sizes and the start: {why}")
         anchored = replace(self, middle=first, at_middle=self._closest(first))
         anchored.require_closed()
         at_middle = anchored._solved({name: np.array([value]) for name, value in last.items()})[:, 0]

@@ -210,23 +210,24 @@ def worst_by_corners(mechanism: Mechanism, t: Tolerances) -> Array:
     """Largest deviation (n,) of y from its value at the mid-limits, over the corners of the
     tolerances t (n, p) and points between; of units for which y has a value.
 
-    Exact where y is monotone in each piece while the others are held. Of more than `CORNERS` pieces
-    a bound where their corners are too many: see `models/stack/extremes.py`.
+    As `ends_by_corners`.
     """
     least, greatest = ends_by_corners(mechanism, t)
-    return np.maximum(np.maximum(greatest - mechanism.centre, mechanism.centre - least), 0.0)
+    return np.maximum(np.maximum(mechanism.centre - least, greatest - mechanism.centre), 0.0)
 
 
 def ends_by_corners(mechanism: Mechanism, t: Tolerances) -> tuple[Array, Array]:
     """Least and greatest y (n,) over the corners of the tolerances t (n, p) and points between; of units
-    for which y has a value. Exact where y is monotone in each piece while the others are held.
+    for which y has a value. Exact where y is monotone in each piece while the others are held. Of more
+    than `CORNERS` pieces those of `models/stack/extremes.py`.
     """
     assert mechanism.formula is not None
     if sum(name in mechanism.formula.names for name in mechanism.names) > CORNERS:
         from .extremes import extremes  # few formulas have as many parts
 
-        ends = np.array([extremes(mechanism, limit_of(t)[at : at + 1])[:2] for at in range(len(t))]).reshape(-1, 2)
-        return ends[:, 0], ends[:, 1]
+        ends = [extremes(mechanism, row)[:2] for row in limit_of(t)]
+        by_side = np.array(ends).reshape(-1, 2)
+        return by_side[:, 0], by_side[:, 1]
     least, greatest = [np.empty(0)], [np.empty(0)]
     for x in _corners(mechanism, t):
         y = mechanism.gain * mechanism.formula.value(x)

@@ -6,6 +6,7 @@ from collections import OrderedDict
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -45,6 +46,9 @@ from .declared import (
 )
 from .evaluation import MEASURES, Evaluation, Populations, UnitModel, is_unit_statistic, unit_tables
 from .promising import PromisingUnits
+
+if TYPE_CHECKING:
+    from .bound import CommonErrorBound
 
 # Designs of `rv_reducer` that a search by gradients begins from.
 
@@ -234,7 +238,7 @@ class RvReducer(PromisingUnits, Machined):
         },
     )
     machinable = frozenset(TERMS)
-    _drawn_again = frozenset(("_searched", "_reported", "_recent", "_verdicts", "_mixed", "_promised_units"))
+    _drawn_again = frozenset(("_searched", "_reported", "_recent", "_verdicts", "_mixed", "_promised_units", "_finer"))
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
@@ -436,6 +440,18 @@ class RvReducer(PromisingUnits, Machined):
         small = {"search_units": min(256, self._search_units), "search_positions": positions}
         return RvReducer(replace(self.given, parameters=dict(self.given.parameters) | small))
 
+    def finer(self) -> RvReducer:
+        """On as many units as reported points are tested on, others than those, at the same positions."""
+        return self._finer
+
+    @cached_property
+    def _finer(self) -> RvReducer:
+        units, alike = self.count("report_units"), {self.count("positions"), 0}
+        if units <= self._search_units and self.count("search_positions") in alike:
+            return self
+        large = {"search_units": max(units, self._search_units), "search_positions": 0}
+        return type(self)(replace(self.given, parameters=dict(self.given.parameters) | large))
+
     def interval(self, output: str) -> Interval:
         """Proven bounds: no unit has less backlash than its involute stage."""
         if output == "cost":
@@ -458,11 +474,17 @@ class RvReducer(PromisingUnits, Machined):
 
     def faults(self) -> list[Fault]:
         ends = {name: super(RvReducer, self).interval(name) for name in ("dr_rp_mm", "dr_p_mm")}
-        return [
+        faults = [
             *declared.faults(self.model.geometry, self.given, ends),
             *unpriced_error_faults({variable.name for variable in self.free}, self.settings.costs),
             *(size_faults(self.count, MAX_CACHED_EVALUATIONS) or super().faults()),
         ]
+        return faults or self.cost_bound().faults()
+
+    def cost_bound(self) -> CommonErrorBound:
+        from .bound import CommonErrorBound  # not before one is asked for
+
+        return CommonErrorBound(self)
 
     def search_faults(self) -> list[Fault]:
         return unlimited_interference_faults(self.settings.limits, self.settings.parameters)

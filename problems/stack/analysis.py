@@ -155,7 +155,7 @@ def _requirement_row(
 def _worst_ends(measured: Measured, made: Tolerances) -> tuple[float, float, str]:
     """Least and greatest value of parts within their zones, and how they were found."""
     if not measured.straight:
-        return extremes(measured.drawn, limit_of(made))
+        return extremes(measured.drawn, limit_of(made)[0])
     ends = measured.variations(made) | measured.window(made, asked=True)
     least, greatest = (float(ends[measured.name(name)][0]) for name in WINDOW)
     return least, greatest, "corners"

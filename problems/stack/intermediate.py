@@ -97,7 +97,7 @@ def _read_loops(top: Section, faults: list[Fault]) -> tuple[Chain, ...]:
     chains: list[Chain] = []
     for at in range(len(top.tables("loop"))):
         section = top.item("loop", at, faults)
-        if not section.text("name"):
+        if section.text("name") is None and "name" not in section:
             section.fault("name", "is missing: name the loop")
         unknown = section.section("unknown")
         start = {name: _start(unknown, name) for name in unknown.all_keys()}
@@ -137,7 +137,8 @@ def _read_link(section: Section, sources: list[tuple[str, str]]) -> tuple[str, .
         along: tuple[str, ...] = () if angle is None else (f"cos({angle})", f"sin({angle})")
     else:
         along = _along(section, sources)
-    return () if length is None else tuple(f"({length})*{part}" for part in along)
+    terms = () if length is None else tuple(f"({length})*{part}" for part in along)
+    return terms if all(_formula(section, "length", term) for term in terms) else ()
 
 
 def _along(section: Section, sources: list[tuple[str, str]]) -> tuple[str, ...]:

@@ -256,7 +256,7 @@ def slopes_by_count(stack: Stack, designs: Array) -> dict[str, Array]:
     by its slopes at the mid-limits: by central differences, on the units of a report.
     """
     rough = [measured for measured in stack.measured if measured.rough]
-    names = {measured.name(output) for measured in rough for output in ("yield_percent", "variation", "rss")}
+    names = {measured.name(output) for measured in rough for output in ("yield_percent", "variation", "rss", "std")}
     names = (names | ({"yield_percent"} if rough else set())) & stack.required_outputs
     names -= {measured.name("variation") for measured in rough if measured.requirement.method == "worst_case"}
     derivatives = {name: np.zeros((len(designs), len(stack.definition.parts))) for name in names}
@@ -416,9 +416,9 @@ class Yields:
             return {measured.name(name): np.full(len(t), np.nan) for name in names}
         mean, std = mean_and_deviation(measured.mechanism, t, self.reported)
         rss = SIGMAS * std
-        shift = np.abs(mean - measured.mechanism.centre) if method == "shifted_rss" else 0.0
-        values = {"rss": rss, "std": std, "variation": rss + shift}
-        return {measured.name(name): values[name] for name in names}
+        shift = np.abs(mean - measured.mechanism.centre) + measured.measured_shift if method == "shifted_rss" else 0.0
+        by_output = {"rss": rss, "std": std, "variation": rss + shift}
+        return {measured.name(name): by_output[name] for name in names}
 
     def shares(self, measured: Measured, t: Tolerances) -> dict[str, Array]:
         """Contributions [%] of the parts (n,) where a formula is not described by its slopes.

@@ -265,7 +265,7 @@ class Stack(ToleranceProblem):
         if definition.conditions and settings is not None:
             from .conditions import limits_in_all
 
-            known = {named.name for named in (*self.declaration.outputs, *self.declaration.variables)}
+            known = {o.name for o in self.declaration.outputs} | {v.name for v in self.declaration.variables}
             settings = replace(settings, limits=limits_in_all(definition.conditions, settings.limits, known))
         super().__init__(settings)
 

@@ -318,7 +318,8 @@ def test_a_selection_that_reaches_ever_new_sets_ends(monkeypatch: pytest.MonkeyP
     """Tests that turn every addition into another pair: 105 pairs of 15 effects, all of them new."""
     names = [f"n{at}" for at in range(15)]
     members = [member(one) for one in names]
-    search = toy(members, dict(zip(names, directions(15).T, strict=True)), directions(15) @ np.full(15, 20.0))
+    columns = dict(zip(names, directions(15).T, strict=True))
+    search = toy(members, columns, directions(15) @ np.full(15, 20.0), limit=1.0)
     pairs = combinations(members, 2)
     monkeypatch.setattr(selection, "_retest_effects", lambda search, fit, *_: search.fitter.fit(next(pairs)))
     found = select(search)

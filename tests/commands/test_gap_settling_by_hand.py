@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from tests.commands.gap_toy import PENALTY, N, directions, member, of_names, readings, settling, squares_left
-from tolevo.commands.gap.analysis import TERMS
 from tolevo.commands.gap.data import GapData
 from tolevo.commands.gap.fit import Fit, Member, is_term
 from tolevo.commands.gap.generic import FROM_ZERO, LEVELS, Form
@@ -93,14 +92,15 @@ def test_names_stay_while_others_are_tried() -> None:
     assert [fit.names for fit in tried] == [("a", "n", "b")]
 
 
-def test_terms_are_at_most_eight() -> None:
+def test_terms_are_at_most_three_unless_asked() -> None:
     """Steps of the speed, and a line of the temperature that is not in yet."""
-    steps = [term(Term("te", "speed", "step", zero=zero)) for zero in np.linspace(0.1, 0.9, TERMS)]
+    steps = [term(Term("te", "speed", "step", zero=zero)) for zero in (0.2, 0.5, 0.8)]
     y = 40.0 * scaled(WARM) + sum(20.0 * k * (k + 1 + SPEED**k) for k in range(3))
     one = settling([], {}, y, DATA, [power(1.0, "temperature")])
-    assert TERMS == 8
     assert len(list(one._forms(of_names(one, "", *steps[:-1]), set()))) == 1
     assert len(list(one._forms(of_names(one, "", *steps), set()))) == 0
+    asked = settling([], {}, y, DATA, [power(1.0, "temperature")], terms_at_most=4)
+    assert len(list(asked._forms(of_names(asked, "", *steps), set()))) == 1
 
 
 def test_the_weakest_is_left_out_first_and_what_is_needed_stays() -> None:

@@ -50,7 +50,12 @@ def test_levels_that_the_other_front_does_not_reach_are_empty() -> None:
     dear = own.assign(cost=[20.0, 9.0, 6.0, 7.0])  # a point of the other front is better outright
     assert add_distance(dear, other, NAMES)[ABOVE].iloc[3] > 7.0
     assert add_distance(own, other.iloc[:0], NAMES)[ABOVE].isna().all()
+    np.testing.assert_allclose(
+        add_distance(own, other, NAMES, between=False)[ABOVE], [np.nan, 16.154, np.nan, np.nan], rtol=1e-4
+    )
+    near = other.assign(backlash_arcmin=[1.1, 1.9985])  # at one level of the front, within what counts as equal
+    assert add_distance(own, near, NAMES, between=False)[ABOVE].notna().tolist() == [False, True, True, False]
     elsewhere = pd.DataFrame({"cost": [50.0], "backlash_arcmin": [9.0]})
     assert notes(add_distance(own, elsewhere, NAMES), "NSGA-II", elsewhere, NAMES)[0] == (
-        "nothing is proven for this problem"
+        "no optimum is proven for this problem"
     )

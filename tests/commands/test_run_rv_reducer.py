@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from typer.testing import CliRunner, Result
 
-from tolevo.algorithms.settings import Budget
 from tolevo.cli import app
 from tolevo.commands.run import references as overlay
 from tolevo.commands.run.proofs import searchable
@@ -53,22 +54,23 @@ def written(folder: Path, text: str) -> Path:
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run of few units, beside it an NSGA-II of three generations."""
+    """A run of few units, two of its points beside those of another solver."""
     folder = tmp_path_factory.mktemp("run")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(overlay, "BUDGET", Budget(generations=3))
+        patch.setattr(overlay, "COMPARED", 2)
         path = written(folder, SMALL + EXACT + LIMITED)
         told = tolevo("run", path, "--out", folder / "a", "--workers", 1)
         assert told.exit_code == 0, told.output
     return folder / "a"
 
 
-def test_another_front_stands_beside_it(finished: Path) -> None:
+def test_another_solver_stands_beside_both_ends_at_their_backlash(finished: Path) -> None:
     front, others = (pd.read_csv(finished / f"{one}.csv") for one in ("front", "overlays"))
-    assert set(others["label"]) == {"NSGA-II"}
-    distance = front["above_best_known_percent"]
-    reached = front["backlash_max_arcmin"].between(others["backlash_max_arcmin"].min(),
-                                                    others["backlash_max_arcmin"].max())  # fmt: skip
+    assert set(others["label"]) == {"multi-start"}
+    distance, level = front["above_best_known_percent"], front["backlash_max_arcmin"]
+    reached = level.isin([level.min(), level.max()])
+    assert len(others) == 2
+    np.testing.assert_allclose(np.sort(others["backlash_max_arcmin"]), np.sort(level[reached]), rtol=2e-3)
     assert (distance[reached] >= 0.0).all()
     assert not (distance[~reached] <= 0.0).any()  # empty, where nothing is compared
     joint = pd.concat([front, others])
@@ -84,14 +86,19 @@ def test_every_point_keeps_its_limits_and_has_its_error(finished: Path) -> None:
     assert (front["interference_probability"] <= 0.05).all()
     assert (front["backlash_max_arcmin_error"] > 0.0).all()
     assert front["lost_motion_arcmin"].notna().all()
-    assert front["bound"].isna().all()  # nothing is proven
+    assert (front["bound"] > 3.0).all() and (front["bound"] < front["cost"]).all()
+    assert front["bound"].is_monotonic_decreasing == front["backlash_max_arcmin"].is_monotonic_increasing
+    np.testing.assert_allclose(front["gap_percent"], 100.0 * (front["cost"] / front["bound"] - 1.0))
+    summary = json.loads((finished / "summary.json").read_text(encoding="utf-8"))
+    assert "by the theorem of de Bruijn, Tengbergen and Kruyswijk" in summary["bound_form"]
+    assert summary["answers"]["proof"].startswith("Proven: no allocation of equal other objectives costs less than ")
 
 
 @pytest.mark.slow
 def test_its_configuration_gives_the_same_front_on_two_processes(
     finished: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(overlay, "BUDGET", Budget(generations=3))
+    monkeypatch.setattr(overlay, "COMPARED", 2)
     out = finished.parent / "b"
     told = tolevo("run", finished / "config.toml", "--out", out, "--workers", 2)
     assert told.exit_code == 0, told.output

@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from tolevo.models.capability import Prior, knowledge_of
-from tolevo.models.capability.knowledge import Gauge, upper_of_difference
+from tolevo.models.capability.knowledge import Difference, Gauge
 from tolevo.models.capability.samples import capability, distribution_type, findings
 
 
@@ -20,7 +20,7 @@ def test_posterior_of_a_sample() -> None:
     assert known.df == 5.0
     assert known.inflation == pytest.approx(5.0 / 3.0)
     limit = 5.0 / stats.chi2.ppf(0.05, 5.0)
-    assert known.inflation + known.surplus == pytest.approx(limit)
+    assert known.inflation + known.surplus_at() == pytest.approx(limit)
 
 
 def test_a_prior_counts_as_so_many_parts() -> None:
@@ -38,7 +38,7 @@ def test_upper_limit_of_the_parts_own_variance_covers(ratio: float, n: int) -> N
     seen = (1.0 + ratio**2) * rng.chisquare(n - 1, 4000) / (n - 1)
     gauge = ratio**2 * rng.chisquare(df, 4000) / df
     pairs = zip(seen, gauge, strict=True)
-    kept = [upper_of_difference(a, n - 1.0, b, df) >= 1.0 for a, b in pairs]
+    kept = [Difference(a, n - 1.0, b, df).upper_limit() >= 1.0 for a, b in pairs]
     assert np.mean(kept) == pytest.approx(0.95, abs=0.012)
 
 
@@ -46,7 +46,7 @@ def test_a_gauge_is_taken_off() -> None:
     values = np.random.default_rng(5).normal(0.0, 1.0, 40)
     plain, clean = knowledge_of(values), knowledge_of(values, gauge=Gauge(0.3, 40.0))
     assert clean.std**2 == pytest.approx(plain.std**2 - 0.09)
-    assert clean.surplus > plain.surplus
+    assert clean.surplus_at() > plain.surplus_at()
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,7 @@ def test_no_corner_of_random_formulas_lies_beyond(seed: int) -> None:
             f" + 0.1*{name}" for name in names
         )
         formula, gain = Formula(text), float(rng.choice([-2.0, 3.0]))
-        found = extremes(mechanism(formula, mids, gain), t[None])
+        found = extremes(mechanism(formula, mids, gain), t)
         corners = gain * all_corners(formula, mids, t)
         slack = 1e-12 * np.ptp(corners)
         assert found.least <= corners.min() + slack and found.greatest >= corners.max() - slack, text
@@ -71,7 +71,7 @@ def test_seventy_parts_of_which_all_are_monotone_are_by_corners() -> None:
     """prod (1 + p_i/50): 2^70 corners, of which the intervals of the slopes leave one."""
     names = [f"p{at}" for at in range(70)]
     text = " * ".join(f"(1 + {name}/50)" for name in names)
-    found = extremes(mechanism(Formula(text), dict.fromkeys(names, 1.0)), np.full((1, 70), 0.1))
+    found = extremes(mechanism(Formula(text), dict.fromkeys(names, 1.0)), np.full(70, 0.1))
     assert found.kind == "corners"
     np.testing.assert_allclose([found.least, found.greatest], [(1.0 + 0.9 / 50.0) ** 70, (1.0 + 1.1 / 50.0) ** 70])
 
@@ -82,7 +82,7 @@ def test_seventy_parts_about_a_kink_have_a_bound() -> None:
     squares = " + ".join(f"(abs({name}) + {name}**2)" for name in names)
     pairs = " + ".join(f"{a}*{b}/9" for a, b in pairwise(names))
     formula = Formula(f"{squares} + ({pairs})")
-    found = extremes(mechanism(formula, dict.fromkeys(names, 0.0)), np.full((1, 70), 0.3))
+    found = extremes(mechanism(formula, dict.fromkeys(names, 0.0)), np.full(70, 0.3))
     assert found.kind == "bound"
     greatest = 70 * (0.3 + 0.09) + 69 * 0.01
     assert greatest <= found.greatest <= 1.001 * greatest
@@ -98,7 +98,7 @@ def test_bounds_hold_for_units_and_corners_of_many_parts() -> None:
     names = [name for name in names if name in formula.names]
     mids = {name: float(rng.uniform(-0.3, 0.3)) for name in names}
     t = rng.uniform(0.3, 0.5, len(names))
-    found = extremes(mechanism(formula, mids), t[None])
+    found = extremes(mechanism(formula, mids), t)
     assert found.kind == "bound"
     z = np.sign(rng.uniform(-1.0, 1.0, (len(names), 200_000)))
     x = {name: mid + half * row for (name, mid), half, row in zip(mids.items(), t, z, strict=True)}
@@ -110,7 +110,7 @@ def test_bounds_hold_for_units_and_corners_of_many_parts() -> None:
 def test_an_intermediate_quantity_is_part_of_the_formula() -> None:
     """(a - b)^2 + 3 a with s = a - b named: at a = 1 +- 0.1, b = 0.5 +- 0.2 monotone in both."""
     formula = Formula("s**2 + 3*a", (Let("s", Formula("a - b")),))
-    found = extremes(mechanism(formula, {"a": 1.0, "b": 0.5}), np.array([[0.1, 0.2]]))
+    found = extremes(mechanism(formula, {"a": 1.0, "b": 0.5}), np.array([0.1, 0.2]))
     np.testing.assert_allclose(found[:2], [0.2**2 + 2.7, 0.8**2 + 3.3], rtol=1e-14)
 
 

@@ -108,12 +108,12 @@ def test_worst_case_ends_are_those_of_the_circle() -> None:
     """3 x - 4 y reaches 5 times the radius; a distance is between 0 and the radius; of a product of both
     components, 1/2 at 45 degrees, the points tried are said to be a sample.
     """
-    exact = extremes(mechanism("uniform_disc", (3.0, -4.0, 2.0), "3*x - 4*y + 2*plate"), T)
+    exact = extremes(mechanism("uniform_disc", (3.0, -4.0, 2.0), "3*x - 4*y + 2*plate"), T[0])
     assert exact[:2] == pytest.approx((-1.2, 1.2), rel=1e-12)
     assert exact.kind == "corners"
-    far = extremes(mechanism("normal", (0.0, 0.0, 1.0), "sqrt(x**2 + y**2) + plate", rough=("x", "y")), T)
+    far = extremes(mechanism("normal", (0.0, 0.0, 1.0), "sqrt(x**2 + y**2) + plate", rough=("x", "y")), T[0])
     assert far[:2] == pytest.approx((-0.1, 0.3), abs=1e-12)
-    product = extremes(mechanism("uniform_disc", (0.0, 0.0, 1.0), "x*y + plate", rough=("x", "y")), T)
+    product = extremes(mechanism("uniform_disc", (0.0, 0.0, 1.0), "x*y + plate", rough=("x", "y")), T[0])
     assert product.kind == "sample"
     assert product.greatest == pytest.approx(0.1 + 0.5 * 0.2**2, rel=0.01)
     assert product.greatest <= 0.1 + 0.5 * 0.2**2

@@ -60,7 +60,10 @@ def faults(**changed: Any) -> list[str]:
 
 
 SENSITIVITIES = [part | {"sensitivity": s} for part, s in zip(configuration()["part"], (1.0, -1e-3), strict=True)]
-WITHOUT_FORMULA = {"requirement": {"name": "fit", "unit": "mm", "lower": -0.005, "upper": 0.1}, "part": SENSITIVITIES}
+WITHOUT_FORMULA: dict[str, Any] = {
+    "requirement": {"name": "fit", "unit": "mm", "lower": -0.005, "upper": 0.1},
+    "part": SENSITIVITIES,
+}
 
 
 @pytest.mark.parametrize("stated", [{}, WITHOUT_FORMULA], ids=["formula", "sensitivities"])
@@ -116,6 +119,36 @@ def test_a_formula_that_is_not_linear_at_a_temperature() -> None:
     np.testing.assert_allclose(
         [other["warm.worst_case_least"][0], other["warm.worst_case_greatest"][0]], corners, rtol=1e-12
     )
+
+
+def test_a_loop_closes_at_every_temperature() -> None:
+    """Fortini's one-way clutch with an aluminium ring: cos phi = (a + c)/(e - c) of the sizes at 100 degC."""
+    sizes = {"a": (27.645, "steel", 11.5e-6), "c": (11.43, "steel", 11.5e-6), "e": (50.8, "aluminium", 23.0e-6)}
+    links = [("b", 0), ("a + c", "90 deg"), ("e - c", "-pi/2 - phi")]
+    made = configuration(
+        requirement={"name": "angle", "unit": "deg", "formula": "phi"},
+        part=[
+            {"name": name, "unit": "mm", "nominal": nominal, "tolerance": 0.05, "material": material}
+            for name, (nominal, material, _) in sizes.items()
+        ],
+        loop=[
+            {
+                "name": "clutch",
+                "link": [{"length": length, "angle": angle} for length, angle in links],
+                "unknown": {"b": 4.8, "phi": "7 deg"},
+            }
+        ],
+        condition=[{"name": "warm", "temperature_C": 100.0}],
+        limits={},
+    )
+    problem = built(made)
+    a, c, e = (nominal * (1.0 + 80.0 * alpha) for nominal, _, alpha in sizes.values())
+    cosine = (a + c) / (e - c)
+    assert problem.definition.mechanism.centre == pytest.approx(np.degrees(np.arccos(cosine)), rel=1e-12)
+    growth = np.array([1.0 + 80.0 * alpha for *_, alpha in sizes.values()])
+    by_size = np.array([1.0, 1.0 + cosine, -cosine]) / (e - c) / -np.sqrt(1.0 - cosine**2)
+    std = np.degrees(np.linalg.norm(by_size * growth) * 0.05 / 3.0)
+    assert problem.outputs_of(np.full((1, 3), 0.05))["warm.std"][0] == pytest.approx(std, rel=1e-9)
 
 
 def test_a_limit_without_a_condition_holds_in_all_and_a_condition_has_its_own() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ..configuration.reader import read
-from ..errors import nearest, refuse
+from ..errors import Fault, nearest, refuse
 from ..files import csv_text
 from ..models.measurable import Column, MeasurableModel, Role
 from ..problems.tolerance_problem import ToleranceProblem
@@ -22,6 +22,8 @@ UNITS = 20
 """Units of a batch in the template."""
 COSTS = 3
 """Prices of each tolerance in the template."""
+STACK = "stack_clutch.toml"
+"""The configuration that is the template of a stack."""
 
 _GAP = """\
 # Where do model and measurement disagree? Reads units.csv (`tolevo template units`):
@@ -55,34 +57,16 @@ _MEASURED = """
 """
 
 
-def template(kind: str, problem: ToleranceProblem, model: MeasurableModel) -> str:
-    """The text of a template; `problem` fills designs and costs, `model` units.
-
-    Raises KeyError where the kind is not known.
-    """
-    texts: dict[str, Callable[[], str]] = {
-        "designs": lambda: csv_text(_designs(problem)),
-        "units": lambda: csv_text(_units(model)),
-        "stack": lambda: files("tolevo.configs").joinpath("stack_clutch.toml").read_text("utf-8") + _MEASURED,
-        "gap": lambda: _GAP,
-        "costs": lambda: csv_text(_costs(problem)),
-    }
-    return texts[kind]()
-
-
 def _designs(problem: ToleranceProblem) -> pd.DataFrame:
     """The document's allocation, and the middle of the search ranges."""
     middle = {variable.name: float(f"{0.5 * (variable.low + variable.high):.4g}") for variable in problem.variables}
-    document = {
-        variable.name: middle[variable.name] if variable.document is None else variable.document
-        for variable in problem.variables
-    }
+    document = middle | {v.name: v.document for v in problem.variables if v.document is not None}
     frame = pd.DataFrame([document, middle | dict(problem.fixed)])
     for variable in problem.variables:
-        if variable.integer and not variable.labels:
-            frame[variable.name] = frame[variable.name].round().astype(int)
         if variable.labels:
             frame[variable.name] = [variable.labels[int(at)] for at in frame[variable.name]]
+        elif variable.integer:
+            frame[variable.name] = frame[variable.name].round().astype(int)
     return frame
 
 
@@ -111,9 +95,8 @@ def _costs(problem: ToleranceProblem) -> pd.DataFrame:
             continue
         ts = np.geomspace(variable.low, variable.high, COSTS)
         for t, price in zip(ts, curve.cost(ts), strict=True):
-            row = {"variable": variable.name, "process": "", "t": float(f"{t:.4g}"), "cost": float(f"{price:.4g}")}
-            rows.append(row)
-    return pd.DataFrame(rows)
+            rows.append([variable.name, "", float(f"{t:.4g}"), float(f"{price:.4g}")])
+    return pd.DataFrame(rows, columns=["variable", "process", "t", "cost"])
 
 
 # What a template is filled with: the problem and the model of a configuration.
@@ -121,6 +104,16 @@ def _costs(problem: ToleranceProblem) -> pd.DataFrame:
 
 DEFAULT = "rv40e_backlash.toml"
 """The configuration whose variables fill a template where none is named."""
+
+
+def stack_workbook(config: Path | None = None) -> bytes:
+    """The workbook of a stack: of the configuration in a file, else of the template. Raises InputError."""
+    from ..configuration.source import override_source
+    from ..configuration.workbook import write_sheets
+
+    faults: list[Fault] = []
+    example = Path(str(files("tolevo.configs"))) / STACK
+    return write_sheets(override_source(config or example, (), faults))
 
 
 def written(kind: str, config: Path | None = None, run: Path | None = None) -> str:
@@ -141,4 +134,12 @@ def written(kind: str, config: Path | None = None, run: Path | None = None) -> s
     configuration = read(config or Path(str(files("tolevo.configs"))) / DEFAULT)
     if configuration.problem is None:
         raise refuse("--config", "needs a problem: a model alone has no variables")
-    return template(kind, configuration.problem, load("models", "rv_batch")())
+    problem = configuration.problem
+    texts: dict[str, Callable[[], str]] = {
+        "designs": lambda: csv_text(_designs(problem)),
+        "units": lambda: csv_text(_units(load("models", "rv_batch")())),
+        "stack": lambda: files("tolevo.configs").joinpath(STACK).read_text("utf-8") + _MEASURED,
+        "gap": lambda: _GAP,
+        "costs": lambda: csv_text(_costs(problem)),
+    }
+    return texts[kind]()

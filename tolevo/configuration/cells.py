@@ -1,4 +1,6 @@
-"""`[cell] poses = "cell.csv"`: poses of an arm from a table, put in the place of its name."""
+"""Poses of an arm from a table (`[cell]`), names with a dot as keys, and what the columns of files are
+(`[columns]`).
+"""
 
 from __future__ import annotations
 

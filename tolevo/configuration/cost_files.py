@@ -91,15 +91,11 @@ def read_prices(
     currency = units.get("cost", "")
     stated = filled.table.get("currency")
     if currency and currency != stated:
-        faults.append(Fault("currency", _contradiction(name, currency, stated)))
+        text = f'is missing, as {name} states its costs in "{currency}": write currency = "{currency}"'
+        if isinstance(stated, str):
+            text = f'contradicts {name}, whose costs are in "{currency}": the configuration states "{stated}"'
+        faults.append(Fault("currency", text))
     return None if wrong else Prices(rows, place, units.get("t", ""), currency)
-
-
-def _contradiction(name: str, currency: str, stated: Any) -> str:
-    whose = f'{name}, whose costs are in "{currency}"'
-    if isinstance(stated, str):
-        return f'contradicts {whose}: the configuration states "{stated}"'
-    return f'is missing, as {name} states its costs in "{currency}": write currency = "{currency}"'
 
 
 def _columns(cost_table: tables.Table) -> tuple[dict[str, str], dict[str, str], list[str]]:
@@ -132,7 +128,7 @@ def _rows(cells: pd.DataFrame, name: str) -> tuple[list[dict[str, Any]], list[st
         messages = []
         for column, value in cell.items():
             text = "" if value is None or value != value else str(value).strip()
-            number = number_in(text)
+            number = tables.number_in(text)
             if not text or column not in ("t", "cost"):
                 row |= {str(column): text} if text else {}
             elif math.isfinite(number) and (number > 0.0 if column == "t" else number >= 0.0):
@@ -148,14 +144,6 @@ def _rows(cells: pd.DataFrame, name: str) -> tuple[list[dict[str, Any]], list[st
         wrong += [f"{name}, line {line}: {message}" for message in messages]
         rows.append(row)
     return rows, wrong
-
-
-def number_in(text: str) -> float:
-    """The number that a cell states, NaN where it states none."""
-    try:
-        return math.nan if "_" in text else float(text)
-    except ValueError:
-        return math.nan
 
 
 # `[costs] file` and `[part.costs] file`: prices from a table, put into the configuration.
@@ -362,7 +350,7 @@ def _price(machine: Raw, name: str, rows: list[Raw], place: str, faults: list[Fa
 def _curve(rows: list[Raw], prices: Prices, unit: str, name: str, faults: list[Fault]) -> Raw | None:
     """The table of costs that rows state, in order of t in `unit`."""
     key = "t" if all("t" in row for row in rows) else "grade"
-    values = [number_in(str(row.get(key, "")).removeprefix("IT" if key == "grade" else "")) for row in rows]
+    values = [tables.number_in(str(row.get(key, "")).removeprefix("IT" if key == "grade" else "")) for row in rows]
     if not all(math.isfinite(value) for value in values):
         faults.append(Fault(prices.place, f"{name}: each row needs t (or grade) and cost"))
         return None
@@ -391,7 +379,6 @@ def _curve(rows: list[Raw], prices: Prices, unit: str, name: str, faults: list[F
 # `measured` tables of parts, variables and machines, filled in from their files.
 
 
-SUFFIXES = (".dfq", ".dfd")
 LISTED = 40
 """Characteristics of a file that a fault lists."""
 REVISED = {"nominal": "nominal sizes", "made_to": "limits", "lower": "limits", "upper": "limits", "unit": "units"}
@@ -449,16 +436,13 @@ def _gauge_study(gauge: Raw, measured: Raw, part: Raw, folder: Path, place: str,
     """The table of a gauge with the measurements of its study, their parts and operators."""
     name, options = gauge.pop("file"), options_in(gauge, _sizes(measured, part, str(part.get("unit", ""))))
     wanted = gauge.get("characteristic", measured.get("characteristic"))
-    read = None
-    if isinstance(name, str):
-        read = _read(folder / name, wanted, options, place, faults)
-    else:
+    if not isinstance(name, str):
         faults.append(Fault(place, f"must be the name of a file, got {name}"))
-    if read is None:
-        return {**gauge, "values": None}
-    groups: Raw = read.get("groups", {})
-    study = {"values": read["values"], "parts": read.get("parts", []), "operators": groups.get("operator", [])}
-    return study | {key: read[key] for key in ("unit",) if key in read} | gauge
+    elif (read := _read(folder / name, wanted, options, place, faults)) is not None:
+        operators = read.get("groups", {}).get("operator", [])
+        study = {"values": read["values"], "parts": read.get("parts", []), "operators": operators}
+        return study | ({"unit": read["unit"]} if "unit" in read else {}) | gauge
+    return {**gauge, "values": None}
 
 
 def _sizes(measured: Raw, part: Raw, unit: str) -> dict[str, tuple[float, str]]:
@@ -547,12 +531,22 @@ class MeasuredFile:
 
     def characteristic(self, wanted: Any) -> Raw:
         """The characteristic that is wanted, or the only one; raises InputError without it."""
-        return self.values(_choose_characteristic(self.place, wanted, dict(self.names), list(self.labels)))
+        if wanted is None and len(self.labels) == 1:
+            return self.values(self.labels[0])
+        if str(wanted) in self.names and self.labels and wanted is not None:
+            return self.values(self.names[str(wanted)])
+        text, listed = f'has no characteristic "{wanted}"{nearest(str(wanted), self.names)}', self.labels
+        if not self.labels:
+            text, listed = "has no column of measured values", tuple(dict.fromkeys(self.names.values()))
+        elif wanted is None:
+            text = f"has {len(self.labels)} characteristics: state which one is meant, characteristic = ..."
+        more = f", ... ({len(listed)} in all)" if len(listed) > LISTED else ""
+        raise refuse(self.place, f"{text}; it has {', '.join(listed[:LISTED])}{more}")
 
 
 def opened_parts(path: Path, options: tables.ReadOptions) -> MeasuredFile:
     """A file of measured parts. Raises InputError where it is not there, or cannot be read."""
-    if path.suffix.lower() in SUFFIXES:
+    if path.suffix.lower() in tables.AQDEF_SUFFIXES:
         return _open_aqdef(path, options)
     table = tables.open_or_raise(path, path.name, options)
     names = {name: name for name in table.columns.names}
@@ -612,7 +606,7 @@ def _numbers(table: tables.Table, name: str, place: str) -> tuple[list[float], l
     """
     numbers, lines, bad = [], [], {}
     for line, cell, value in zip(table.columns.lines, table.cells[name], table.frame[name], strict=True):
-        number = number_in(value) if isinstance(value, str) else math.nan if pd.isna(value) else float(value)
+        number = tables.number_in(value)
         if math.isfinite(number):
             numbers.append(number)
             lines.append(line)
@@ -645,24 +639,3 @@ def _values(characteristic: tables.Characteristic, place: str) -> Raw:
     if characteristic.unit:
         values["unit"] = characteristic.unit
     return values | _limits_of(characteristic.specification)
-
-
-def _choose_characteristic(place: str, wanted: Any, names: dict[str, str], labels: list[str]) -> str:
-    """The characteristic that is wanted, or the only one there is."""
-    if wanted is None and len(labels) == 1:
-        return labels[0]
-    if not labels:
-        raise refuse(
-            place, f"has no column of measured values; it has {_list_labels(list(dict.fromkeys(names.values())))}"
-        )
-    if wanted is None:
-        text = f"has {len(labels)} characteristics: state which one is meant, characteristic = ..."
-        raise refuse(place, f"{text}; it has {_list_labels(labels)}")
-    if str(wanted) not in names:
-        text = f'has no characteristic "{wanted}"{nearest(str(wanted), names)}'
-        raise refuse(place, f"{text}; it has {_list_labels(labels)}")
-    return names[str(wanted)]
-
-
-def _list_labels(labels: list[str]) -> str:
-    return ", ".join(labels[:LISTED]) + (f", ... ({len(labels)} in all)" if len(labels) > LISTED else "")

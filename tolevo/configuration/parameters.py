@@ -1,4 +1,6 @@
-"""`[parameters]`: the named inputs of the physical model."""
+"""The inputs of the physical model: `[parameters]`, `[variables]` with their measured parts, `[[effect]]`,
+`[[unresolved]]` and `[gear]`.
+"""
 
 from __future__ import annotations
 

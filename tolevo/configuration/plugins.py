@@ -1,4 +1,6 @@
-"""A name in a configuration that represents an object."""
+"""Names in a configuration that stand for plugins or objects, merging of tables, labels of the mechanism, and
+the `[zero]` and `[sense]` of measured outputs.
+"""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from .. import registry
 from ..algorithms.settings import AlgorithmSettings
-from ..commands.run.choice import RULES, ChoiceSettings, Step
+from ..commands.run.choice import ALL, RULES, ChoiceSettings, Step
 from ..commands.run.tolerances import rounding_faults
 from ..errors import Fault, InputError, raise_all, refuse
 from ..problems.declaration import Declaration
@@ -35,7 +35,7 @@ from .plugins import (
 from .reducers import fill_reducers
 from .resolved import complete_tables, resolved_limits, resolved_measurement, resolved_variables
 from .search import read_search, resolved_algorithm
-from .source import Source, Table, folder_of, override_source, replace_algorithm
+from .source import Source, Table, folder_of, located, override_source, replace_algorithm
 
 # `[objectives]`, `[limits]` and `[propagation]`.
 
@@ -143,35 +143,38 @@ def _weights(section: Section, objectives: Sequence[str]) -> dict[str, float]:
 
 
 def _steps(section: Section, variables: Sequence[Variable]) -> dict[str, Step]:
-    steps = {v.name: _step(section, v) for v in variables if v.kind is not Kind.CHOICE and not v.integer}
+    steps = {v.name: _step(section, v.name, v) for v in variables if v.kind is not Kind.CHOICE and not v.integer}
     for v in variables:
         if v.name not in steps and v.name in section:
             section.take(v.name)
             section.fault(v.name, f"is a {v.kind}: it is not rounded")
+    rounded = [v for v in variables if v.name in steps and v.tolerance and v.name not in section]
+    if ALL in section and ALL not in steps and rounded:
+        steps[ALL] = _step(section, ALL, rounded[0])
     section.finish()
     return {name: step for name, step in steps.items() if step is not None}
 
 
-def _step(section: Section, variable: Variable) -> Step | None:
-    value = section.take(variable.name)
+def _step(section: Section, key: str, variable: Variable) -> Step | None:
+    value = section.take(key)
     if isinstance(value, str) and value in RULES:
         if variable.tolerance:
-            return value
-        section.fault(variable.name, "is not a tolerance: give a step or a list of values")
+            return RULES[value]
+        section.fault(key, "is not a tolerance: give a step or a list of values")
         return None
     if isinstance(value, list):
-        numbers = section.numbers(variable.name)
+        numbers = section.numbers(key)
         if numbers is not None and not numbers:
-            section.fault(variable.name, "must hold at least one value")
+            section.fault(key, "must hold at least one value")
         elif numbers and variable.tolerance and min(numbers) <= 0.0:
-            section.fault(variable.name, f"must hold values above 0, got {min(numbers):g}")
+            section.fault(key, f"must hold values above 0, got {min(numbers):g}")
         else:
             return numbers
         return None
     if isinstance(value, str) and not any(letter.isdigit() for letter in value):
-        section.fault(variable.name, f'must be one of {", ".join(RULES)}, a step or a list of values, got "{value}"')
+        section.fault(key, f'must be one of {", ".join(RULES)}, a step or a list of values, got "{value}"')
         return None
-    return section.number(variable.name, variable.unit, POSITIVE)
+    return section.number(key, variable.unit, POSITIVE)
 
 
 def resolved_choice(settings: ChoiceSettings) -> dict[str, Any]:
@@ -205,14 +208,17 @@ def read(
     seed: int | None = None,
     reachable: bool = True,
 ) -> Configuration:
-    """The configuration in a TOML file or dictionary, with `key=value` overrides applied.
+    """The configuration in a TOML file, workbook or dictionary, with `key=value` overrides applied.
 
     An `algorithm` and a `seed` take the place of its own. Limits may be out of reach where they need
     not be `reachable`. Raises InputError with every fault.
     """
     faults: list[Fault] = []
-    table = replace_algorithm(override_source(source, overrides, faults), algorithm, seed)
-    return read_tables(table, folder_of(source), faults, reachable)
+    tables = replace_algorithm(override_source(source, overrides, faults), algorithm, seed)
+    try:
+        return read_tables(tables, folder_of(source), faults, reachable)
+    except InputError as error:
+        raise located(error, source) from None
 
 
 def read_tables(table: Table, folder: Path, faults: list[Fault], reachable: bool = True) -> Configuration:

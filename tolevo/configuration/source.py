@@ -72,7 +72,7 @@ def replace_algorithm(table: dict[str, Any], algorithm: AlgorithmSettings | None
 
 Table = dict[str, Any]
 Source = Path | Mapping[str, Any]
-"""A TOML file, or a dictionary with the keys of such a file."""
+"""A TOML file, the workbook of a stack, or a dictionary with the keys of such a file."""
 
 
 TABLES = 10_000
@@ -85,6 +85,8 @@ TEXT = 32_767
 """Characters of a text at most, as in a cell of a workbook."""
 SHOWN = 200
 """Characters of a text that a message repeats."""
+ZIP = b"PK\x03\x04"
+"""How a workbook begins, which is a ZIP file."""
 EXECUTION = "execution"
 """The table of where a command computes, see `read_execution`."""
 
@@ -142,7 +144,10 @@ def _load_source(source: Source, faults: list[Fault]) -> Table | None:
         return deepcopy(replace_objects(source))
     place = str(source)
     try:
-        text = content(source, CONFIGURATION, pipe=True).decode("utf-8-sig")
+        read = content(source, CONFIGURATION, pipe=True)
+        if read.startswith(ZIP):
+            return _sheets(read, source.name, faults)
+        text = read.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         message = f"is not UTF-8 (byte {error.start}): save it as UTF-8"
     except ValueError as error:
@@ -153,6 +158,34 @@ def _load_source(source: Source, faults: list[Fault]) -> Table | None:
         message = "is empty: a configuration must state at least a problem or a model"
     faults.append(Fault(place, message))
     return None
+
+
+def _sheets(read: bytes, place: str, faults: list[Fault]) -> Table | None:
+    """The tables of a workbook, as far as its cells can be read. Raises InputError where it is none."""
+    from .workbook import read_sheets
+
+    sheets, before = read_sheets(read, place), len(faults)
+    _measure(sheets.tables, "", faults)
+    faults += sheets.faults
+    return deepcopy(sheets.tables) if len(faults) - len(sheets.faults) == before else None
+
+
+def workbook_of(source: object) -> bytes:
+    """The bytes of a configuration that is a workbook, empty where it is something else."""
+    try:
+        read = content(source, CONFIGURATION) if isinstance(source, Path) else b""
+    except ValueError:
+        return b""
+    return read if read.startswith(ZIP) else b""
+
+
+def located(error: InputError, source: Source) -> InputError:
+    """The error with the cells of its faults, where the configuration is a workbook."""
+    if not isinstance(source, Path) or not (read := workbook_of(source)):
+        return error
+    from .workbook import located as in_cells
+
+    return in_cells(error, read, source.name)
 
 
 def _parse_text(text: str, place: str, faults: list[Fault]) -> Table | None:
@@ -241,8 +274,9 @@ def _obstacle(table: Table, over: Mapping[str, Any]) -> str:
         if name not in named:
             return f'"{name}" is not the name of a [[{key}]]{nearest(name, named)}; there are {", ".join(named)}'
         inner, value = named[name], value[name]
-    both = isinstance(value, dict) and isinstance(inner, dict)
-    return _obstacle(inner, value) if both else "leads through a value that is not a table"
+    if isinstance(value, dict) and isinstance(inner, dict):
+        return _obstacle(inner, value)
+    return "leads through a value that is not a table"
 
 
 def _setting(key: str, value: str) -> Table | None:

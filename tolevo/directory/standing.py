@@ -1,4 +1,6 @@
-"""What each command writes into its directory, by name."""
+"""What each command writes into its directory, the marks of complete and unfinished results, and the state of
+a directory by them.
+"""
 
 from __future__ import annotations
 
@@ -38,12 +40,20 @@ def _figure_files(*stems: str) -> tuple[str, ...]:
     return tuple(f"{stem}.{ending}" for stem in stems for ending in ("png", "svg"))
 
 
-PAGE = "report.html"
+PAGE, XLSX = "report.html", "stack.xlsx"
 KINDS: Mapping[str, Kind] = {
     "analyse": Kind(
         marks=("histograms.csv",),
         state=(),
-        files=("config.toml", "requirements.csv", "contributions.csv", "histograms.csv", "page.json", "summary.json"),
+        files=(
+            "config.toml",
+            "requirements.csv",
+            "contributions.csv",
+            "histograms.csv",
+            "page.json",
+            "summary.json",
+            XLSX,
+        ),
         pages=(PAGE,),
         saved="nothing",
     ),
@@ -126,6 +136,7 @@ KINDS: Mapping[str, Kind] = {
             "drawing.html",
             "reducers.npz",
             "allocation.xlsx",
+            XLSX,
             "nearest_miss.csv",
             "failed.csv",
             "summary.json",

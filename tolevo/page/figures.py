@@ -1,4 +1,6 @@
-"""The figure of a Pareto front and the references."""
+"""The figures of a run: Pareto front, allocation, contributions, convergence and populations, with the
+allocations to order.
+"""
 
 from __future__ import annotations
 

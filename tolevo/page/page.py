@@ -61,7 +61,7 @@ SENSITIVITY = (
 )
 ROUNDED = (
     "The rules by which the variables are rounded. A rule that the configuration does not set under "
-    "[rounding] is an assumption: grades of ISO 286 where the nominal size is known, else preferred numbers."
+    "[rounding] is an assumption."
 )
 
 

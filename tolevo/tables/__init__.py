@@ -7,7 +7,7 @@ The index of a table is the line number in its file (the row number in a Parquet
 from typing import TYPE_CHECKING
 
 from ..lazy import lazily
-from .header import ColumnUse, Fitted, Tell, discard_lines, drop_unused, fit_columns
+from .header import ColumnUse, Tell, discard_lines, drop_unused, fit_columns
 from .reading import (
     PARQUET,
     SHOWN,
@@ -20,14 +20,15 @@ from .reading import (
     table_of,
     write,
 )
-from .record import AS_DETECTED, KEYS, NO_OPTIONS, Dialect, ReadOptions, Specification, Table
+from .record import AQDEF_SUFFIXES, AS_DETECTED, KEYS, NO_OPTIONS, ReadOptions, Specification, Table
 from .shapes import group_of
-from .signs import is_missing
+from .signs import is_missing, number_in
 
 if TYPE_CHECKING:
     from .aqdef import Characteristic, aqdef_text, names_of_characteristics, read_aqdef
 
 __all__ = [
+    "AQDEF_SUFFIXES",
     "AS_DETECTED",
     "KEYS",
     "NO_OPTIONS",
@@ -35,8 +36,6 @@ __all__ = [
     "SHOWN",
     "Characteristic",
     "ColumnUse",
-    "Dialect",
-    "Fitted",
     "ReadOptions",
     "Specification",
     "Table",
@@ -50,6 +49,7 @@ __all__ = [
     "group_of",
     "is_missing",
     "names_of_characteristics",
+    "number_in",
     "open_or_raise",
     "open_table",
     "parse_columns",

@@ -9,17 +9,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
-from .. import files
 from ..errors import Fault, InputError, raise_all, refuse
 from ..units import shorten_text
 from .header import known_unit
 from .record import Columns, Dialect, ReadOptions, Specification, Table
 from .shapes import specification
-from .signs import moment
-from .text import decode_text
-
-__all__ = ["Characteristic", "names_of_characteristics", "read_aqdef"]
+from .signs import moment, number_in
+from .text import content_of, decode_text
 
 # Lines of a Q-DAS file: keys of parts, characteristics and values, and compact lines of values.
 #
@@ -103,29 +101,24 @@ class Content:
         index = int(match[2]) if match[2] else 1
         if key == "K0100":
             self.count = int(value) if value.isdecimal() else None
-        elif key.startswith("K1"):
-            self._part_key(at, key, index, value)
-        elif key.startswith("K2"):
-            self._characteristic_key(at, key, index, value)
+        elif key.startswith(("K1", "K2")):
+            self._description_key(at, key, index, value)
         elif key.startswith("K00"):
             self._value_key(at, key, index, value, int(match[3]) if match[3] else None)
 
-    def _part_key(self, at: int, key: str, index: int, value: str) -> None:
+    def _description_key(self, at: int, key: str, index: int, value: str) -> None:
+        """A key of a part (K1...) or of a characteristic (K2...); of the index 0 it is one of all."""
+        of_part = key.startswith("K1")
         if index == 0:
-            self.common_parts[key] = value
+            (self.common_parts if of_part else self.common)[key] = value
             return
-        self._part = index
-        keys = self.parts.setdefault(index, {})
+        if of_part:
+            self._part, keys = index, self.parts.setdefault(index, {})
+        else:
+            keys = self.characteristics.setdefault(index, Raw(self._part)).keys
         if keys.setdefault(key, value) != value:
-            self.fault(at, f'{key} of part {index} is "{keys[key]}" above, here "{value}"')
-
-    def _characteristic_key(self, at: int, key: str, index: int, value: str) -> None:
-        if index == 0:
-            self.common[key] = value
-            return
-        raw = self.characteristics.setdefault(index, Raw(self._part))
-        if raw.keys.setdefault(key, value) != value:
-            self.fault(at, f'{key} of characteristic {index} is "{raw.keys[key]}" above, here "{value}"')
+            what = "part" if of_part else "characteristic"
+            self.fault(at, f'{key} of {what} {index} is "{keys[key]}" above, here "{value}"')
 
     def _value_key(self, at: int, key: str, index: int, value: str, number: int | None) -> None:
         if index == 0:
@@ -168,19 +161,21 @@ class Content:
         if pair and last is not None and pair in last and key not in last:
             last[key] = value
             return
-        raw.values.append(self._above | raw.pending | {key: value})
-        self._begun.append(index)
+        self._append(raw, index, {key: value}, at)
+
+    def _append(self, raw: Raw, index: int, value: dict[str, str], at: int) -> None:
+        raw.values.append(self._above | raw.pending | value)
         raw.lines.append(at)
+        self._begun.append(index)
 
     def _compact(self, at: int, line: str) -> None:
         cells = line.split(BETWEEN)
         if len(self._order) != len(self.characteristics):
             self._order = sorted(self.characteristics)
-        indices = self._order
-        if len(cells) > len(indices):
-            self.fault(at, f"{len(cells)} characteristics in a line, {len(indices)} are described above")
+        if len(cells) > len(self._order):
+            self.fault(at, f"{len(cells)} characteristics in a line, {len(self._order)} are described above")
             return
-        for index, cell in zip(indices, cells, strict=False):
+        for index, cell in zip(self._order, cells, strict=False):
             raw = self.characteristics[index]
             keys = COUNTS if raw.attributive else COMPACT
             fields = cell.split(WITHIN)
@@ -189,9 +184,7 @@ class Content:
                 continue
             value = {key: text.strip() for key, text in zip(keys, fields, strict=False) if key}
             value["K0006"] = value.get("K0006", "").removeprefix("#")
-            raw.values.append(self._above | raw.pending | {key: text for key, text in value.items() if text})
-            self._begun.append(index)
-            raw.lines.append(at)
+            self._append(raw, index, {key: text for key, text in value.items() if text}, at)
 
 
 # What a Q-DAS file holds: characteristics of parts, with limits and values.
@@ -223,7 +216,6 @@ class Characteristic:
     batches: list[str] = field(default_factory=list)
     sizes: list[int | None] = field(default_factory=list)
     keys: dict[str, str] = field(default_factory=dict)
-    part_keys: dict[str, str] = field(default_factory=dict)
     groups: dict[str, list[str]] = field(default_factory=dict)
 
     @property
@@ -257,11 +249,11 @@ def aqdef_text(characteristics: Sequence[Characteristic]) -> str:
             "K2101": c.nominal,
             "K2110": c.lower,
             "K2111": c.upper,
+            "K2120": "2" if natural == "lower" else "1",
+            "K2121": "2" if natural == "upper" else "1",
+            "K2142": c.unit,
         }
-        stated |= {"K2120": "2" if natural == "lower" else "1", "K2121": "2" if natural == "upper" else "1"}
-        lines += [
-            f"{key}/{at} {value}" for key, value in (stated | {"K2142": c.unit}).items() if value not in ("", None)
-        ]
+        lines += [f"{key}/{at} {value}" for key, value in stated.items() if value not in ("", None)]
     return "\n".join(lines) + "\n"
 
 
@@ -273,9 +265,8 @@ INVALID = (255, 256)
 """Attributes (K0002) of values that are not valid."""
 LIMIT_KEYS = {"nominal": "K2101", "usl": "K2111", "lsl": "K2110", "upper": "K2113", "lower": "K2112"}
 """Keys of nominal size, limits and deviations."""
-_NUMBER = re.compile(r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?")
 MAX_NUMBER_CHARACTERS = 60
-"""Characters of a number at most, and of a cell that a fault repeats."""
+"""Characters of a whole number at most, and of a cell that a fault repeats."""
 
 
 def read_aqdef(path: str | Path, encoding: str | None = None, times: bool = True) -> list[Characteristic]:
@@ -296,7 +287,7 @@ def characteristics(
     try:
         for file in _files(path, place):
             content.place = place if file == path else file.name
-            text, _ = decode_text(_bytes(file, content.place), content.place, encoding, _SEPARATORS)
+            text, _ = decode_text(content_of(file, content.place), content.place, encoding, _SEPARATORS)
             content.read(text.split("\n"))
     except InputError as error:
         return [], list(error.faults), []
@@ -322,16 +313,6 @@ def _files(path: Path, place: str) -> list[Path]:
     return sorted([path] if second is None else [path, second], key=lambda file: file.suffix.lower())
 
 
-def _bytes(path: Path, place: str) -> bytes:
-    try:
-        content = files.content(path)
-    except ValueError as error:
-        raise refuse(place, str(error)) from None
-    if not content.strip():
-        raise refuse(place, "is empty")
-    return content
-
-
 def _check(content: Content) -> None:
     """Counts and parts that do not agree."""
     described = len(content.characteristics)
@@ -351,13 +332,12 @@ def _characteristic(content: Content, index: int) -> Characteristic:
     keys = content.common | raw.keys
     part = content.common_parts | content.parts.get(raw.part, {})
     place = f"{content.place}: characteristic {index} ({keys.get('K2002', '')})"
-    numbers = {
-        role: math.nan if (value := _number(keys.get(key, ""), f"{place}: {key}", content.faults)) is None else value
-        for role, key in LIMIT_KEYS.items()
-    }
-    for key, of_it in (("K2120", ("lsl", "lower")), ("K2121", ("usl", "upper"))):
-        if keys.get(key) == "0":  # there is no such limit
-            numbers |= dict.fromkeys(of_it, math.nan)
+    numbers = {}
+    for role, key in LIMIT_KEYS.items():
+        value = _number(keys.get(key, ""), f"{place}: {key}", content.faults)
+        no_such_limit = keys.get("K2120" if role in ("lsl", "lower") else "K2121") == "0" and role != "nominal"
+        if value is not None and not no_such_limit:
+            numbers[role] = value
     stated, wrong = specification(numbers, place, deviations=True)
     content.faults += wrong
     characteristic = Characteristic(
@@ -369,9 +349,8 @@ def _characteristic(content: Content, index: int) -> Characteristic:
         lower=stated.lower,
         upper=stated.upper,
         unit=keys.get("K2142", ""),
-        attributive=raw.attributive or keys.get("K2004") in ("1", "5", "6"),
+        attributive=keys.get("K2004") in ATTRIBUTIVE,
         keys=keys,
-        part_keys=part,
     )
     _fill(characteristic, raw, content, place)
     return characteristic
@@ -417,12 +396,8 @@ def _repeated_characteristic(described: list[Characteristic], content: Content) 
 
 def _number(text: str, place: str, faults: list[Fault]) -> float | None:
     """A number of a Q-DAS file, whose comma or point is decimal: the format groups no thousands."""
-    if not text:
-        return None
-    number = (
-        float(text.replace(",", ".")) if len(text) <= MAX_NUMBER_CHARACTERS and _NUMBER.fullmatch(text) else math.nan
-    )
-    if math.isfinite(number):
+    number = number_in(text.replace(",", ".")) if text else None
+    if number is None or math.isfinite(number):
         return number
     faults.append(Fault(place, f'must be a number, got "{shorten_text(text)}"'))
     return None
@@ -456,17 +431,18 @@ def table_of_aqdef(path: Path, place: str, options: ReadOptions) -> tuple[Table 
     if not rows:
         faults.append(Fault(place, "holds no values"))
     named = dict(zip(names, measured, strict=True))
-    columns = {name: _pad_cells(characteristic.values, rows) for name, characteristic in named.items()}
+    columns: dict[str, list[Any]] = {name: ["" if v is None else v for v in c.values] for name, c in named.items()}
     first = measured[0]
     times = [] if of_times else [t.isoformat(" ") if t else "" for t in first.times]
-    extra = {"time": times, "batch": first.batches}
-    for name, texts in extra.items():
-        if any(texts) and name not in columns:
-            columns[name] = [*texts, *[""] * (rows - len(texts))]
+    for name, texts in (("time", times), ("batch", first.batches)):
+        if any(texts):
+            columns.setdefault(name, [*texts])
+    for cells_of_column in columns.values():
+        cells_of_column += [""] * (rows - len(cells_of_column))
     units = {name: unit for name, characteristic in named.items() if (unit := known_unit(characteristic.unit))}
     notes = tuple(f"times are not used: {fault}" for fault in of_times[:1]) + tuple(
-        f"{name}: {sum(v is None for v in characteristic.values)} values are missing or not valid"
-        for name, characteristic in zip(names, measured, strict=True)
+        f"{name}: {characteristic.values.count(None)} values are missing or not valid"
+        for name, characteristic in named.items()
         if None in characteristic.values
     )
     cells, headers = Columns(columns, range(1, rows + 1)), {name: name for name in columns}
@@ -482,8 +458,3 @@ def names_of_characteristics(measured: list[Characteristic]) -> list[str]:
     counts = [Counter(form) for form in zip(*forms, strict=True)]
     names = [next(name for name, count in zip(form, counts, strict=True) if count[name] == 1) for form in forms]
     return names if len(set(names)) == len(names) else [form[-1] for form in forms]
-
-
-def _pad_cells(values: list[float | None], rows: int) -> list[object]:
-    cells: list[object] = ["" if value is None else value for value in values]
-    return cells + [""] * (rows - len(values))

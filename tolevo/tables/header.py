@@ -77,16 +77,10 @@ def names_of(header: list[str]) -> dict[str, str]:
     }
 
 
-def is_unit_cell(cell: str) -> bool:
-    """Whether a cell of a row of units is a unit: "mm", "[mm]", "-"."""
+def unit_of_cell(cell: str) -> str | None:
+    """The unit that a cell of a row of units states, "1" for "-"; None where it is no unit."""
     text = cell.strip().strip("[]()（）［］【】").strip()
-    return text in ("-", "--", "–", "1", "Text", "text") or known_unit(text) is not None
-
-
-def unit_of_cell(cell: str) -> str:
-    """The unit that a cell of a row of units states; empty where it states none."""
-    unit = known_unit(cell.strip().strip("[]()（）［］【】").strip())
-    return "" if unit in (None, "1") else str(unit)
+    return "1" if text in ("-", "--", "–", "1", "Text", "text") else known_unit(text)
 
 
 # Where the column names stand: below a preamble, above a row of units, above the measurements.
@@ -116,21 +110,20 @@ class Layout:
 
 def find_layout(rows: list[Row], place: str) -> Layout:
     """The layout of rows that are not empty."""
-    count = _usual_cell_count(rows)
+    lower_half = rows[len(rows) // 2 :][-SAMPLE:]
+    count = Counter(len(_trim_row(row)) for _, row in lower_half).most_common(1)[0][0]
     numeric = _numeric_columns(rows, count)
     first = _first_measurement(rows, count, numeric)
     names = [at for at in range(first) if _is_header(rows[at][1], count)]
     if not names:
         return _layout_without_names(rows, count, place)
     at, units = _choose_name_rows(rows, names, first)
-    layout = Layout(rows[at], rows[units] if units is not None else None)
-    if faults := _rivals(rows, names, at, numeric, place):
-        layout.faults = faults
+    layout = Layout(rows[at], rows[units] if units is not None else None, faults=_rivals(rows, names, at, place))
     layout.body = rows[(at if units is None else units) + 1 :]
     if at:
         layout.notes.append(f"{at} lines above the column names are left out: {_list_cells(rows[:at])}")
     _join_blocks(layout, rows[at - 1 : at] if at else [], numeric, place)
-    _drop_summaries(layout, numeric)
+    _drop_summaries(layout)
     counted = sum(any(map(str.isdigit, row[0])) for _, row in layout.body)
     if 2 * counted > len(layout.body):  # parts have numbers, statistics have names
         for line, row in layout.body:
@@ -138,12 +131,6 @@ def find_layout(rows: list[Row], place: str) -> Layout:
                 text = f'"{row[0]}" stands among the measurements; remove the row, or move it to their end'
                 layout.faults.append(Fault(f"{place}: row {line}", text))
     return layout
-
-
-def _usual_cell_count(rows: list[Row]) -> int:
-    """The number of cells that most of the lower half of the rows have."""
-    lower = rows[len(rows) // 2 :][-SAMPLE:]
-    return Counter(len(_trim_row(row)) for _, row in lower).most_common(1)[0][0]
 
 
 def _trim_row(row: list[str]) -> list[str]:
@@ -191,7 +178,7 @@ def is_unit_row(row: list[str], numeric: list[int]) -> bool:
     stated = [cell for column, cell in enumerate(row) if cell and column in numeric]
     return (
         bool(stated)
-        and all(is_unit_cell(cell) for cell in cells)
+        and all(unit_of_cell(cell) for cell in cells)
         and any(not re.fullmatch(r"[-\W]*|1", cell) for cell in stated)
     )
 
@@ -213,14 +200,13 @@ def _choose_name_rows(rows: list[Row], names: list[int], first: int) -> tuple[in
     return last, None
 
 
-def _rivals(rows: list[Row], names: list[int], at: int, numeric: list[int], place: str) -> list[Fault]:
+def _rivals(rows: list[Row], names: list[int], at: int, place: str) -> list[Fault]:
     """Rows right above the names that can be the names as well."""
-    above = [row for row in names if row < at and rows[row][0] == rows[at][0] - (at - row)]
-    if not above or at - 1 not in above:
+    (upper, above), (line, below) = rows[at - 1], rows[at]
+    if at - 1 not in names or upper != line - 1:
         return []
-    if any(split_header(name)[1] for name in rows[at][1]) and not any(split_header(n)[1] for n in rows[at - 1][1]):
+    if any(split_header(name)[1] for name in below) and not any(split_header(name)[1] for name in above):
         return []  # "Teil;Welle" above "Nr.;Abstand [mm]": names have units
-    line, upper = rows[at][0], rows[at - 1][0]
     text = (
         f"lines {upper} and {line} can both be the column names; leave an empty line above the "
         "names, or remove the other line"
@@ -231,22 +217,16 @@ def _rivals(rows: list[Row], names: list[int], at: int, numeric: list[int], plac
 def _layout_without_names(rows: list[Row], count: int, place: str) -> Layout:
     """The first full row as names, with what is wrong with them."""
     at = next((at for at, (_, row) in enumerate(rows) if len(row) >= count), 0)
-    names = rows[at][1]
-    layout = Layout(rows[at], None, rows[at + 1 :])
+    line, names = rows[at]
     above = [row for _, row in rows[:at] if len(row) > 1]
-    if any(_is_measurement(cell) for cell in names) and above:
+    text = f"has no column names: line {line} begins with measurements; add a line of names above it"
+    if above:
         text = (
-            f"line {rows[at][0]} has {len(names)} cells, and no line above it as many names ({len(above[-1])} cells "
+            f"line {line} has {len(names)} cells, and no line above it as many names ({len(above[-1])} cells "
             "expected by the last one); where decimal commas stand between commas, export it with another delimiter"
         )
-        layout.faults.append(Fault(place, text))
-    elif any(_is_measurement(cell) for cell in names):
-        layout.faults.append(
-            Fault(
-                place, f"has no column names: line {rows[at][0]} begins with measurements; add a line of names above it"
-            )
-        )
-    return layout
+    faults = [Fault(place, text)] if any(_is_measurement(cell) for cell in names) else []
+    return Layout(rows[at], None, rows[at + 1 :], faults=faults)
 
 
 def _join_blocks(layout: Layout, above: list[Row], numeric: list[int], place: str) -> None:
@@ -262,7 +242,7 @@ def _join_blocks(layout: Layout, above: list[Row], numeric: list[int], place: st
             if len(cells) == len(numeric) and not any(is_missing(c) or _is_measurement(c) for c in cells):
                 text = f'line {line} holds names of other columns ("{row[0]}", ...): give a file for each table'
                 layout.faults.append(Fault(place, text))
-                return
+                break
         return
     blocks, title, joined, taken = [0, *starts, len(body)], _title(above), [], []
     for number, (first, end) in enumerate(pairwise(blocks), 1):
@@ -286,7 +266,7 @@ def _title(rows: list[Row]) -> str:
     return " ".join(cell for cell in rows[-1][1] if cell) if rows else ""
 
 
-def _drop_summaries(layout: Layout, numeric: list[int]) -> None:
+def _drop_summaries(layout: Layout) -> None:
     """Leave out rows of limits below the names, and of means or an end mark below the data."""
     body = layout.body
     first = next((at for at, row in enumerate(body) if not _names_summary(row[1])), len(body))
@@ -370,25 +350,32 @@ def fit_columns(
     for wanted, unit in free.items():
         if (name := spelt.get(wanted)) is not None and name not in names:
             names[name] = wanted
-            if wrong_unit := _contradiction(table.units.get(name, ""), wanted, unit):
-                faults.append(Fault(f"{place}: column {table.headers.get(name, name)}", wrong_unit))
-    for wanted, unit in free.items():
-        name = _similar_column(table, wanted, unit, names)
+            if (stated := table.units.get(name, "")) and unit and not is_same_unit(stated, unit):
+                text = f'is stated in "{stated}", but {wanted} is in "{unit}"; rename it or map it in [columns]'
+                faults.append(Fault(f"{place}: column {table.headers.get(name, name)}", text))
+    for wanted, unit in free.items():  # a column with the same name and another unit that fits
+        stem = split_unit(wanted)[0].casefold()
+        alike = (name for name in table.units if name.casefold().replace(" ", "_") == stem and name not in names)
+        name = next((name for name in alike if unit and fits(table.units[name], unit)), None)
         if wanted not in names.values() and name is not None:
             names[name] = wanted
             cells[name] = _convert_cells(cells[name], table.units[name], unit, 1)
             notes.append(f'"{table.headers[name]}" is read as {wanted}')
-    names |= _aqdef_columns(table, names, free)
+    if table.dialect.kind == AQDEF:  # its times and batches, where no entry of [columns] maps them
+        for name, target in OF_AQDEF.items():
+            if name in table.cells and name not in names and target in free and target not in names.values():
+                names[name] = target
     for name, target in names.items():
         if known.get(target) == "s":
-            cells[name], interpretations, wrong = _clock(cells[name])
+            cells[name], interpretation, obstacle = _clock(cells[name])
             heading = table.headers.get(name, name)
-            if wrong and name not in mapped:  # nobody asked for it
-                notes.append(f'"{heading}" is not used: {wrong[0]}')
+            if obstacle and name not in mapped:  # nobody asked for it
+                notes.append(f'"{heading}" is not used: {obstacle}')
                 names[name] = ""
-                continue
-            faults += [Fault(f"{place}: column {heading}", text) for text in wrong]
-            notes += [f'"{heading}" is read as {target}: {interpretation}' for interpretation in interpretations]
+            elif obstacle:
+                faults.append(Fault(f"{place}: column {heading}", obstacle))
+            elif interpretation:
+                notes.append(f'"{heading}" is read as {target}: {interpretation}')
     kept = {names.get(str(n), str(n)): c for n, c in cells.items() if names.get(str(n), "-")}
     taken = [target for target in names.values() if target]
     for target in sorted({name for name in taken if taken.count(name) > 1}):
@@ -397,30 +384,19 @@ def fit_columns(
     return Fitted(pd.DataFrame(kept, index=table.cells.index), tuple(notes), tuple(faults))
 
 
-def _aqdef_columns(table: Table, names: Mapping[str, str], free: Mapping[str, str]) -> dict[str, str]:
-    """Times and batches of a Q-DAS file that no `[columns]` entry maps."""
-    if table.dialect.kind != AQDEF:
-        return {}
-    return {
-        name: target
-        for name, target in OF_AQDEF.items()
-        if name in table.cells and name not in names and target in free and target not in names.values()
-    }
-
-
-def _clock(cells: pd.Series[Any]) -> tuple[pd.Series[Any], list[str], list[str]]:
+def _clock(cells: pd.Series[Any]) -> tuple[pd.Series[Any], str, str]:
     """Dates and times of day as seconds since the earliest, a note, and what is wrong; numbers stay
     as they are.
     """
     texts = ["" if cell is None or cell != cell else str(cell) for cell in cells]
     if not any(map(is_date, texts)):
-        return cells, [], []
+        return cells, "", ""
     try:
         elapsed, start = seconds(texts)
     except ValueError as error:  # reported once, not for every row
-        return pd.Series(np.arange(len(cells), dtype=float), index=cells.index), [], [str(error)]
+        return pd.Series(np.arange(len(cells), dtype=float), index=cells.index), "", str(error)
     since = f"{start:%Y-%m-%d %H:%M:%S%z}" if start.year > 1900 else f"{start:%H:%M:%S%z}"
-    return pd.Series(elapsed, index=cells.index), [f"seconds since {since}"], []
+    return pd.Series(elapsed, index=cells.index), f"seconds since {since}", ""
 
 
 def drop_unused(cells: pd.DataFrame, known: Sequence[str]) -> tuple[pd.DataFrame, list[str]]:
@@ -438,7 +414,7 @@ def _mapped_cells(
 ) -> tuple[pd.Series[Any], list[str]]:
     """The cells of a column that is mapped, in the unit of its target."""
     unit = known.get(use.target, "")
-    if use.unit and stated and not _is_same_unit(use.unit, stated):
+    if use.unit and stated and not is_same_unit(use.unit, stated):
         return cells, [f'the file says "{stated}", the configuration "{use.unit}"']
     source_unit = use.unit or stated
     if source_unit and unit and not fits(source_unit, unit):
@@ -446,14 +422,8 @@ def _mapped_cells(
     return _convert_cells(cells, source_unit or unit, unit, use.sense), []
 
 
-def _contradiction(stated: str, name: str, unit: str) -> str:
-    """What is wrong where the file states another unit than the name of the column."""
-    if not stated or not unit or _is_same_unit(stated, unit):
-        return ""
-    return f'is stated in "{stated}", but {name} is in "{unit}"; rename it or map it in [columns]'
-
-
-def _is_same_unit(unit: str, stated: str) -> bool:
+def is_same_unit(unit: str, stated: str) -> bool:
+    """Whether both are one unit, in two spellings perhaps."""
     if unit == stated:
         return True
     if not fits(unit, stated):
@@ -462,19 +432,9 @@ def _is_same_unit(unit: str, stated: str) -> bool:
     return bool(np.allclose(converted(probes, unit, stated), probes, rtol=1e-12, atol=0.0))
 
 
-def _similar_column(table: Table, wanted: str, unit: str, names: Mapping[str, str]) -> str | None:
-    """A column whose name is that of `wanted` without its unit, and whose unit fits."""
-    stem = split_unit(wanted)[0].casefold()
-    for name, stated in table.units.items():
-        spelt = name.casefold().replace(" ", "_")
-        if name not in names and unit and spelt == stem and fits(stated, unit):
-            return name
-    return None
-
-
 def _convert_cells(cells: pd.Series[Any], source_unit: str, unit: str, sense: int) -> pd.Series[Any]:
     """Cells of numbers in another unit and sense; cells that are not numbers stay as they are."""
-    if sense == 1 and (source_unit == unit or not source_unit or not unit or _is_same_unit(source_unit, unit)):
+    if sense == 1 and (source_unit == unit or not source_unit or not unit or is_same_unit(source_unit, unit)):
         return cells
     numbers = pd.to_numeric(cells.astype(object), errors="coerce").to_numpy(dtype=float)
     values = sense * np.asarray(converted(numbers, source_unit, unit) if source_unit and unit else numbers)

@@ -8,6 +8,7 @@ import csv
 import io
 import re
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,19 +19,8 @@ from pyarrow import csv as arrow
 
 from ..errors import refuse
 from .header import Row
-from .record import NAMES, Dialect, ReadOptions
-from .signs import (
-    DECIMAL,
-    MISSING,
-    OTHER_DECIMAL_SIGN,
-    PROBES,
-    THOUSANDS,
-    Evidence,
-    Notation,
-    is_date,
-    is_missing,
-    notation,
-)
+from .record import NAMES, Dialect, ReadOptions, empty_cells
+from .signs import MISSING, PROBES, Evidence, Notation, is_date, is_missing, notation
 from .text import decode_text
 
 SAMPLE = 200
@@ -57,11 +47,8 @@ class Separator:
 def separator(lines: list[str], place: str, stated: str | None) -> Separator:
     """How the cells of the lines are separated. Raises InputError where it is ambiguous."""
     first = _SEP.fullmatch(lines[0]) if lines else None
-    skipped = 1 if first else 0
-    if stated is not None:
-        return Separator(stated, '"', skipped)
-    if first:
-        return Separator(first["sign"], '"', 1)
+    if first or stated is not None:
+        return Separator(first["sign"] if first and stated is None else stated or "", '"', 1 if first else 0)
     sample = [line for line in lines[: 2 * SAMPLE] if line.strip()][:SAMPLE]
     scores = {sign: _clean_cell_fraction(sample, sign) for sign in CANDIDATES}
     fitting = [sign for sign, score in scores.items() if score >= CLEAN]
@@ -188,9 +175,6 @@ ENDS = 400
 _WIDE_SPACES = "\u00a0\u2007\u202f\u3000"
 """Spaces beyond ASCII."""
 _LABEL = r"^[+-]?0[0-9]+$|^[+-]?[0-9]{16,}$"
-_GROUPED = {
-    d: rf"^[+-]?(?:[0-9]+|[1-9][0-9]{{0,2}}(?:\{o}[0-9]{{3}})+)(?:\{d}[0-9]*)?$" for d, o in OTHER_DECIMAL_SIGN.items()
-}
 _MARKS = pa.array(
     sorted(
         {form for mark in MISSING for form in (mark, mark.upper(), mark.title())}
@@ -202,24 +186,21 @@ _MARKS = pa.array(
 
 @dataclass(frozen=True)
 class Bulk:
-    """The text of a long file whose lines are rows, each cell between delimiters."""
+    """The lines of a long file, each a row, each cell between delimiters."""
 
-    text: str
-    delimiter: str
-    skipped: int
-    breaks: int
+    lines: list[str]
+    form: Separator
 
     def columns(self, first: int, last: int, count: int) -> list[pa.Array] | None:
         """The cells of the lines `first` to `last`, by column; None where a row is not whole."""
-        start = _line_start(self.text, first, self.breaks)
-        end = _line_start(self.text, last + 1, self.breaks)
-        body = self.text[start:end].encode()
+        text = "\n".join(self.lines[first - 1 : last])
+        body = text.encode()
         names = [str(at) for at in range(count)]
         try:
             table = arrow.read_csv(
                 pa.BufferReader(body),
-                arrow.ReadOptions(column_names=names, use_threads=False),
-                arrow.ParseOptions(delimiter=self.delimiter, ignore_empty_lines=False),
+                arrow.ReadOptions(column_names=names, use_threads=False, block_size=len(body) + 1),
+                arrow.ParseOptions(delimiter=self.form.delimiter, ignore_empty_lines=False),
                 arrow.ConvertOptions(column_types=dict.fromkeys(names, pa.string()), strings_can_be_null=False),
             )
         except pa.ArrowInvalid:
@@ -227,68 +208,34 @@ class Bulk:
         if table.num_rows != last - first + 1:
             return None
         arrays = [column.combine_chunks() for column in table.columns]
-        hollow = pc.equal(arrays[0], "")
-        for array in arrays[1:]:
-            if not _any(hollow):
-                break
-            hollow = pc.and_(hollow, pc.equal(array, ""))
-        if _any(hollow):  # a row of delimiters alone
-            return None
-        if any(space in self.text for space in _WIDE_SPACES):
-            return [pc.utf8_trim_whitespace(array) for array in arrays]
-        padded = [_any(pc.starts_with(array, " ")) or _any(pc.ends_with(array, " ")) for array in arrays]
-        tabs = self.delimiter != "\t" and "\t" in self.text
-        return [pc.ascii_trim_whitespace(a) if tabs or pad else a for a, pad in zip(arrays, padded, strict=True)]
-
-    def ends(self) -> list[tuple[int, str]]:
-        """Lines of both ends with their numbers, those of the middle left out."""
-        head = self.text[: _line_start(self.text, ENDS + 1, self.breaks)].split("\n")[:-1]
-        total = self.breaks + (not self.text.endswith("\n"))
-        tail = self.text[_start_of_last_lines(self.text, ENDS) :].removesuffix("\n").split("\n")
-        return [*enumerate(head, 1), *enumerate(tail, total - len(tail) + 1)]
+        hollow = set(empty_cells(arrays[0]))
+        if hollow and hollow.intersection(*map(empty_cells, arrays)):
+            return None  # a row of delimiters alone
+        padded = any(space in text for space in (" " + _WIDE_SPACES + "\t").replace(self.form.delimiter, ""))
+        return [pc.utf8_trim_whitespace(array) for array in arrays] if padded else arrays
 
 
-def bulk_of(text: str, delimiter: str, quote: str, skipped: int) -> Bulk | None:
+def bulk_of(text: str, form: Separator) -> Bulk | None:
     """A long file of plain rows; None of any other."""
-    if len(text) < MIN_BULK_CHARACTERS or quote != '"' or delimiter in ("", " ") or not delimiter.isascii():
+    if len(text) < MIN_BULK_CHARACTERS or form.quote != '"':
         return None
-    if f'{delimiter} "' in text:  # a space before a quote: Arrow takes it for a part of the cell
+    if form.delimiter in ("", " ") or not form.delimiter.isascii():
+        return None
+    if '"' in text and f'{form.delimiter} "' in text:  # Arrow takes that space for a part of the cell
         return None
     if "\r" in text and text.count("\r") != text.count("\r\n"):
         return None
-    breaks = text.count("\n")
-    return Bulk(text, delimiter, skipped, breaks) if breaks > 3 * ENDS else None
+    lines = text.removesuffix("\n").split("\n")
+    return Bulk(lines, form) if len(lines) > 3 * ENDS else None
 
 
 def rows_of_ends(bulk: Bulk) -> list[Row]:
     """The rows of both ends by the number of their line."""
-    lines = [(at, line) for at, line in bulk.ends() if line.strip() and at > bulk.skipped]
-    reader = csv.reader((line for _, line in lines), delimiter=bulk.delimiter)
+    ends = [*enumerate(bulk.lines[:ENDS], 1), *enumerate(bulk.lines[-ENDS:], len(bulk.lines) - ENDS + 1)]
+    lines = [(at, line) for at, line in ends if line.strip() and at > bulk.form.skipped]
+    reader = csv.reader((line for _, line in lines), delimiter=bulk.form.delimiter)
     rows = [(at, [*map(str.strip, row)]) for (at, _), row in zip(lines, reader, strict=False)]
     return [row for row in rows if any(row[1])]
-
-
-def _line_start(text: str, line: int, total: int) -> int:
-    """Where a line begins, or the end of the text, which has `total` line breaks."""
-    if line - 1 > total:
-        return len(text)
-    if line - 1 > total // 2:
-        at = len(text)
-        for _ in range(total - (line - 1) + 1):
-            at = text.rfind("\n", 0, at)
-        return at + 1
-    at = 0
-    for _ in range(line - 1):
-        at = text.find("\n", at) + 1
-    return at
-
-
-def _start_of_last_lines(text: str, lines: int) -> int:
-    """Where the last lines begin."""
-    at = len(text) - text.endswith("\n")
-    for _ in range(lines):
-        at = text.rfind("\n", 0, at)
-    return at + 1
 
 
 def prove_column(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None] | None:
@@ -298,68 +245,31 @@ def prove_column(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None]
     least one of them, or none of the probes is a number.
     """
     places = np.unique(np.linspace(0, len(cells) - 1, PROBES).astype(int)).tolist()
-    probes = [notation(cells[at].as_py()) for at in places]
-    if not any(probes):
+    if not (probes := [number for at in places if (number := notation(cells[at].as_py()))]):
         return Evidence(values=len(cells)), None
     unmarked = pc.if_else(pc.is_in(cells, _MARKS), pa.scalar(None, pa.string()), cells)
     signed = {sign: pc.match_substring(unmarked, sign) for sign in (".", ",")}
+    signs = {sign for sign, matches in signed.items() if pc.any(matches).as_py()}
     bare = unmarked.filter(pc.invert(pc.or_(*signed.values())))
-    if _any(pc.match_substring_regex(bare, _LABEL)):
+    if len(signs) > 1 or pc.any(pc.match_substring_regex(bare, _LABEL)).as_py():
         return None
     count = len(unmarked) - unmarked.null_count
     evidence = Evidence(numbers=count, values=count)
-    signs = [sign for sign, cells_with_it in signed.items() if _any(cells_with_it)]
-    plain = _without_signs(unmarked, signs, [probe for probe in probes if probe is not None], evidence)
-    if plain is None:
-        return None
+    if signs:
+        if not _decides(probes) and not _decides(filter(None, map(notation, filter(None, unmarked.to_pylist())))):
+            return None  # each can group thousands as well
+        evidence.proven |= signs
     try:
-        values = plain.cast(pa.float64())
+        plain = pc.replace_substring(unmarked, ",", ".") if "," in signs else unmarked
+        numbers = plain.cast(pa.float64()).to_numpy(zero_copy_only=False)
     except pa.ArrowInvalid:
         return None
-    numbers = values.to_numpy(zero_copy_only=False)
     return (evidence, numbers) if np.isfinite(numbers).sum() == count else None
 
 
-def _without_signs(cells: pa.Array, signs: list[str], probes: list[Notation], evidence: Evidence) -> pa.Array | None:
-    """The cells in plain notation, and what they prove; None where that is not plain to see."""
-    if not signs:
-        return cells
-    if len(signs) == 1:
-        if (at := _decisive_cell(cells, probes)) is None:
-            return None
-        (evidence.point if signs == ["."] else evidence.comma)[DECIMAL] = at
-        return cells if signs == ["."] else pc.replace_substring(cells, ",", ".")
-    votes = {("." if probe.point == DECIMAL else ",") for probe in probes if DECIMAL in (probe.point, probe.comma)}
-    if len(votes) != 1:
-        return None
-    decimal = min(votes)
-    grouping = OTHER_DECIMAL_SIGN[decimal]
-    if not _all(pc.match_substring_regex(cells, _GROUPED[decimal])) or not _any(
-        pc.match_substring_regex(cells, rf"\{grouping}[0-9]{{3}}\{decimal}")
-    ):
-        return None  # a sign that never groups for sure
-    roles = (evidence.point, evidence.comma) if decimal == "." else (evidence.comma, evidence.point)
-    roles[0][DECIMAL], roles[1][THOUSANDS] = 0, 0
-    return pc.replace_substring(pc.replace_substring(cells, grouping, ""), decimal, ".")
-
-
-def _any(matches: pa.Array) -> bool:
-    return bool(pc.any(matches).as_py())
-
-
-def _all(matches: pa.Array) -> bool:
-    return bool(pc.all(matches).as_py())
-
-
-def _decisive_cell(cells: pa.Array, probes: list[Notation]) -> int | None:
-    """A cell whose sign can only be decimal; None where there is none."""
-    if any(DECIMAL in (probe.point, probe.comma) for probe in probes):
-        return 0
-    for at, cell in enumerate(cells.to_pylist()):
-        written = notation(cell) if cell else None
-        if written is not None and DECIMAL in (written.point, written.comma):
-            return at
-    return None
+def _decides(numbers: Iterable[Notation]) -> bool:
+    """Whether one of the numbers has a sign that can only be decimal."""
+    return any(number.proven in number.signs for number in numbers)
 
 
 # Rows of a text file.
@@ -368,35 +278,41 @@ def _decisive_cell(cells: pa.Array, probes: list[Notation]) -> int | None:
 _SPACES = re.compile(r"[ \t]+")
 
 
-def rows_of_text(content: bytes, place: str, options: ReadOptions) -> tuple[list[Row], Dialect, Bulk | None]:
-    """The rows of a file that are not empty, by the number of their line, and its dialect.
+def rows_of_text(content: bytes, place: str, options: ReadOptions) -> tuple[list[Row], Dialect, Bulk | None, list[str]]:
+    """The rows of a file that are not empty, by the number of their line, its dialect, and notes.
 
-    For a long file, the rows at both ends and the bulk of it.
+    For a long file, the rows at both ends and the bulk of it. Raises InputError where the file ends
+    within a number for sure.
     """
     text, encoding = decode_text(content, place, options.encoding)
+    bulk = None
     if options.delimiter is None and (fixed := rows_of_fixed_width(text)) is not None:
-        return fixed, Dialect("fixed width", encoding), None
-    form = separator(text[:100_000].splitlines(), place, options.separator)
-    dialect = Dialect("csv", encoding, form.delimiter, quote=form.quote)
-    bulk = bulk_of(text, form.delimiter, form.quote, form.skipped)
-    rows = rows_of(text, form, place) if bulk is None else rows_of_ends(bulk)
-    if not text.endswith("\n") and _is_cut_off(rows):
-        cut = (
-            f'ends within its last number, "{rows[-1][1][-1]}": export it again, or end its last line with a line break'
-        )
+        rows, dialect = fixed, Dialect("fixed width", encoding)
+    else:
+        form = separator(text[:100_000].splitlines(), place, options.separator)
+        dialect = Dialect("csv", encoding, form.delimiter, quote=form.quote)
+        bulk = bulk_of(text, form)
+        rows = rows_of(text, form, place) if bulk is None else rows_of_ends(bulk)
+    last = next((cell for cell in reversed(rows[-1][1]) if cell), "") if rows else ""
+    if text.endswith(("\n", "\r")) or not notation(last):
+        return rows, dialect, bulk, []
+    if _is_cut_off(rows, last):
+        cut = f'ends within its last number, "{last}": export it again, or end its last line with a line break'
         raise refuse(place, cut)
-    return rows, dialect, bulk
+    note = f'no line break ends the last line: its last number, "{last}", is complete only if the file is'
+    return rows, dialect, bulk, [note]
 
 
-def _is_cut_off(rows: list[Row]) -> bool:
+def _is_cut_off(rows: list[Row], last: str) -> bool:
     """Whether the last cell has fewer decimals than all others of its column, which have equally many."""
-    if len(rows) < 4:
-        return False
-    column = [row[-1] for _, row in rows[-SAMPLE:] if len(row) == len(rows[-1][1]) and notation(row[-1])]
-    decimals = [
-        len(cell) - 1 - max(cell.rfind("."), cell.rfind(",")) if set(cell) & {".", ","} else 0 for cell in column
-    ]
-    return len(set(decimals[:-1])) == 1 and len(decimals) > 3 and decimals[-1] < decimals[0]
+    at = rows[-1][1].index(last)
+    cells = [row[at] for _, row in rows[-SAMPLE:-1] if len(row) == len(rows[-1][1]) and notation(row[at])]
+    decimals = {_decimals(cell) for cell in cells}
+    return len(cells) >= 3 and len(decimals) == 1 and _decimals(last) < min(decimals)
+
+
+def _decimals(number: str) -> int:
+    return len(re.sub(r".*[.,]|^[^.,]*$", "", number))
 
 
 _WORDS = re.compile(r"\S+(?: \S+)*")
@@ -476,11 +392,10 @@ def rows_of(text: str, form: Separator, place: str) -> list[Row]:
     if form.delimiter in ("", " "):
         return _rows_by_spaces(stream, form.skipped, form.delimiter)
     reader = csv.reader(stream, delimiter=form.delimiter, quotechar=form.quote, skipinitialspace=True, strict=True)
-    skipped = form.skipped
     try:
-        rows = [(reader.line_num + skipped, [*map(str.strip, row)]) for row in reader]
+        rows = [(reader.line_num + form.skipped, [*map(str.strip, row)]) for row in reader]
     except csv.Error as error:
-        raise refuse(f"{place}: row {reader.line_num + skipped}", f"is not CSV ({error})") from error
+        raise refuse(f"{place}: row {reader.line_num + form.skipped}", f"is not CSV ({error})") from error
     return [row for row in rows if any(row[1])]
 
 

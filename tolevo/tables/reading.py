@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,30 +17,42 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .. import files
 from ..errors import Fault, InputError, nearest, raise_all, refuse
 from ..files import clear_parts, csv_text, restore_cell, write_bytes, write_text
 from ..section import is_forced
 from ..units import converted, fits, shorten_text
 from .header import Layout, Row, find_layout, names_of, split_header, unit_of_cell
-from .lines import Bulk, Separator, prove_column, rows_of, rows_of_text
-from .record import AQDEF_SUFFIXES, AS_DETECTED, LONG, Columns, Dialect, ReadOptions, Table
-from .shapes import specifications_of_rows, transposed_rows, wide_of_long
-from .signs import Evidence, Exact, canonical, canonical_number, decide, evidence, is_label, is_missing
+from .lines import Bulk, prove_column, rows_of, rows_of_text
+from .record import AQDEF_SUFFIXES, AS_DETECTED, LONG, Columns, Dialect, ReadOptions, Table, empty_cells
+from .shapes import role_of, specifications_of_rows, transposed_rows, wide_of_long
+from .signs import Evidence, Exact, canonical, canonical_number, decide, evidence, is_label, is_missing, numbers_in
+from .text import content_of
 
 SHOWN = 100
 """Bad rows of a table, or bad cells of one column, that are listed; the rest is counted."""
 
 
 def assemble_table(
-    rows: list[Row], dialect: Dialect, place: str, options: ReadOptions, bulk: Bulk | None = None
+    rows: list[Row],
+    dialect: Dialect,
+    place: str,
+    options: ReadOptions,
+    bulk: Bulk | None = None,
+    notes: Sequence[str] = (),
 ) -> tuple[Table | None, list[Fault]]:
     """The table in the rows of a file, which are not empty; for a long file, in its bulk."""
+
+    def cell_by_cell() -> tuple[Table | None, list[Fault]]:
+        assert bulk is not None
+        rows_by_cell = rows_of("\n".join(bulk.lines), bulk.form, place)
+        return assemble_table(rows_by_cell, dialect, place, options, notes=notes)
+
     turned = transposed_rows(rows, options.shape, place)
     layout = find_layout(rows if turned is None else turned, place)
-    if bulk is not None and (turned is not None or _has_blocks(bulk, layout.header[0])):
-        separator = Separator(dialect.delimiter, dialect.quote, bulk.skipped)
-        return assemble_table(rows_of(bulk.text, separator, place), dialect, place, options)
+    line = layout.header[0]
+    if bulk is not None and (turned is not None or bulk.lines[line - 1] in bulk.lines[line:]):
+        return cell_by_cell()
+    layout.notes += notes
     if turned is not None:
         layout.notes.append("read as: a column per part; the number of a row is that of its column")
     header, body = _trim_layout(layout)
@@ -55,42 +68,81 @@ def assemble_table(
     if bulk is not None:
         arrays = None if faults else bulk.columns(lines[0], lines[-1], len(header))
         if arrays is None:
-            separator = Separator(dialect.delimiter, dialect.quote, bulk.skipped)
-            return assemble_table(rows_of(bulk.text, separator, place), dialect, place, options)
+            return cell_by_cell()
         columns, lines = arrays, list(range(lines[0], lines[-1] + 1))
-    columns = columns or [[] for _ in header]
+    names, units = names_of(header), _units(layout, header)
+    headers = {names[name]: name for name in header}
     cells_of: dict[str, Any] = {}
-    for name, cells in zip(header, columns, strict=True):
-        cells_of.setdefault(name, cells)
-    cells_of, percent = _without_percent_signs(cells_of)
-    proofs, numbers = _proofs(cells_of)
+    for name, cells in zip(header, columns or [[] for _ in header], strict=True):
+        cells_of.setdefault(names[name], cells)
+    percent = _strip_percent_signs(cells_of)
+    contradicted = [headers[name] for name in percent if units.get(name, "%") != "%"]
+    faults += [Fault(f"{place}: column {n}", "has cells in %, and another unit in its name") for n in contradicted]
+    units |= dict.fromkeys(percent, "%")
+    proofs, values = _proofs(cells_of)
     delimiter = dialect.delimiter if dialect.kind == "csv" else ""
     signs, doubts = decide(
-        proofs, options.decimal, delimiter, place, partial(_is_near_nominal, options, _units(layout, header))
+        proofs, options.decimal, delimiter, place, partial(_is_near_nominal, options, units, headers)
     )
-    plain = {n: _canonical_cells(cells, proofs[n], signs.get(n)) for n, cells in cells_of.items()}
-    table = _table(layout, dialect, header, plain, proofs, signs, lines, numbers)
-    names = names_of(header)
-    contradicted = [n for n in percent if table.units.get(names[n], "%") != "%"]
-    faults += [Fault(f"{place}: column {n}", "has cells in %, and another unit in its name") for n in contradicted]
-    table = replace(table, units=dict(table.units) | {names[n]: "%" for n in percent})
+    notes = [*layout.notes]
+    numeric = []
+    for name, cells in cells_of.items():
+        cells_of[name] = _canonical_cells(cells, proofs[name], signs.get(name))
+        if name in values or (proofs[name].numeric and not any(map(is_label, cells_of[name]))):
+            numeric.append(name)
+            notes += _missing_notes(name, cells_of[name], lines, values.get(name))
+    used = {signs[n] for n in cells_of if signs.get(n) and (proofs[n].proven or proofs[n].either)}
+    dialect = replace(
+        dialect,
+        decimal=min(used) if len(used) == 1 else "",
+        thousands=next((proof.group for proof in proofs.values() if proof.group), ""),
+        header=line,
+        unit_row=layout.units[0] if layout.units else 0,
+    )
 
     def number(at: int, cell: str) -> float:
-        text = canonical_number(cell, signs.get(header[at]) or ".")
+        text = canonical_number(cell, signs.get(names[header[at]]) or ".")
         return float(text or cell) if text or isinstance(cell, Exact) else math.nan
 
     summaries = [row for _, row in layout.summaries]
-    stated, wrong = specifications_of_rows(summaries, [names[n] for n in header], number, place)
-    wide, of_shape = (
-        wide_of_long(replace(table, specifications=stated), place, options.shape) if not faults else (table, [])
-    )
+    stated, wrong = specifications_of_rows(summaries, [names[name] for name in header], number, place)
+    columns_of_names = Columns(cells_of, lines)
+    wide = Table(columns_of_names, dialect, units, tuple(notes), tuple(numeric), headers, values, stated)
+    faults += _unnamed_rows(wide, place)
+    wide, of_shape = (wide, []) if faults else wide_of_long(wide, place, options.shape)
+    natural = {
+        name: replace(limits, natural="lower")
+        for name, limits in wide.specifications.items()
+        if limits.lower == limits.nominal == 0.0 and not (pd.to_numeric(wide.cells[name], errors="coerce") < 0.0).any()
+    }
+    wide = replace(wide, specifications=dict(wide.specifications) | natural)
     return wide, faults + doubts + wrong + of_shape
 
 
-def _has_blocks(bulk: Bulk, line: int) -> bool:
-    """Whether the line of the column names comes again in a long file."""
-    text = bulk.text.split("\n", line)[line - 1].strip("\r")
-    return bool(text) and bulk.text.count(f"\n{text}") > (1 if line > 1 else 0)
+def _unnamed_rows(table: Table, place: str) -> list[Fault]:
+    """A fault where a few rows name no part, or no characteristic: statistics that lost their name.
+
+    Columns that are called so name the rows; so does a first column of different texts, or of numbers
+    that count the rows, above rows at the end that it leaves empty.
+    """
+    faults = []
+    for at, (name, cells) in enumerate(table.columns.cells.items()):
+        what = role_of(name)
+        names_rows = what in ("part", "characteristic")
+        if not (names_rows or at == 0) or not 0 < 2 * len(blank := empty_cells(cells)) < len(cells):
+            continue
+        if names_rows or (len(cells) - blank[0] == len(blank) and _names_rows([*map(str, cells[: blank[0]])])):
+            others = "" if len(blank) == 1 else f", nor do {len(blank) - 1} other rows"
+            text = f"names no {what or 'part'} (column {name}), as most rows do{others}: name it, or remove the row"
+            faults.append(Fault(f"{place}: row {table.columns.lines[blank[0]]}", text))
+    return faults
+
+
+def _names_rows(cells: Sequence[str]) -> bool:
+    """Whether three cells or more are different names, or count the rows: 1, 2, 3, ..."""
+    if all(cell.isdecimal() for cell in cells):
+        return len(cells) > 2 and all(int(after) == int(before) + 1 for before, after in pairwise(cells))
+    return len(set(cells)) == len(cells) > 2 and not any(canonical_number(cell, ".") for cell in cells)
 
 
 def _fill_short_rows(header: list[str], body: list[Row], layout: Layout) -> list[Row]:
@@ -129,8 +181,8 @@ def _range(cells: Sequence[str]) -> tuple[float, float] | None:
 _PERCENT = re.compile(r"[+\-−]?[\d.,]+ ?%")
 
 
-def _without_percent_signs(cells_of: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """The columns with percent signs taken off their numbers, and the names of those that had them."""
+def _strip_percent_signs(cells_of: dict[str, Any]) -> list[str]:
+    """Take percent signs off the numbers of columns; the names of those that had them."""
     named = [
         name
         for name, cells in cells_of.items()
@@ -138,24 +190,21 @@ def _without_percent_signs(cells_of: dict[str, Any]) -> tuple[dict[str, Any], li
         and any("%" in cell for cell in cells)
         and all(is_missing(cell) or _PERCENT.fullmatch(cell) for cell in cells)
     ]
-    return cells_of | {name: [cell.rstrip("% ") for cell in cells_of[name]] for name in named}, named
+    cells_of |= {name: [cell.rstrip("% ") for cell in cells_of[name]] for name in named}
+    return named
 
 
 def _proofs(cells_of: dict[str, Any]) -> tuple[dict[str, Evidence], dict[str, NDArray[Any]]]:
     """What the cells of each column prove, and the numbers of those that are read at once."""
     proofs, numbers = {}, {}
     for name, cells in cells_of.items():
-        if isinstance(cells, list):
-            proofs[name] = evidence(cells)
-            continue
-        quick = prove_column(cells)
+        quick = None if isinstance(cells, list) else prove_column(cells)
         if quick is None:
-            cells_of[name] = cells.to_pylist()
-            proofs[name] = evidence(cells_of[name])
-        else:
-            proofs[name] = quick[0]
-            if quick[1] is not None:
-                numbers[name] = quick[1]
+            cells_of[name] = cells if isinstance(cells, list) else cells.to_pylist()
+            quick = evidence(cells_of[name]), None
+        proofs[name] = quick[0]
+        if quick[1] is not None:
+            numbers[name] = quick[1]
     return proofs, numbers
 
 
@@ -163,42 +212,8 @@ def _canonical_cells(cells: Any, proof: Evidence, sign: str | None) -> Any:
     """The cells of a column with numbers in plain notation."""
     if sign is None or not isinstance(cells, list):
         return cells
-    plain = not (sign == "," or proof.group or proof.comma or any("−" in cell for cell in cells))
+    plain = not (sign == "," or proof.group or proof.grouping or proof.either or any("−" in cell for cell in cells))
     return cells if plain else canonical(cells, sign or ".")
-
-
-def _table(
-    layout: Layout,
-    dialect: Dialect,
-    header: list[str],
-    columns: dict[str, Any],
-    proofs: dict[str, Evidence],
-    signs: dict[str, str],
-    lines: list[int],
-    quick: dict[str, NDArray[Any]],
-) -> Table:
-    """The table with its names apart from their units."""
-    names, units = names_of(header), _units(layout, header)
-    numeric = tuple(
-        names[n] for n in columns if n in quick or (proofs[n].numeric and not any(map(is_label, columns[n])))
-    )
-    used = [signs[n] for n in columns if signs.get(n) and (proofs[n].point or proofs[n].comma)]
-    complete = replace(
-        dialect,
-        decimal="".join(sorted(set(used)))[:1] if len(set(used)) == 1 else "",
-        thousands=next((proof.group for proof in proofs.values() if proof.group), ""),
-        header=layout.header[0],
-        unit_row=layout.units[0] if layout.units else 0,
-    )
-    slow = [name for name in numeric if name not in {names[n] for n in quick}]
-    slow += [names[n] for n, values in quick.items() if np.isnan(values).any()]
-    values = {names[n]: column for n, column in quick.items()}
-    cells_of = {names[n]: column for n, column in columns.items()}
-    notes = [*layout.notes]
-    for name in slow:
-        notes += _missing_notes(name, cells_of[name], lines, values.get(name))
-    headers = {names[n]: n for n in columns}
-    return Table(Columns(cells_of, lines), complete, units, tuple(notes), numeric, headers, values)
 
 
 def _units(layout: Layout, header: list[str]) -> dict[str, str]:
@@ -207,19 +222,17 @@ def _units(layout: Layout, header: list[str]) -> dict[str, str]:
     units = {names[n]: unit for n in header if (unit := split_header(n)[1]) and names[n] != n}
     if layout.units is not None:
         for name, cell in zip(header, layout.units[1], strict=False):
-            if cell and (unit := unit_of_cell(cell)):
+            if cell and (unit := unit_of_cell(cell) or "1") != "1":
                 units.setdefault(names[name], unit)
     return units
 
 
-def _is_near_nominal(options: ReadOptions, units: Mapping[str, str], column: str, value: float) -> bool:
+def _is_near_nominal(
+    options: ReadOptions, units: Mapping[str, str], headers: Mapping[str, str], name: str, value: float
+) -> bool:
     """Whether a value is between half and twice the nominal size of its column, where that is known."""
-    name = split_header(column)[0]
-    sizes = options.sizes
-    size = next((sizes[key] for key in (column, name, "") if key in sizes), None)
-    if size is None:
-        return False
-    nominal, unit, stated = *size, units.get(name) or units.get(column)
+    nominal, unit = next((options.sizes[key] for key in (headers[name], name, "") if key in options.sizes), (0.0, ""))
+    stated = units.get(name)
     if stated and unit and fits(stated, unit):
         value = float(converted(value, stated, unit))
     return 0.5 <= value / nominal <= 2.0 if nominal else False
@@ -324,7 +337,9 @@ def _open_by_suffix(path: Path, place: str, options: ReadOptions) -> tuple[Table
             from .aqdef import table_of_aqdef
 
             return table_of_aqdef(path, place, options)
-        content = _content(path, place)
+        content = content_of(path, place, EMPTY)
+        if content.startswith(XLS_SIGNATURE):
+            raise refuse(place, "is a workbook of the old format (.xls); save it as .xlsx or CSV")
         if suffix in PARQUET or content[:4] == b"PAR1":
             table, faults = _from_parquet(content, place)
             wide, of_shape = wide_of_long(table, place, options.shape) if options.shape == LONG else (table, [])
@@ -332,29 +347,17 @@ def _open_by_suffix(path: Path, place: str, options: ReadOptions) -> tuple[Table
         if suffix in WORKBOOKS or content[:4] == b"PK\x03\x04":
             from .workbook import rows_of_workbook
 
-            (rows, dialect), bulk = rows_of_workbook(content, place), None
+            (rows, dialect), bulk, notes = rows_of_workbook(content, place), None, list[str]()
         else:
-            rows, dialect, bulk = rows_of_text(content, place, options)
+            rows, dialect, bulk, notes = rows_of_text(content, place, options)
         if not rows:
             raise refuse(place, EMPTY)
         if (most := max(len(cells) for _, cells in rows)) > COLUMNS and not is_forced():
             text = f"has {most} columns, {COLUMNS} are the most that are read: leave some out, or add --force"
             raise refuse(place, text)
-        return assemble_table(rows, dialect, place, options, bulk)
+        return assemble_table(rows, dialect, place, options, bulk, notes)
     except InputError as error:
         return None, list(error.faults)
-
-
-def _content(path: Path, place: str) -> bytes:
-    try:
-        content = files.content(path)
-    except ValueError as error:
-        raise refuse(place, str(error)) from None
-    if not content.strip():
-        raise refuse(place, EMPTY)
-    if content.startswith(XLS_SIGNATURE):
-        raise refuse(place, "is a workbook of the old format (.xls); save it as .xlsx or CSV")
-    return content
 
 
 def _from_parquet(content: bytes, place: str) -> tuple[Table, list[Fault]]:
@@ -453,35 +456,16 @@ def _labels(column: pd.Series[Any]) -> tuple[NDArray[Any], dict[Any, str]]:
 def _numeric(column: pd.Series[Any]) -> tuple[NDArray[np.float64], dict[Any, str]]:
     """The cells as numbers, NaN where a message says why not, by row."""
     cells = column.to_numpy()
-    values = _numeric_column(cells)
-    doubted = np.arange(len(cells)) if values is None else np.flatnonzero(~np.isfinite(values))
-    bad = {column.index[at]: why for at in doubted.tolist() if (why := _number(cells[at])[1])}
-    if values is None:
-        values = np.array([_number(cell)[0] for cell in cells], dtype=float)
-    return np.where(np.isfinite(values), values, math.nan), bad
+    values = numbers_in(cells)
+    bad = np.flatnonzero(~np.isfinite(values)).tolist()
+    values[bad] = math.nan
+    return values, {column.index[at]: _complaint(cells[at]) for at in bad}
 
 
-def _numeric_column(cells: NDArray[Any]) -> NDArray[np.float64] | None:
-    """A column of numbers at once; None where its cells must be looked at singly."""
-    if cells.dtype.kind in "fiu":
-        return cells.astype(float)
-    if {type(cell) for cell in cells} != {str} or any("_" in cell for cell in cells):
-        return None
-    try:
-        return cells.astype(float)
-    except ValueError:
-        return None
-
-
-def _number(cell: Any) -> tuple[float, str]:
+def _complaint(cell: Any) -> str:
+    """What is wrong with a cell that holds no finite number."""
     if cell is None or cell == "":
-        return math.nan, "is empty; give a number"
-    try:
-        if isinstance(cell, bool) or (isinstance(cell, str) and "_" in cell):
-            raise ValueError
-        value = float(cell)
-    except (TypeError, ValueError):
-        return math.nan, f'must be a number, got "{shorten_text(str(cell))}"'
-    if not math.isfinite(value):
-        return math.nan, f"must be a finite number, got {cell}"
-    return value, ""
+        return "is empty; give a number"
+    if str(cell).casefold().lstrip("+-") in ("nan", "inf", "infinity"):
+        return f"must be a finite number, got {cell}"
+    return f'must be a number, got "{shorten_text(str(cell))}"'

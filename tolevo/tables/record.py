@@ -20,7 +20,6 @@ from .signs import integers_if_whole, typed_column
 
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "\\t": "\t", "pipe": "|", "bar": "|", "space": " "}
 """Words for a delimiter, as a command line is typed."""
-KNOWN = (",", ";", "\t", "|", " ")
 NAMES = {",": "comma", ";": "semicolon", "\t": "tab", "|": "pipe", " ": "space", "": "none"}
 
 
@@ -70,7 +69,7 @@ class ReadOptions:
         if self.encoding is not None and not _is_codec(self.encoding):
             text = f'must be an encoding such as utf-8, cp1252, gbk or big5, got "{self.encoding}"'
             wrong.append(Fault("--encoding", text))
-        if self.delimiter is not None and self.separator not in KNOWN:
+        if self.delimiter is not None and self.separator not in DELIMITERS.values():
             text = f'must be one of comma, semicolon, tab, pipe, space, got "{self.delimiter}"'
             wrong.append(Fault("--delimiter", text))
         if self.decimal is not None and self.decimal not in (".", ","):
@@ -135,14 +134,13 @@ class Columns:
             return cells
         if values is not None and not (values == np.floor(values)).all():
             bad = np.isnan(values)
-            return np.where(bad, _objects(cells), values.astype(object)) if bad.any() else values
+            return np.where(bad, objects_of(cells), values.astype(object)) if bad.any() else values
         return pd.Series(_texts(cells), index=self._index(), dtype=object)
 
     def _typed(self, cells: Any, numeric: bool) -> Any:
         if not isinstance(cells, list | np.ndarray) and not pc.any(pc.equal(cells, "")).as_py():
-            marked = pc.any(pc.starts_with(cells, "'")).as_py()
-            return pd.array(_texts(cells) if marked else cells, dtype="str")
-        values = _objects(cells) if numeric else _texts(cells)
+            return pd.array(_texts(cells) if _is_marked(cells) else cells, dtype="str")
+        values = objects_of(cells) if numeric else _texts(cells)
         return pd.Series(typed_column(values, numeric), index=self._index())
 
     def _index(self) -> pd.Index[Any]:
@@ -154,10 +152,17 @@ class Columns:
 
 def _texts(cells: Any) -> NDArray[Any]:
     """Cells as Python objects, those of a text file without their marks of text."""
-    return cells if isinstance(cells, np.ndarray) else restore_cells(_objects(cells))
+    if isinstance(cells, np.ndarray):
+        return cells
+    return restore_cells(objects_of(cells)) if _is_marked(cells) else objects_of(cells)
 
 
-def _objects(cells: Any) -> NDArray[Any]:
+def _is_marked(cells: Any) -> bool:
+    """Whether cells of a text file may have marks of text."""
+    return isinstance(cells, list) or bool(pc.any(pc.starts_with(cells, "'")).as_py())
+
+
+def objects_of(cells: Any) -> NDArray[Any]:
     """Cells as Python objects."""
     if isinstance(cells, np.ndarray):
         return cells
@@ -166,6 +171,13 @@ def _objects(cells: Any) -> NDArray[Any]:
         objects[:] = cells
         return objects
     return np.asarray(cells.to_numpy(zero_copy_only=False), dtype=object)
+
+
+def empty_cells(cells: Any) -> list[int]:
+    """The places of empty cells in a list of texts or an Arrow array."""
+    if isinstance(cells, list):
+        return [at for at, cell in enumerate(cells) if cell == ""]
+    return np.flatnonzero(pc.equal(cells, "").to_numpy(zero_copy_only=False)).tolist()
 
 
 # A table as it was read: cells, units, limits, dialect, and notes on them.

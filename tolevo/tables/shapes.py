@@ -13,8 +13,7 @@ import numpy as np
 import pandas as pd
 
 from ..errors import Fault, raise_all
-from ..units import converted, fits
-from .header import Row, known_unit, split_header
+from .header import Row, is_same_unit, known_unit, split_header
 from .record import LONG, WIDE, Columns, Specification, Table
 from .signs import LIMITS, is_missing, is_summary
 
@@ -95,8 +94,8 @@ def _heads_parts(row: list[str]) -> bool:
     parts = [cell for cell in row[1:] if cell and not role_of(cell) and not is_summary(cell)]
     numbered = [match for cell in parts if (match := _NUMBERED.fullmatch(cell))]
     stems = {match["stem"].casefold().strip() for match in numbered}
-    named = not stems or stems == {""} or role_of(next(iter(stems))) == "part"
-    return len(parts) > 1 and len(numbered) == len(parts) and len(stems) == 1 and named
+    named = len(stems) == 1 and (stems == {""} or role_of(min(stems)) == "part")
+    return named and len(numbered) == len(parts) > 1
 
 
 # A row per characteristic, turned into a column per characteristic.
@@ -166,15 +165,11 @@ def wide_of_long(table: Table, place: str, shape: str | None) -> tuple[Table, li
     held[column_of, row_of] = cells[long["value"]].to_numpy(dtype=object)
     numbers = np.full(held.shape, np.nan)
     numbers[column_of, row_of] = pd.to_numeric(cells[long["value"]], errors="coerce")
-    used = set(long.values())
     columns: dict[str, Any] = {long["part"]: part.iloc[first].tolist()} if "part" in long else {}
-    unused = []
-    for name in (name for name in cells if name not in used):
-        texts = cells[name].astype(str).to_numpy()
-        if (texts == texts[first][row_of]).all():
-            columns[str(name)] = texts[first].tolist()
-        else:
-            unused.append(str(name))
+    others = {str(n): cells[n].astype(str).to_numpy() for n in cells.columns if n not in long.values()}
+    of_parts = {name: texts[first] for name, texts in others.items() if (texts == texts[first][row_of]).all()}
+    columns |= {name: texts.tolist() for name, texts in of_parts.items()}
+    unused = [name for name in others if name not in of_parts]
     columns |= {str(label): row.tolist() for label, row in zip(labels, held, strict=True)}
     units, of_units = _units_of(table, long, names, place)
     specifications, of_limits = _specifications(table, long, names, units, place)
@@ -223,8 +218,7 @@ def _specifications(
     faults = _wrong_deviations(table, long, numbers, place)
     stated: dict[str, dict[str, float]] = {}
     for role in roles:
-        grouped = numbers[role].groupby(names, sort=False)
-        for name, (low, high) in grouped.agg(["min", "max"]).iterrows():
+        for name, (low, high) in numbers[role].groupby(names, sort=False).agg(["min", "max"]).iterrows():
             if low != high and not np.isnan(low):
                 what = {"nominal": "nominal sizes", "lower": "lower limits", "lsl": "lower limits"}.get(role)
                 text = f"has two {what or 'upper limits'}: {low:.10g} and {high:.10g}"
@@ -232,31 +226,15 @@ def _specifications(
                 faults.append(Fault(f"{place}: {name}", text))
             elif not np.isnan(low):
                 stated.setdefault(str(name), {})[role] = float(low)
-    lower = long.get("lower", "")
-    cells = [] if not lower else [str(cell) for cell in table.cells[lower]]
-    sign, doubt = _sign_of_lower(table.headers.get(lower, lower), cells, numbers)
-    if doubt:
-        faults.append(Fault(f"{place}: column {lower}", doubt))
-    specifications = {}
-    for name, values in stated.items():
+    for name in stated:
         own = units.get(name, "")
-        wrong = [long[r] for r in values if (u := table.units.get(long[r], "")) and own and not _is_unit(u, own)]
-        faults += [
-            Fault(f"{place}: column {column}", f'is in "{table.units[column]}", {name} in "{own}"') for column in wrong
-        ]
-        values["lower"] = sign * values["lower"] if "lower" in values else np.nan
-        specifications[name], faults_of_limits = specification(values, f"{place}: {name}")
-        faults += faults_of_limits
-        if (
-            specifications[name].lower == specifications[name].nominal == 0.0
-            and not (pd.to_numeric(table.cells[long["value"]][names == name], errors="coerce") < 0.0).any()
-        ):
-            specifications[name] = replace(specifications[name], natural="lower")
-    return specifications, faults
-
-
-def _is_unit(unit: str, own: str) -> bool:
-    return unit == own or (fits(unit, own) and float(converted(1.0, unit, own)) == 1.0)
+        for column in (long[role] for role in stated[name]):
+            if own and (unit := table.units.get(column, "")) and not is_same_unit(unit, own):
+                faults.append(Fault(f"{place}: column {column}", f'is in "{unit}", {name} in "{own}"'))
+    lower = long.get("lower", "")
+    plus = bool(lower) and any(str(cell).startswith("+") for cell in table.cells[lower].unique())
+    specifications, wrong = _of_stated(stated, table.headers.get(lower, lower), plus, place)
+    return specifications, faults + wrong
 
 
 def _wrong_deviations(table: Table, long: _Long, numbers: Mapping[str, pd.Series[Any]], place: str) -> list[Fault]:
@@ -273,21 +251,29 @@ def _wrong_deviations(table: Table, long: _Long, numbers: Mapping[str, pd.Series
     return [Fault(place, text)]
 
 
-def _sign_of_lower(heading: str, cells: Sequence[str], numbers: Mapping[str, pd.Series[Any]]) -> tuple[float, str]:
-    """1 where lower tolerances are signed (-0.05), -1 where they are magnitudes (0.05), and why that
-    cannot be determined.
+def _of_stated(
+    stated: Mapping[str, dict[str, float]], heading: str, plus: bool, place: str, kind: str = "column"
+) -> tuple[dict[str, Specification], list[Fault]]:
+    """Specifications from what is stated of each characteristic, by role.
+
+    `heading` is what the row or column (`kind`) of lower tolerances is called, and `plus` whether one
+    of them has its sign, "+0.01".
     """
-    lower = numbers.get("lower", pd.Series(dtype=float)).dropna()
-    if lower.empty or not (lower > 0.0).any():
-        return (-1.0, _UNSIGNED) if heading.startswith(MAGNITUDE) and (lower < 0.0).any() else (1.0, "")
-    if heading.startswith(MAGNITUDE):
-        return (-1.0, _UNSIGNED) if (lower < 0.0).any() else (-1.0, "")
-    if (lower < 0.0).any() or any(cell.startswith("+") for cell in cells):
-        return 1.0, ""
-    upper = numbers.get("upper", lower).reindex(lower.index)
-    if (upper <= lower)[lower > 0.0].any():
-        return -1.0, ""  # as signs the limits would be the wrong way round
-    return 1.0, _UNSIGNED
+    lowers = [(s["lower"], s.get("upper", np.nan)) for s in stated.values() if "lower" in s and "lsl" not in s]
+    below = any(lower < 0.0 for lower, _ in lowers)
+    magnitudes = heading.startswith(MAGNITUDE)
+    doubt = magnitudes and below
+    if not (magnitudes or below or plus) and any(lower > 0.0 for lower, _ in lowers):
+        # As signs, the limits of one would be the wrong way round.
+        magnitudes = any(0.0 < lower >= upper for lower, upper in lowers)
+        doubt = not magnitudes
+    specifications = {}
+    faults = [Fault(f"{place}: {kind} {heading}", _UNSIGNED)] if doubt else []
+    for name, values in stated.items():
+        signed = values | ({"lower": -values["lower"]} if magnitudes and "lower" in values else {})
+        specifications[name], wrong = specification(signed, f"{place}: {name}")
+        faults += wrong
+    return specifications, faults
 
 
 _UNSIGNED = "its lower tolerances can be above the nominal size or below it: write their signs, +0.01 or -0.01"
@@ -327,21 +313,12 @@ def specifications_of_rows(
 
     `number(at, cell)` is the number in a cell of the column at that place, NaN where there is none.
     """
-    specifications, faults = {}, []
+    by_role = {role: row for row in rows if (role := role_of(next((cell for cell in row if cell), ""))) in SPECIFIED}
+    stated: dict[str, dict[str, float]] = {}
     for at, name in enumerate(names):
-        stated = {
-            role: value
-            for row in rows
-            if (role := role_of(next((cell for cell in row if cell), ""))) in SPECIFIED and at < len(row)
-            if not np.isnan(value := number(at, row[at]))
-        }
-        if stated:
-            if (lower := stated.get("lower", 0.0)) > 0.0 and "lsl" not in stated:
-                signed = any(role_of(row[0]) == "lower" and row[at].startswith("+") for row in rows)
-                if stated.get("upper", np.inf) <= lower:
-                    stated["lower"] = -lower  # as a sign the limits would be the wrong way round
-                elif not signed:
-                    faults.append(Fault(f"{place}: column {name}", _UNSIGNED))
-            specifications[name], wrong = specification(stated, f"{place}: column {name}")
-            faults += wrong
-    return specifications, faults
+        for role, row in by_role.items():
+            if at < len(row) and not np.isnan(value := number(at, row[at])):
+                stated.setdefault(name, {})[role] = value
+    lower = by_role.get("lower", [])
+    heading = next((cell for cell in lower if cell), "")
+    return _of_stated(stated, heading, any(cell.startswith("+") for cell in lower), place, "row")

@@ -7,8 +7,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
-from datetime import UTC, datetime, timedelta, timezone
+from datetime import datetime
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -75,83 +77,54 @@ def is_summary(cell: str) -> bool:
 # "0,412" can only be a decimal comma, "1.234.567" only thousands; "1,234" is either.
 
 
-_NUMBER = re.compile(
-    r"[+\-−]?(?=[\d.,]*\d)(?P<mantissa>"
-    r"(?:\d{1,3}(?:[ \u00a0\u202f\u2009'’]\d{3})+|[\d.,]*\d|\d+[.,])(?:[.,]\d+)?)"
-    r"(?P<exponent>[eE][+\-−]?\d+)?"
-)
+OTHER_DECIMAL_SIGN = {".": ",", ",": "."}
+_SPACES = " \u00a0\u202f\u2009'’"
+_GROUPS = re.compile(f"[{_SPACES}]")
+_NUMBERS = {
+    decimal: re.compile(
+        rf"[+\-−]?(?:(?:\d{{1,3}}(?:[{_SPACES}]\d{{3}})+(?:\{decimal}\d+)?|\d+(?:\{decimal}\d*)?|\{decimal}\d+)"
+        rf"(?:[eE][+\-−]?\d+)?|[1-9]\d{{0,2}}(?:\{other}\d{{3}})+(?:\{decimal}\d+)?)"
+    )
+    for decimal, other in OTHER_DECIMAL_SIGN.items()
+}
+"""Numbers by their decimal sign: with digits in groups of three, or without groups."""
 MAX_NUMBER_CHARACTERS = 400
 """Characters of a number at most: a double written out has 330."""
-_GROUPS = re.compile(r"[ \u00a0\u202f\u2009'’]")
-_GROUPED = {sign: re.compile(rf"[1-9]\d{{0,2}}(?:{re.escape(sign)}\d{{3}})+") for sign in (".", ",")}
-DECIMAL, THOUSANDS, EITHER = "decimal", "thousands", "either"
 
 
 @dataclass(frozen=True, slots=True)
 class Notation:
-    """What the point and the comma of a number are; None where there is none."""
+    """How a cell writes a number: the decimal signs by which it is one, those that stand in it, and
+    the space or apostrophe between its groups of digits.
+    """
 
-    point: str | None = None
-    comma: str | None = None
+    decimals: tuple[str, ...]
+    signs: tuple[str, ...] = ()
     group: str = ""
 
+    @property
+    def proven(self) -> str:
+        """The only decimal sign that it can have, empty where both are possible."""
+        return self.decimals[0] if len(self.decimals) == 1 else ""
 
-PLAIN = Notation()
-OTHER_DECIMAL_SIGN = {".": ",", ",": "."}
 
-
+@lru_cache(maxsize=4096)  # cells are looked at for the delimiter, the layout and their sign
 def notation(cell: str) -> Notation | None:
     """How a cell writes a number; None where it is none in any notation."""
-    match = _NUMBER.fullmatch(cell) if len(cell) <= MAX_NUMBER_CHARACTERS else None
-    if match is None:
+    decimals = tuple(decimal for decimal in _NUMBERS if _is_number(cell, decimal))
+    if not decimals:
         return None
-    mantissa = match["mantissa"]
-    spaced = _GROUPS.search(mantissa)
-    points, commas = mantissa.count("."), mantissa.count(",")
-    if not points and not commas:
-        return Notation(group=spaced[0]) if spaced else PLAIN
-    if spaced or match["exponent"]:
-        return _certain_notation(mantissa, points, commas, spaced[0] if spaced else "")
-    if points and commas:
-        return _notation_of_both_signs(mantissa)
-    return _single_sign(mantissa, "." if points else ",", points + commas)
+    spaced = _GROUPS.search(cell)
+    return Notation(decimals, tuple(sign for sign in _NUMBERS if sign in cell), spaced[0] if spaced else "")
 
 
-def _certain_notation(mantissa: str, points: int, commas: int, group: str) -> Notation | None:
-    """Notation with spaces between groups of digits, or with an exponent: a sign is decimal."""
-    if points + commas != 1:
-        return None
-    return Notation(DECIMAL, None, group) if points else Notation(None, DECIMAL, group)
-
-
-def _notation_of_both_signs(mantissa: str) -> Notation | None:
-    """The sign that comes last is decimal, the other groups thousands."""
-    last = max(".", ",", key=mantissa.rfind)
-    whole, _, fraction = mantissa.rpartition(last)
-    if not fraction.isdigit() or not _GROUPED[OTHER_DECIMAL_SIGN[last]].fullmatch(whole):
-        return None
-    return Notation(DECIMAL, THOUSANDS) if last == "." else Notation(THOUSANDS, DECIMAL)
-
-
-def _single_sign(mantissa: str, sign: str, count: int) -> Notation | None:
-    """One kind of sign: several group thousands; a single one before three digits is either."""
-    if count > 1:
-        what = THOUSANDS if _GROUPED[sign].fullmatch(mantissa) else None
-    else:
-        what = EITHER if _GROUPED[sign].fullmatch(mantissa) else DECIMAL
-    if what is None:
-        return None
-    return Notation(what, None) if sign == "." else Notation(None, what)
+def _is_number(cell: str, decimal: str) -> bool:
+    return len(cell) <= MAX_NUMBER_CHARACTERS and _NUMBERS[decimal].fullmatch(cell) is not None
 
 
 def canonical_number(cell: str, decimal: str) -> str | None:
     """The number in plain notation where `decimal` is its decimal sign; None where it is none."""
-    match = _NUMBER.fullmatch(cell) if len(cell) <= MAX_NUMBER_CHARACTERS else None
-    signs = notation(cell) if match else None
-    if match is None or signs is None:
-        return None
-    roles = {".": signs.point, ",": signs.comma}
-    if roles[decimal] == THOUSANDS or roles[OTHER_DECIMAL_SIGN[decimal]] == DECIMAL:
+    if not _is_number(cell, decimal):
         return None
     return _GROUPS.sub("", cell).replace(OTHER_DECIMAL_SIGN[decimal], "").replace(decimal, ".").replace("−", "-")
 
@@ -176,13 +149,14 @@ class Exact(str):
 
 @dataclass(slots=True)
 class Evidence:
-    """Cells of one column by what they prove, each with its place in the column: the first.
-
-    `point` and `comma` map a role (decimal, thousands, either) to the first cell that has it.
+    """What the cells of one column prove: `proven` are the decimal signs that some must have,
+    `grouping` the signs that group thousands in some, `either` those that can do both in one, of which
+    `doubt` is the first.
     """
 
-    point: dict[str, int] = field(default_factory=dict)
-    comma: dict[str, int] = field(default_factory=dict)
+    proven: set[str] = field(default_factory=set)
+    grouping: set[str] = field(default_factory=set)
+    either: set[str] = field(default_factory=set)
     group: str = ""
     doubt: str = ""
     numbers: int = 0
@@ -193,33 +167,19 @@ class Evidence:
         """Whether at least half of its values are numbers."""
         return self.numbers > 0 and 2 * self.numbers >= self.values
 
-    def votes(self) -> set[str]:
-        """The decimal signs that its cells prove."""
-        signs = set()
-        if DECIMAL in self.point or THOUSANDS in self.comma:
-            signs.add(".")
-        if DECIMAL in self.comma or THOUSANDS in self.point:
-            signs.add(",")
-        return signs
-
     def doubtful(self, decimal: str) -> bool:
         """Whether a cell can be another number where `decimal` is the decimal sign."""
-        grouping = self.comma if decimal == "." else self.point
-        return EITHER in grouping and THOUSANDS not in grouping
+        return OTHER_DECIMAL_SIGN[decimal] in self.either - self.grouping
 
-    def any_doubt(self) -> bool:
-        """Whether a cell has a sign that can be either."""
-        return EITHER in self.point or EITHER in self.comma
-
-    def add(self, at: int, cell: str, number: Notation) -> None:
-        """Take note of the number in cell `at`."""
+    def add(self, cell: str, number: Notation) -> None:
+        """Take note of the number in a cell."""
         self.numbers += 1
-        if not self.doubt and EITHER in (number.point, number.comma):
-            self.doubt = cell
-        if number.point:
-            self.point.setdefault(number.point, at)
-        if number.comma:
-            self.comma.setdefault(number.comma, at)
+        if number.signs and not number.proven:
+            self.either.update(number.signs)
+            self.doubt = self.doubt or cell
+        elif number.signs:
+            self.proven.add(number.proven)
+            self.grouping.update(sign for sign in number.signs if sign != number.proven)
         self.group = self.group or number.group
 
 
@@ -231,13 +191,11 @@ def evidence(cells: Sequence[str]) -> Evidence:
         proof.values = len(cells)
         return proof
     missing = 0
-    for at, cell in enumerate(cells):
+    for cell in cells:
         if isinstance(cell, Exact):
             proof.numbers += 1
-            continue
-        number = notation(cell)
-        if number is not None:
-            proof.add(at, cell, number)
+        elif (number := notation(cell)) is not None:
+            proof.add(cell, number)
         elif is_missing(cell):
             missing += 1
     proof.values = len(cells) - missing
@@ -257,28 +215,29 @@ def decide(
     """
     numeric = {name: proof for name, proof in columns.items() if proof.numeric}
     if stated is not None:
-        return _signs_as_stated(numeric, stated, place)
-    of_file = {vote for proof in numeric.values() for vote in proof.votes()}
-    if not of_file and delimiter == "," and not any(EITHER in o.comma for o in numeric.values()):
-        of_file = {"."}  # a comma between the columns leaves the point for decimals
-    if not of_file and delimiter == ";" and not any(EITHER in o.point for o in numeric.values()):
-        of_file = {","}
-    signs, faults, doubted = {}, [], []
+        text = f'its numbers have decimal signs that are not "{stated}": state another --decimal'
+        wrong = [name for name, proof in numeric.items() if proof.proven == {OTHER_DECIMAL_SIGN[stated]}]
+        return dict.fromkeys(numeric, stated), [Fault(f"{place}: column {name}", text) for name in wrong]
+    of_file = {sign for proof in numeric.values() for sign in proof.proven}
+    usual = {",": ".", ";": ","}.get(delimiter)  # who separates columns by commas has points for decimals
+    if not of_file and usual and not any(OTHER_DECIMAL_SIGN[usual] in proof.either for proof in numeric.values()):
+        of_file = {usual}
+    signs, faults, doubts = {}, [], []
     for name, proof in numeric.items():
-        votes = proof.votes()
-        if len(votes) > 1:
+        possible = proof.proven or of_file
+        if len(proof.proven) > 1:
             faults.append(Fault(f"{place}: column {name}", _MIXED))
-        elif not votes and not proof.any_doubt():
+        elif not proof.proven and not proof.either:
             signs[name] = ""
+        elif len(possible) == 1 and not proof.doubtful(min(possible)):
+            signs[name] = min(possible)
+        elif (sign := _sign_by_size(name, proof.doubt, near)) and sign in (proof.proven or sign):
+            signs[name] = sign
         else:
-            possible = votes or of_file
-            if len(possible) == 1 and not proof.doubtful(min(possible)):
-                signs[name] = min(possible)
-            elif (sign := _sign_by_size(name, proof.doubt, near)) and sign in (votes or sign):
-                signs[name] = sign
-            else:
-                doubted.append(name)
-    return signs, faults + [_doubtful_sign_fault(name, numeric[name].doubt, place) for name in doubted]
+            decimal, grouped = proof.doubt.replace(",", "."), proof.doubt.replace(",", "").replace(".", "")
+            text = f'"{proof.doubt}" can be {decimal} or {grouped}, and nothing in the file decides'
+            doubts.append(Fault(f"{place}: column {name}", f"{text}: state --decimal . or --decimal ,"))
+    return signs, faults + doubts
 
 
 def _sign_by_size(column: str, cell: str, near: Callable[[str, float], bool]) -> str:
@@ -293,25 +252,6 @@ _MIXED = (
     "has decimal points in some cells and decimal commas in others; state --decimal where one of "
     "them groups thousands, or correct the cells"
 )
-
-
-def _signs_as_stated(numeric: Mapping[str, Evidence], stated: str, place: str) -> tuple[dict[str, str], list[Fault]]:
-    """Every column by the stated sign; a column whose numbers all contradict it is a fault."""
-    faults = [
-        Fault(
-            f"{place}: column {name}",
-            f'its numbers have decimal signs that are not "{stated}": state another --decimal',
-        )
-        for name, proof in numeric.items()
-        if proof.votes() == {OTHER_DECIMAL_SIGN[stated]}
-    ]
-    return dict.fromkeys(numeric, stated), faults
-
-
-def _doubtful_sign_fault(name: str, cell: str, place: str) -> Fault:
-    decimal, grouped = cell.replace(",", "."), cell.replace(",", "").replace(".", "")
-    text = f'"{cell}" can be {decimal} or {grouped}, and nothing in the file decides'
-    return Fault(f"{place}: column {name}", f"{text}: state --decimal . or --decimal ,")
 
 
 def canonical(cells: Sequence[str], decimal: str) -> list[str]:
@@ -359,16 +299,16 @@ def _parse_time(text: str, forms: Sequence[str]) -> tuple[datetime, float, str]:
             year = int(match["y"] or 1900)
             year += (2000 if year < 70 else 1900) if year < 100 else 0
             hour, minute, second = (int(match[part] or 0) for part in ("hour", "minute", "second"))
-            fraction = (match["fraction"] or "").ljust(12, "0")
+            fraction, zone = (match["fraction"] or "").ljust(12, "0"), match["zone"] or ""
             if match["half"]:
                 hour = hour % 12 + 12 * (match["half"] in "Pp") if 1 <= hour <= 12 else 24
-            micro = int(fraction[:6])
+            day = f"{year:04}-{_month(match['m'] or '1'):02}-{int(match['d'] or 1):02}"
+            offset = (zone.upper().lstrip("UTCGMZ") or "Z") if zone else ""
             try:
-                day = _month(match["m"] or "1"), int(match["d"] or 1)
-                time = datetime(year, *day, hour, minute, second, micro, _zone(match["zone"]))
+                time = datetime.fromisoformat(f"{day}T{hour:02}:{minute:02}:{second:02}.{fraction[:6]}{offset}")
             except ValueError:
                 continue
-            return time, 1e-12 * int(fraction[6:]), name + (ZONED if match["zone"] else "")
+            return time, 1e-12 * int(fraction[6:]), name + (ZONED if zone else "")
     raise ValueError(f'"{text[:60]}" is not a time such as 31.12.2026/08:00:00 or 2026-12-31T08:00:00Z')
 
 
@@ -379,16 +319,6 @@ def _month(text: str) -> int:
     return 1 + next(at for at, names in enumerate(_MONTHS) if text[:3].lower() in names.split("|"))
 
 
-def _zone(text: str | None) -> timezone | None:
-    """The zone that a time states: Z, +01:00, UTC-5."""
-    if not text:
-        return None
-    match = re.search(r"([+-])(\d\d):?(\d\d)?", text)
-    if match is None:
-        return UTC
-    return timezone(int(match[1] + "1") * timedelta(hours=int(match[2]), minutes=int(match[3] or 0)))
-
-
 def seconds(texts: Sequence[str]) -> tuple[list[float], datetime]:
     """The times that a column states, in seconds since the earliest of them, which is the second
     result; NaN where a cell is empty.
@@ -397,7 +327,11 @@ def seconds(texts: Sequence[str]) -> tuple[list[float], datetime]:
     zone, and where dates with slashes can be read with the day or the month first.
     """
     filled = [text for text in texts if text]
-    fitting = [name for name in _FORMS if all(_fits(text, name) for text in filled)]
+    fitting = []
+    for name in _FORMS:
+        with suppress(ValueError):
+            if all(moment(text, (name,)) for text in filled):
+                fitting.append(name)
     examples = {_parse_time(text, fitting or tuple(_FORMS))[2]: text for text in reversed(filled)}
     if not fitting or len(examples) > 1:
         listed = " and ".join(f'{name} ("{text}")' for name, text in examples.items())
@@ -410,14 +344,6 @@ def seconds(texts: Sequence[str]) -> tuple[list[float], datetime]:
     times = [_parse_time(text, fitting[:1])[:2] if text else None for text in texts]
     start, rest = min(time for time in times if time is not None)
     return [(time[0] - start).total_seconds() + (time[1] - rest) if time else float("nan") for time in times], start
-
-
-def _fits(text: str, form: str) -> bool:
-    try:
-        moment(text, (form,))
-    except ValueError:
-        return False
-    return True
 
 
 # Cells of numbers as numbers.
@@ -452,12 +378,7 @@ def typed_column(cells: NDArray[Any], numeric: bool) -> NDArray[Any]:
         return cells
     if all(map(_is_whole, cells)):
         return cells.astype(np.int64)
-    try:
-        if any("_" in cell for cell in cells if isinstance(cell, str)):  # Python reads 1_000 as a number
-            raise ValueError
-        numbers = cells.astype(float)
-    except ValueError:
-        numbers = np.array([_value(cell) for cell in cells])
+    numbers = numbers_in(cells)
     return integers_if_whole(np.where(np.isfinite(numbers), numbers, math.nan), False)
 
 
@@ -465,10 +386,20 @@ def _is_whole(cell: Any) -> bool:
     return isinstance(cell, str) and cell.lstrip("+-").isdecimal() and cell.isascii()
 
 
-def _value(cell: Any) -> float:
-    """The number in a cell, NaN where it is none."""
+def numbers_in(cells: NDArray[Any]) -> NDArray[np.float64]:
+    """The numbers in cells, NaN where there is none."""
+    if cells.dtype.kind in "fiu":
+        return cells.astype(float)
+    if {type(cell) for cell in cells} == {str} and not any("_" in cell for cell in cells):
+        with suppress(ValueError):
+            return cells.astype(float)
+    return np.array([number_in(cell) for cell in cells], dtype=float)
+
+
+def number_in(cell: Any) -> float:
+    """The number in a cell, NaN where it is none, as 1_000 is not, which Python reads as one."""
     try:
-        return math.nan if isinstance(cell, str) and "_" in cell else float(cell)
+        return math.nan if isinstance(cell, bool) or (isinstance(cell, str) and "_" in cell) else float(cell)
     except (TypeError, ValueError):
         return math.nan
 

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import codecs
 import re
+from pathlib import Path
 
+from .. import files
 from ..errors import refuse
 
 BOMS = (
@@ -38,12 +40,21 @@ like any of twenty.
 """
 GUESSES = ("cp1252", "cp1250", "cp850", "gbk", "big5", "cp932", "euc_kr", "mac_roman")
 """Encodings whose decoded text is shown where one must be stated."""
-CHUNK = 1 << 16
-"""Bytes that are looked through at once."""
 _LATIN_1 = bytes([*range(0x80), *range(0xA0, 0x100)])
 _CONTROLS = bytes([*range(9), 0x0B, 0x0C, *range(0x0E, 0x20), 0x7F])
 _SIGN_IN_WORD = re.compile(r"[\xa0-\xff](?<!\w)[a-z\xdf-\xff](?<=\w)|(?<=[a-z])[\xa1-\xaf\xb1-\xb6\xb8-\xbf](?<!\w)")
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
+
+
+def content_of(path: Path, place: str, empty: str = "is empty") -> bytes:
+    """The bytes of a file. Raises InputError where it cannot be read or is `empty`."""
+    try:
+        content = files.content(path)
+    except ValueError as error:
+        raise refuse(place, str(error)) from None
+    if not content.strip():
+        raise refuse(place, empty)
+    return content
 
 
 def decode_text(content: bytes, place: str, stated: str | None = None, allowed: str = "") -> tuple[str, str]:
@@ -92,7 +103,7 @@ def _decode_legacy(content: bytes, place: str) -> str:
     # Few tables come so far: the detector takes longer to import than most take to be read.
     import chardet
 
-    lines = _lines_beyond_ascii(content)
+    lines = b"\n".join(line for line in content.splitlines() if not line.isascii())
     sample = lines[:SAMPLE].replace(b"\t", b";")
     western = not lines.translate(None, _LATIN_1)
     choices = [choice for choice in CHOICES if not (western and choice == "mac-roman")]
@@ -118,19 +129,6 @@ def _decodes(content: bytes, encoding: str) -> str | None:
         return None
 
 
-def _lines_beyond_ascii(content: bytes) -> bytes:
-    """The lines that hold more than ASCII."""
-    lines = []
-    start = 0
-    while start < len(content):
-        end = content.find(b"\n", start + CHUNK) + 1 or len(content)
-        chunk = content[start:end]
-        if not chunk.isascii():
-            lines += [line for line in chunk.splitlines() if not line.isascii()]
-        start = end
-    return b"\n".join(lines)
-
-
 def _stray_control_character(content: bytes, text: str, allowed: str) -> str | None:
     """The first control character that is not allowed."""
     if len(content.translate(None, _CONTROLS)) == len(content):
@@ -144,8 +142,6 @@ def _decodings(lines: bytes) -> str:
     sample = line[0].strip() if line else lines[:20]
     shown: dict[str, str] = {}
     for name in GUESSES:
-        try:
-            shown[sample.decode(name)] = shown.get(sample.decode(name), name)
-        except UnicodeDecodeError:
-            continue
+        if (text := _decodes(sample, name)) is not None:
+            shown.setdefault(text, name)
     return " or ".join(f'"{text}" ({name})' for text, name in shown.items()) or "no interpretation fits"

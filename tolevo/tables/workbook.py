@@ -27,13 +27,13 @@ def rows_of_workbook(content: bytes, place: str) -> tuple[list[Row], Dialect]:
     from openpyxl.utils.exceptions import InvalidFileException
 
     try:
-        formulas = _has_formulas(content, place)
+        formulas = has_formulas(content, place)
         return _rows_of_only_sheet(content, place, formulas)
     except (InvalidFileException, zipfile.BadZipFile, ElementTree.ParseError, KeyError, ValueError, OSError) as error:
         raise refuse(place, f"is not a workbook ({error})") from error
 
 
-def _has_formulas(content: bytes, place: str) -> bool:
+def has_formulas(content: bytes, place: str) -> bool:
     """Whether a sheet has formulas. Raises InputError where the workbook is too large."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         parts = [part for part in archive.infolist() if part.filename.endswith(".xml")]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.gap.generator import tables
+from benchmarks.gap.generator import approximate, tables
 from benchmarks.gap.generator.assemblies import ASSEMBLY, Builds, Faults, assembled, builds
 from benchmarks.gap.generator.hysteresis import LOCKED
 from benchmarks.gap.generator.manipulators import (
@@ -31,9 +31,8 @@ from benchmarks.gap.generator.tables import POOR, Array, Points
 Draw = Callable[[np.random.Generator, Any], Injected]
 Simulator = Callable[[Any, int], Array]
 """Predictions at points, all outputs one after the other (m n,); the number is a seed."""
-WITHOUT_ZERO = "backlash_arcmin"
-LENGTH = "_mm"
-"""What is no angle here: its zero is not free."""
+WITHOUT_ZERO = ("backlash_arcmin", "_mm", "_Nm")
+"""How outputs end that are no angles, or a population's: their zero is not free."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +62,7 @@ class Kind:
     @property
     def zeros(self) -> NDArray[np.bool_]:
         """Which outputs (m,) have a zero that is free."""
-        return np.array([one != WITHOUT_ZERO and not one.endswith(LENGTH) for one in self.outputs])
+        return np.array([not one.endswith(WITHOUT_ZERO) for one in self.outputs])
 
     @property
     def sizes(self) -> Array:
@@ -92,6 +91,11 @@ def late(rng: np.random.Generator, at: tables.Moving) -> Injected:
     """The channel of the output is recorded some steps after those of the inputs, or before."""
     by = float(rng.choice([-1.0, 1.0])) * rng.uniform(0.5, 8.0) * at.pace
     return Injected(smooth(at.sooner(by)) - smooth(at))
+
+
+def static(at: Points, _: int) -> Array:
+    """A drive that holds its load, without friction."""
+    return at.torque
 
 
 def assembly(at: Builds, _: int) -> Array:
@@ -148,11 +152,14 @@ KINDS: dict[str, Kind] = {
                             mechanisms={"gear_order": any_order}),
     "late": replace(ROTATING_TABLE, points=tables.in_motion, mechanisms={"delay": late},
                     simulate=smooth, noises=("white",)),
+    "bench": replace(ROTATING_TABLE, mechanisms=approximate.BENCH),
+    "friction": replace(ROTATING_TABLE, outputs=("friction_Nm",), unit="N m", points=tables.in_motion,
+                        mechanisms=approximate.FRICTION, simulate=static, noises=("white", "outliers")),
     "lost_motion": LOCKED_TABLE,
     "rv_transmission": replace(ROTATING_TABLE, model="rv_transmission", simulate=None),
     "rv_lost_motion": replace(LOCKED_TABLE, model="rv_lost_motion", simulate=None),
     "rv_batch": Kind(
-        "rv_batch", (WITHOUT_ZERO,), "arcmin", units, of_batch, BATCH, None, POOR_BATCH, ("white",),
+        "rv_batch", WITHOUT_ZERO[:1], "arcmin", units, of_batch, BATCH, None, POOR_BATCH, ("white",),
         population=True, parameters={"model": "document"},  # whose law the causes of BATCH follow
     ),
     "assembly": Kind(

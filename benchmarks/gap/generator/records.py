@@ -118,6 +118,7 @@ GROUPS: dict[str, Task] = {
     "own gear": Task(("own gear", "unknown gear"), n=(300, 2400), snr=(0.5, 3.0)),
     "uneven good": Task(BENCH, noises=("heteroscedastic",)),
     "late good": Task(("late",), n=(300, 2400), snr=(0.5, 3.0)),
+    "approximate": Task(("bench", "friction"), noises=QUIET, n=(300, 2400), snr=(10.0, 100.0)),
 }
 BENCH_GROUPS = tuple(name for name in GROUPS if " " not in name)
 """The groups that need no model: `model = "table"`."""

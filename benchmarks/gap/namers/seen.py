@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 from benchmarks.gap.generator.kinds import KINDS, TABLE
 from benchmarks.gap.generator.records import Record
-from benchmarks.gap.generator.tables import NAMES, Array, Points
+from benchmarks.gap.generator.tables import Array, Points
 from benchmarks.gap.scoring.held_out import Rows, held_out
 from benchmarks.gap.scoring.rivals import RIVALS, Rival
 
 Marks = NDArray[np.bool_]
+OF_TABLES = ("rotating", "lost_motion", "friction")
+"""The kinds of record that columns tell apart."""
 
 
 @dataclass(frozen=True)
@@ -30,14 +32,15 @@ class Seen:
     points: Points
     left: Array
     rivals: tuple[Rival, ...]
+    kind: str
 
     def __len__(self) -> int:
         return len(self.left)
 
     @property
     def free(self) -> Array:
-        """Gradient (n, 1) of the zero, which is always free."""
-        return np.ones((len(self), 1))
+        """Gradient (n, k) of the zero, which is free where the output is an angle."""
+        return KINDS[self.kind].free(len(self))
 
 
 @dataclass(frozen=True)
@@ -55,11 +58,11 @@ def seen(record: Record) -> Seen:
     """
     table = record.table
     kinds = [
-        kind for kind in NAMES
-        if {*NAMES[kind], *KINDS[kind].outputs} <= set(table) and KINDS[kind].model == TABLE
+        kind for kind in OF_TABLES
+        if {*KINDS[kind].roles, *KINDS[kind].outputs} <= set(table) and KINDS[kind].model == TABLE
     ]  # fmt: skip
     if not kinds:
-        raise ValueError(f"{record.name}: no table of {', '.join(NAMES)} with its prediction")
+        raise ValueError(f"{record.name}: no table of {', '.join(OF_TABLES)} with its prediction")
     output = KINDS[kinds[0]].outputs[0]
     if f"{output}_predicted" not in table:
         raise ValueError(f"{record.name}: no column {output}_predicted beside {output}")
@@ -72,7 +75,7 @@ def seen(record: Record) -> Seen:
         tau=read["temperature_C"] - 20.0,
         time=read["time_s"],
     )
-    return Seen(at, read[output] - read[f"{output}_predicted"], RIVALS[kinds[0]])
+    return Seen(at, read[output] - read[f"{output}_predicted"], RIVALS[kinds[0]], kinds[0])
 
 
 def middle(rival: Rival) -> Array:

@@ -202,13 +202,17 @@ def first_parameter(name: str, kind: str) -> str:
     return FIRST.get(name, "")
 
 
-KIND_TURNS: dict[str, bool] = dict.fromkeys(("rotating", "own gear", "unknown gear", "late", "rv_transmission"), True)
+KIND_TURNS: dict[str, bool] = dict.fromkeys(
+    ("rotating", "bench", "friction", "own gear", "unknown gear", "late", "rv_transmission"), True
+)
 KIND_TURNS |= dict.fromkeys(("lost_motion", "rv_lost_motion"), False)
 RIVALS: dict[str, tuple[Rival, ...]] = {
     "rotating": ROTATING_RIVALS,
     "own gear": ROTATING_RIVALS,
     "unknown gear": UNKNOWN_RIVALS,
     "late": (*WITHOUT_GEAR, LATE),
+    "bench": ROTATING_RIVALS,
+    "friction": (HYSTERESIS, *FLIPPED, PRESSED, *TIMED, *IN_MOTION),
     "rv_transmission": ROTATING_RIVALS,
     "lost_motion": LOCKED_RIVALS,
     "rv_lost_motion": LOCKED_RIVALS,

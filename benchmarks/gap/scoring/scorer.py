@@ -30,6 +30,7 @@ class Verdict:
     intervals: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
     before: float = nan
     sign: bool = False
+    values: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
     def named(self) -> bool:
@@ -53,7 +54,11 @@ def verdict(found: Mapping[str, Any]) -> Verdict:
         }
         for one in found["effects"]
     }
-    return Verdict(found["verdict"], names, others, after, intervals, before, "sign" in notes[0])
+    values = {
+        one["name"]: {name: known(number.get("value")) for name, number in one.get("parameters", {}).items()}
+        for one in found["effects"]
+    }
+    return Verdict(found["verdict"], names, others, after, intervals, before, "sign" in notes[0], values)
 
 
 def first_of(gap: Any) -> float:
@@ -230,6 +235,7 @@ def figures(records: Sequence[Scored]) -> list[Figure]:
         *coverage([hit for one in (*single, *by["pair"]) for hit in covered(one)]),
         *of_other_gears(records),
         *once_outside(records),
+        *of_approximate(records),
     ]  # fmt: skip
 
 
@@ -249,6 +255,37 @@ def once_outside(records: Sequence[Scored]) -> list[Figure]:
     of = [one for one in records if one.truth.group == "outside" and one.since_inside]
     hits = [rightly(one) or set(one.said.names) == one.since_inside for one in of]
     return [share("once outside the library, named by it", hits, 0.88, 0.95, False)] if of else []
+
+
+NEAR = 0.05
+"""Fraction of a number by which it may be off."""
+
+
+def of_approximate(records: Sequence[Scored]) -> list[Figure]:
+    """A dominant effect whose form is off: its name, its number, and names of anything else."""
+    of = [one for one in records if one.truth.group == "approximate"]
+    if not of:
+        return []
+    return [
+        share("form off: dominant effect named", [bool({*one.said.names} & one.allowed) for one in of], 0.95, 0.99,
+              False),
+        share("form off: its number within 5 % or its interval", [hit for one in of for hit in near(one)], 0.95, 0.99,
+              False),
+        share("form off: a wrong name", [bool({*one.said.names} - one.allowed) for one in of], 0.03, 0.01, True),
+    ]  # fmt: skip
+
+
+def near(one: Scored) -> list[bool]:
+    """Whether the first number of the hidden effect is near that of its formula's best fit, or in its interval."""
+    each, found = one.told[0], list[bool]()
+    if {*one.said.names} & (one.allowed - {each.name}):
+        return []  # given another effect of the same cause the number is another one
+    stem = first_parameter(each.name, one.truth.kind)
+    for name, (low, high) in one.said.intervals.get(each.name, {}).items():
+        if stem and name.startswith(stem) and isfinite(each.value):
+            value = one.said.values[each.name][name]
+            found.append(low <= each.value <= high or abs(value - each.value) <= NEAR * abs(each.value))
+    return found
 
 
 def coverage(hits: Sequence[bool]) -> list[Figure]:

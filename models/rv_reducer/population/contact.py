@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -34,17 +35,18 @@ class Touch:
         return np.asarray((self.high - self.low) * np.float32(1.0 / output_ratio))
 
 
-def touch(lattice: Lattice, table: Table, units: Scaled) -> Touch:
-    """First contact of all units at all positions."""
+def touch(lattice: Lattice, table: Table, units: Scaled | tuple[Single, ...]) -> Touch:
+    """First contact of all units, packed or not, at all positions."""
     from . import kernel
 
-    shape = (lattice.shape[0], units.units)
+    errors = pack_errors(units) if isinstance(units, Scaled) else units
+    shape = (lattice.shape[0], errors[0].shape[1])
     contact = Touch(
         np.empty(shape, np.float32), np.empty(shape, np.float32), np.zeros(shape, np.int32), np.zeros(shape, np.int32)
     )
     kernel.touch(
         (table.values, lattice.pin, lattice.start, lattice.stop, lattice.directions),
-        pack_errors(units),
+        errors,
         (contact.high, contact.low, contact.ahead, contact.behind),
     )
     return contact
@@ -71,6 +73,10 @@ def pack_errors(units: Scaled) -> tuple[Single, ...]:
 NAMES = (*ERRORS, "stagger", "dr_rp", "dr_p")
 """Variables of a gradient: zones [arcmin/um], of crank_phase [arcmin/mrad], stagger, and both
 modifications [arcmin/mm]."""
+
+
+CENTRED = frozenset(("pin_position", "circle_offset", "bore", "crank_phase"))
+"""Errors of which a mid-limit would turn or displace the unit, and is left out."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,6 +116,24 @@ class Slopes:
             _single_precision(np.stack(of_pins)),
         )
 
+    def errors(self, width: Callable[[str], float]) -> tuple[Single, ...]:
+        """The errors of units, as `pack_errors` packs them, that zones make: `width` by name of the error."""
+        unit, discs, pins = self.of_unit, self.of_discs, self.of_pins
+        size = {error: np.float32(width(error)) for error in ERRORS}
+        packed = np.empty((len(discs), 12, unit.shape[1]), np.float32)
+        packed[:, 0] = size["equidistance"] * discs[:, 0]
+        packed[:, 1] = size["pin_circle_radius"] * unit[0] - size["shift"] * discs[:, 1]
+        packed[:, 2] = size["crank_bearing"] * discs[:, 9]
+        packed[:, 3] = size["bore"] * discs[:, 12]
+        packed[:, 4] = size["eccentricity"] * discs[:, 6]
+        packed[:, 5] = size["crank_phase"] * discs[:, 13]
+        packed[:, 6:8] = size["runout"] * discs[:, 4:6] - size["bore"] * discs[:, 10:12]
+        packed[:, 8:10] = size["eccentricity"] * discs[:, 7:9] + size["crank_phase"] * discs[:, 14:16]
+        packed[:, 10:12] = size["pitch"] * discs[:, 2:4]
+        across = size["pin_hole_radius"] * pins[1]
+        across -= size["pin_radius"] * pins[2]
+        return across, size["pin_position"] * pins[0], packed, size["circle_offset"] * unit[1:]
+
 
 def _real_parts(value: Array | Complex) -> tuple[Array, ...]:
     whole = np.asarray(value, dtype=np.complex128)
@@ -127,16 +151,17 @@ def pull_back(lattice: Lattice, table: Table, touch: Touch, slopes: Slopes, weig
     """
     from . import kernel
 
-    ratio = lattice.geometry.output_ratio
     rows = np.flatnonzero(np.any(weight != 0.0, axis=1))
+    rows = slice(None) if len(rows) == len(weight) else rows
     total = np.zeros(len(NAMES))
     kernel.touch_slopes(
-        _single_precision(weight[rows] / ratio),
+        _single_precision(weight[rows]),
         (touch.ahead[rows], touch.behind[rows]),
         (table.values, lattice.pin, lattice.disc, lattice.directions[rows]),
         (slopes.of_unit, slopes.of_discs, slopes.of_pins),
         total,
     )
+    total /= lattice.geometry.output_ratio
     total[NAMES.index("dr_rp")] *= 1e3  # from micrometres to millimetres
     return total
 
@@ -172,6 +197,11 @@ class Population:
         return self.sample.units
 
     @cached_property
+    def _of_mids(self) -> dict[tuple[float, ...], tuple[Single, ...]]:
+        """The errors that the mid-limits make in the last design, by these: those of most designs are the same."""
+        return {}
+
+    @cached_property
     def alike(self) -> Slopes:
         """Slopes by errors that are the same in all units: every standardised error is 1."""
         sample = self.sample
@@ -182,9 +212,16 @@ class Population:
         """Units built to a design, over the turn."""
         geometry = self.lattice.geometry
         table = Table.of(self.lattice, design.dr_rp, design.dr_p)
-        units = Scaled.of(geometry, self.sample, design)
-        contact = touch(self.lattice, table, units)
-        return Turn(self, design, table, units, contact, contact.cycloid(geometry.output_ratio))
+        errors = self.slopes.errors(design.width)
+        mid = tuple(0.0 if error in CENTRED else design.middle(error) for error in ERRORS)
+        if any(mid):
+            if mid not in self._of_mids:
+                self._of_mids.clear()
+                self._of_mids[mid] = self.alike.errors(dict(zip(ERRORS, mid, strict=True)).__getitem__)
+            errors = tuple(map(np.add, errors, self._of_mids[mid]))
+        errors[2][:, 3] += np.float32(design.stagger) * sides(geometry)[:, None].astype(np.float32)
+        contact = touch(self.lattice, table, errors)
+        return Turn(self, design, table, contact, contact.cycloid(geometry.output_ratio))
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +235,6 @@ class Turn:
     population: Population
     design: UnitDesign
     table: Table
-    units: Scaled
     touch: Touch
     play: Single
 
@@ -207,8 +243,12 @@ class Turn:
         """Derivative of `play` by the pin-circle radius [arcmin/um], (positions, units): that of
         the contacts that touch.
         """
+        from . import kernel
+
         radial = self.table.values[:, COLUMNS.index("radial")] / self.population.lattice.geometry.output_ratio
-        return np.asarray(radial[self.touch.ahead] - radial[self.touch.behind], dtype=np.float32)
+        slope = np.empty_like(self.play)
+        kernel.differences(radial, self.touch.ahead, self.touch.behind, slope)
+        return slope
 
     def slopes(self, weight: Array, errors: Slopes | None = None) -> Array:
         """Derivatives of sum(weight y), weight (positions, units), by `gradient.NAMES`.

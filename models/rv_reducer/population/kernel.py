@@ -143,6 +143,14 @@ def touch(contacts: Any, errors: Any, turns: Any) -> None:
 
 
 @_compiled
+def differences(column: Any, ahead: Any, behind: Any, slope: Single) -> None:
+    """Fills `slope` (positions, units) with a column of the table (contacts) forward less backward."""
+    for a in range(slope.shape[0]):
+        for u in range(slope.shape[1]):
+            slope[a, u] = column[ahead[a, u]] - column[behind[a, u]]
+
+
+@_compiled
 def touch_slopes(weight: Single, touching: Any, contacts: Any, slopes: Any, total: Any) -> None:
     """Adds to `total` (16) the slopes of sum(weight * (forward - backward)) in the order of
     `contact.NAMES`.

@@ -88,7 +88,7 @@ class Measures:
         """Largest backlash of the cycloid stage over the turn."""
         play = self.turn.play
         values = np.maximum(play.max(axis=0).astype(np.float64), 0.0)
-        return values, partial(_weights_at_positions, play.shape, play.argmax(axis=0), values > 0.0)
+        return values, partial(_weights_at_largest, play, values)
 
     @cached_property
     def _average(self) -> tuple[Array, Spread]:
@@ -163,6 +163,11 @@ def _weights_at_positions(
     weights = np.zeros(shape)
     weights[at, np.arange(shape[1])] = np.where(counted, weight, 0.0)
     return weights
+
+
+def _weights_at_largest(play: NDArray[np.float32], values: Array, weight: Array) -> Array:
+    """Weights of the units whose largest backlash, `values` (n,), is above zero, where it is reached."""
+    return _weights_at_positions(play.shape, play.argmax(axis=0), values > 0.0, weight)
 
 
 def _even_weights(play: NDArray[np.float32], weight: Array) -> Array:

@@ -264,6 +264,15 @@ class Involute:
             return np.asarray(np.exp(-0.5 * z * z) / (np.sqrt(2.0 * np.pi) * SMOOTHING))
         return law_density(self.planet, (excess - self.middle) / self.half) / self.half
 
+    @property
+    def variation(self) -> float:
+        """Total variation of the density of `cdf` [1/arcmin], which rises from 0 and falls to 0."""
+        if self.half == 0.0:
+            return 2.0 * float(self.density(np.array(self.middle)))
+        nodes, below, _ = _table(self.planet)
+        density = np.diff(below) / np.diff(nodes) / self.half
+        return float(np.abs(np.diff(density, prepend=0.0, append=0.0)).sum())
+
     def ends(self) -> tuple[float, float]:
         """Least and largest phi_1 [arcmin]."""
         if self.half == 0.0:
@@ -516,7 +525,7 @@ class Profile:
     @classmethod
     def of(cls, geometry: ContactGeometry, phase: Array, shifts: tuple[float, float] = RANGE) -> Profile:
         """The profile at phases within those of pins whose lever arms count."""
-        nodes, table = _profile_table(geometry, _phases(geometry), shifts)
+        nodes, table = _profile_table(geometry, contact_phases(geometry), shifts)
         count = table.shape[1]
         values = _interpolation(nodes, phase) @ table.reshape(len(nodes), 4 * count)
         basis = chebyshev.chebvander(_nodes(count), count - 1)
@@ -532,10 +541,10 @@ class Profile:
             return Profile.of(self.geometry, self.phase, (shift - half, shift + half)).at(shift)
         x = (2.0 * shift - low - high) / (high - low)
         identity = np.eye(len(self.coefficients))
-        basis = np.array([chebyshev.chebval(x, row) for row in identity])
-        slope = np.array([chebyshev.chebval(x, chebyshev.chebder(row)) for row in identity])
-        slope *= 2.0 / (high - low)
-        return np.einsum("k,kic->ic", basis, self.coefficients), np.einsum("k,kic->ic", slope, self.coefficients)
+        basis = np.stack([chebyshev.chebval(x, identity), chebyshev.chebval(x, chebyshev.chebder(identity))])
+        basis[1] *= 2.0 / (high - low)
+        values, slopes = np.einsum("sk,kic->sic", basis, self.coefficients)
+        return values, slopes
 
 
 @lru_cache(maxsize=16)
@@ -591,7 +600,7 @@ def _nodes(count: int) -> Array:
     return np.asarray(np.cos(np.pi * (np.arange(count) + 0.5) / count))
 
 
-def _phases(geometry: ContactGeometry) -> tuple[float, float]:
+def contact_phases(geometry: ContactGeometry) -> tuple[float, float]:
     """Phases [rad] between which lever arms count."""
     phase = np.linspace(0.0, np.pi, 20_001)
     counted = phase[lever(geometry, phase) / geometry.nominal.lever >= LEAST_LEVER]

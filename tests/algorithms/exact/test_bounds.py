@@ -60,6 +60,7 @@ class Plain:
     def unproven(self) -> str:
         return self.why
 
+    cost_bound = ToleranceProblem.cost_bound
     stand_in_limit = ToleranceProblem.stand_in_limit
     form_values = ToleranceProblem.form_values
     form_columns = ToleranceProblem.form_columns

@@ -25,7 +25,7 @@ from tolevo.algorithms.exact.epsilon import (
 )
 from tolevo.algorithms.exact.local import NEARLY, Branch
 
-RUN: Any = SimpleNamespace(phase=lambda *_: None)
+RUN: Any = SimpleNamespace(phase=lambda *_: None, problem=SimpleNamespace(finer=lambda: None))
 
 
 class Hyperbola(Branch):
@@ -41,6 +41,14 @@ class Hyperbola(Branch):
         self.y, self.f, self.barren = [], [], set()
         self.poor: dict[float, float] = {}
         self.asked: list[tuple[int, float, float]] = []
+
+    def on(self, problem: object) -> Hyperbola:
+        other = Hyperbola(self.c, self.low, self.high)
+        other.asked = self.asked
+        return other
+
+    def tightest(self, y: np.ndarray) -> np.ndarray:
+        return np.full_like(y, self.low)
 
     def starts(self, run: Any) -> np.ndarray:
         return np.array([[self.high]])

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from tolevo.commands.run.tolerances import inspection, notation
+from tolevo.commands.run.tolerances import allocation, inspection, notation
+from tolevo.files import csv_text
+from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.section import Kind, Variable
 from tolevo.units import drawing_number
 
@@ -19,12 +21,28 @@ from tolevo.units import drawing_number
         (Kind.FULL_CLEARANCE, None, 0.0, 5.0, "", "0 to 5 mm"),
         (Kind.STANDARD_DEVIATION, None, 0.0, 2.0, "", "standard deviation at most 2 mm"),
         (Kind.GRADE, None, 0.0, 5.0, "grade 5", "grade 5"),
-        (Kind.NOMINAL, None, 0.0, -0.04, "", "-0.04 mm"),
+        (Kind.NOMINAL, None, 0.0, -0.04, "", "\N{MINUS SIGN}0.04 mm"),
+        (Kind.HALF_WIDTH, None, -1.0, 2.0, "", "\N{MINUS SIGN}3 to 1 mm"),
     ],
 )
 def test_notation(kind: Kind, nominal: float | None, mid: float, t: float, grade: str, text: str) -> None:
     variable = Variable("a_t", "mm", kind, 0.0, 1.0, "a part")
     assert notation(variable, nominal, mid, t, grade) == text
+
+
+def test_a_radius_of_the_reducer_is_written_with_its_diameter_in_one_unit() -> None:
+    """Pins of 3 mm radius with a zone of -1 +- 2 um: 6 +0.002/-0.006 mm in diameter."""
+    problem = RvBacklash()
+    rows = allocation(problem, {0: "only"}, {0: (problem.complete(problem.xl[None])[0],) * 2}, {}, {})
+    rows = rows.set_index("variable")
+    notations = dict(rows["notation"])
+    assert rows["nominal"]["pin_radius_um"] == 3000.0
+    t, mid = rows["rounded"]["pin_radius_um"], rows["mid"]["pin_radius_um"]
+    ends = [f"{1e-3 * (mid + side * t) * times:+g}" for times in (1, 2) for side in (1, -1)]
+    assert notations["pin_radius_um"] == f"R3 {ends[0]}/{ends[1]} mm (⌀6 {ends[2]}/{ends[3]} mm)"
+    assert notations["eccentricity_um"].startswith("1.3 ±")
+    assert notations["pin_hole_radius_um"].startswith("R3 +")
+    assert csv_text(rows).count(",'") == 0  # no cell would begin like a formula
 
 
 def test_sums_lose_their_last_digits() -> None:

@@ -132,6 +132,7 @@ def assert_right(table: tables.Table, shape: str) -> None:
         for at, name in enumerate(NAMES):
             stated = table.specifications[name]
             assert (stated.nominal, stated.lower, stated.upper) == (NOMINAL[at], LOWER[at], UPPER[at])
+            assert stated.natural == ("lower" if name == "Lage P3" else "")
     if shape != "limits in a row":
         column = next(name for name in frame if name not in NAMES and tables.group_of(str(name)) == "part")
         assert [str(part).removeprefix("Teil ") for part in frame[column]] == [str(at + 1) for at in range(PARTS)]
@@ -166,6 +167,8 @@ FAULTS = {
     "two nominals": (f"{HEAD}1;A;10,1;10;0,2;-0,2\n2;A;10,1;10,5;0,2;-0,2\n", "A: has two nominal sizes: 10 and 10.5"),
     "inverted": ("part;id;actual;usl;lsl\n1;A;10,1;9,5;10,5\n2;A;10,2;9,5;10,5\n", "limit 10.5 is above the upper"),
     "unsigned": (f"{HEAD}1;A;10,1;10;0,2;0,1\n2;A;10,1;10;0,2;0,1\n", r"write their signs, \+0.01 or -0.01"),
+    "unsigned, no upper": ("part;id;actual;nominal;lowertol\n1;A;9,9;10;0,2\n2;A;9,8;10;0,2\n", "write their signs"),
+    "unsigned row": ("Teil;A\nSoll;10\nOT;0,2\nUT;0,1\n1;10,1\n2;10,15\n", r"row UT: .*write their signs"),
     "two units": ("part;id;unit;actual;nominal\n1;A;mm;1,5;1\n2;A;um;1,6;1\n", "has several units: mm and um"),
     "misread": ("part;id;actual;nominal;dev\n1;A;1,5;1;0,1\n2;A;1,6;1;0,6\n", "1 deviations are not actual less"),
     "no deviation": (f"{HEAD}1;A;10,1;10;10,2;9,8\n2;A;10,1;10;10,2;9,8\n", "name it a limit"),
@@ -174,6 +177,9 @@ FAULTS = {
     "kinds of rows": ("a;b;c\n" + "1;2;3\n" * 9 + "1;2;3;4\n" * 4 + "1;2;3\n" * 9, r"row 11: 3 .* got 4 \(4 rows, of"),
     "statistics": ("Teil;D\n" + "1;2,5\n" * 6 + "Cpk;1,3\n7;7,5\n", '"Cpk" stands among the measurements'),
     "cut off": ("Teil;D\n1;10,123\n2;10,125\n3;10,124\n4;10,1", 'ends within its last number, "10,1"'),
+    "nameless statistics": ("Teil;D1;L2\n1;25,1;40,1\n2;25,2;40,2\n3;25,3;40,3\n;25,2;40,2\n", "row 5: names no part"),
+    "nameless first column": ("Nr;D1\n1;25,1\n2;25,2\n3;25,3\n;25,2\n;0,1\n", r"row 5: .*column Nr.* nor do 1 other"),
+    "nameless row": (f"{HEAD}1;A;10,1;10;0,2;-0,2\n2;A;10,1;10;0,2;-0,2\n3;;9,9;10;0,2;-0,2\n", "no characteristic"),
     "a column is missing": ("Merkmal;Teil 1;Teil 2;Teil 3\nD1;1,5;1,6;1,7\nL2;2,5;2,6\n", "row 3: 4 cells expected"),
     "a cell is missing": ("a;b;c\n1;20,5;3\n1;3\n1;20,6;3\n1;20,7;3\n", "row 3: 3 cells expected"),
 }  # fmt: skip
@@ -193,6 +199,31 @@ def test_every_fault_of_a_long_table_at_once(tmp_path: Path) -> None:
     with pytest.raises(tolevo.ConfigurationError) as caught:
         tolevo.read_table(tmp_path / "t.csv")
     assert len(caught.value.faults) == 2
+
+
+@pytest.mark.parametrize("dialect", ["German", "commas"])
+@pytest.mark.parametrize("shape", [*SHAPES, "fixed width"])
+def test_a_table_that_is_cut_within_its_last_numbers_is_never_read_without_a_word(
+    tmp_path: Path, shape: str, dialect: str
+) -> None:
+    content = fixed_width(dialect) if shape == "fixed width" else written(SHAPES[shape](), dialect)
+    *_, encoding, end = DIALECTS[dialect]
+    text = content.decode(encoding)
+    begin = text.rindex(end, 0, -len(end))
+    silent = []
+    for at in range(begin + len(end) + 1, len(text) - len(end)):
+        (tmp_path / "t.txt").write_bytes(text[:at].encode(encoding))
+        try:
+            table = tolevo.read_table(tmp_path / "t.txt")
+        except tolevo.ConfigurationError:
+            continue
+        read = table.frame.reindex(columns=list(NAMES)).to_numpy(dtype=float)
+        expected = np.full(read.shape, np.inf)
+        expected[:PARTS] = VALUES[: len(read)]
+        right = (np.isnan(read) | (read == expected)).all()
+        if not right and not any(note.startswith("no line break ends the last line") for note in table.notes):
+            silent.append(text[begin:at])
+    assert not silent
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from ... import page_data
 from ...configuration.configuration import Configuration
 from ...directory import own_folder
 from ...errors import refuse
-from ...files import csv_text, write_text
+from ...files import WORKBOOK, csv_text, write_bytes, write_text
 from ...page_data import as_json
 from ...problems.stack import Stack
 from ...records import AnalysisResult, range_text
@@ -85,8 +85,21 @@ def analysis_of(configuration: Configuration) -> AnalysisResult:
     )
 
 
-def write_analysis(result: AnalysisResult, folder: Path, overwrite: bool) -> None:
-    """Write every file of an analysis into a directory. Raises InputError where it holds another result."""
+def workbook_with_analysis(configuration: Configuration, workbook: bytes) -> bytes:
+    """The workbook of the configuration with sheets of the result; empty where it is no workbook."""
+    if not workbook:
+        return b""
+    from ...configuration.workbook import with_result
+    from ...problems.stack.analysis import analysed_design
+
+    stack = stack_of(configuration)
+    return with_result(workbook, stack, analysed_design(stack)[0])
+
+
+def write_analysis(result: AnalysisResult, folder: Path, overwrite: bool, workbook: bytes = b"") -> None:
+    """Write every file of an analysis into a directory, with the bytes of a `workbook` where they are
+    given. Raises InputError where it holds another result.
+    """
     with own_folder(folder, "analyse", False, overwrite) as place:
         place.begin()
         write_text(folder / "config.toml", result.configuration)
@@ -95,6 +108,8 @@ def write_analysis(result: AnalysisResult, folder: Path, overwrite: bool) -> Non
         write_text(folder / page_data.NAME, page_data.dump_result(result))
         write_text(folder / "summary.json", as_json(dict(result.summary)))
         write_text(folder / "report.html", analysis_page(result))
+        if workbook:
+            write_bytes(folder / WORKBOOK, workbook)
         place.complete()
 
 

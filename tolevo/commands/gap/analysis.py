@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
-from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +39,7 @@ from .null_model import (
 from .population import Misfit, Scatter, misfit, scatter
 from .scan import GenericResidual, Remaining, dictionary, generic_residual
 from .selection import (
+    MIN_EXTRA_FRACTION,
     Other,
     Search,
     Selection,
@@ -51,7 +51,7 @@ from .selection import (
     with_identified_by_likelihood,
 )
 from .setup import Setup, move_setup
-from .unresolved import label, member_of, member_with, term_of, whole_term
+from .unresolved import effect_of, label, member_of, member_with, term_of, whole_term
 
 KNOTS = 60
 """Knots of a curve, at most."""
@@ -61,31 +61,68 @@ NO_CURVE = 0.02
 """Deviation from which a contribution is no function of one variable, as a fraction of its rms."""
 
 
-def as_curve(fitter: Fitter, fit: Fit, small: int, large: int, data: GapData) -> Member | None:
-    """The contribution of a small member of a fit that a large one cannot explain, as a term over
-    its variable; None where it has several variables, or acts on several outputs.
+def as_curve(fitter: Fitter, fit: Fit, small: Sequence[int], large: Sequence[int], data: GapData) -> Member | None:
+    """The sum of small members of a fit that large ones cannot explain, as a term over its variable;
+    None where it has several variables, or acts on several outputs.
 
-    The part that the large member can explain, with equal weights, is attributed to that member,
-    whose parameters are then those of its formula alone.
+    The part that the large members can explain, with equal weights, is attributed to those members,
+    whose parameters are then those of their formulas alone.
     """
-    small_member, large_member = fit.members[small], fit.members[large]
-    contribution, large_columns = (fitter.columns.of(m.candidate, m.shape) for m in (small_member, large_member))
-    contribution, q = contribution @ fit.coefficients[small], basis(fitter.raw_base)
+    columns = fitter.columns.of
+    added = [columns(m.candidate, m.shape) @ fit.coefficients[k] for k, m in enumerate(fit.members) if k in small]
+    large_columns = np.hstack([columns(fit.members[k].candidate, fit.members[k].shape) for k in large])
+    contribution, q = np.sum(added, axis=0), basis(fitter.raw_base)
     shared = np.linalg.lstsq(project_out(large_columns, q), project_out(contribution, q), rcond=1e-9)[0]
     parts = np.split(contribution - large_columns @ shared, len(data.outputs))
     acting = [at for at, part in enumerate(parts) if np.any(part)]
-    variables = acts_in(small_member.candidate.effect.needs) - {Role.DIRECTION}
-    inputs = [c.name for c in data.inputs if c.role in variables]
-    if len(acting) != 1 or len(inputs) != 1:
+    over = {variables_of(fit.members[k], data) for k in small}
+    if len(acting) != 1 or len(over) != 1:
         return None
-    output, part = data.outputs[acting[0]].name, parts[acting[0]]
-    turns = Role.DIRECTION in small_member.candidate.effect.needs
+    (inputs, turns), part = over.pop(), parts[acting[0]]
+    if len(inputs) != 1:
+        return None
     y = part * np.asarray(data.measurements[Role.DIRECTION], dtype=float) if turns else part
-    knots, heights, off = _broken_line(data.values(inputs[0]), y)
+    variable = next(iter(inputs))
+    knots, heights, off = _broken_line(data.values(variable), y)
     if off > NO_CURVE:
         return None
-    effect = Unresolved(Term(output, inputs[0], "curve", knots=knots, heights=heights, turns=turns))
+    effect = Unresolved(
+        Term(data.outputs[acting[0]].name, variable, "curve", knots=knots, heights=heights, turns=turns)
+    )
     return member_with(effect, data)
+
+
+def variables_of(member: Member, data: GapData) -> tuple[frozenset[str], bool]:
+    """The inputs that a member is a function of, and whether it follows the direction as well."""
+    effect = member.candidate.effect
+    if isinstance(effect, Unresolved):
+        return frozenset(effect.term.variables), effect.term.turns
+    roles = acts_in(effect.needs)
+    return frozenset(c.name for c in data.inputs if c.role in roles - {Role.DIRECTION}), Role.DIRECTION in roles
+
+
+CURVED = ("spline", "power", "curve")
+"""Shapes of terms of one variable that together are a curve over it."""
+
+
+def with_curves(fitter: Fitter, fit: Fit, data: GapData) -> Fit:
+    """The fit in which the terms over a variable that effects act in are one curve, of which those
+    effects can explain nothing: their parameters are those of their formulas alone, and the curve is
+    by how much these are off.
+    """
+    groups: dict[tuple[str, frozenset[str], bool], list[int]] = {}
+    for k, member in enumerate(fit.members):
+        effect = member.candidate.effect
+        if isinstance(effect, Unresolved) and effect.term.shape in CURVED:
+            groups.setdefault((effect.term.output, *variables_of(member, data)), []).append(k)
+    members = dict(enumerate(fit.members))
+    for (_, variables, turns), terms in groups.items():
+        acting = [(k, *variables_of(fit.members[k], data)) for k in fit.identified]
+        large = [k for k, inputs, opposite in acting if inputs <= variables and opposite == turns]
+        curve = as_curve(fitter, fit, terms, large, data) if large else None
+        if curve is not None:
+            members = {k: member for k, member in members.items() if k not in terms} | {terms[0]: curve}
+    return fitter.fit([members[k] for k in sorted(members)]) if len(groups) else fit
 
 
 def _broken_line(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ...], float]:
@@ -113,19 +150,11 @@ def _broken_line(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ..
 # the held-out error and fits no effect stays as a generic term, so that its omission does not bias
 # the parameters of the effects.
 
-TERMS = 8
-"""Largest number of generic terms."""
 TRIED = 4
 """Number of forms and effects that are tried at each step, the likeliest first."""
-ADDED_IN_TURN = (("effects", "forms"),)
-"""What may be added: those of one entry compete, and the next entry is tried where none of them predicts better."""
 SETTLE_ROUNDS = 40
 FORMS_MORE = 2
 """Number of forms that may be added although not significant, to predict as well as each step."""
-MIN_EXTRA_FRACTION = 0.1
-"""Gain of a form given an effect, as a fraction of the effect's gain given everything else, above
-which the effect is not trusted: the form explains the same and much more.
-"""
 MINOR = 0.1
 """Gain of all effects, as a fraction of the gain of the terms given the effects, below which the
 effects may only correct the terms: no form of one or two variables is the whole law.
@@ -171,8 +200,10 @@ class Settling:
         return self._record(best, tuple(name for name in fit.names if name not in best.names))
 
     def again(self, fit: Fit, excluded: frozenset[str], more: Sequence[Member] = ()) -> Settled:
-        """The answer without the effects in `excluded`, with more terms to begin with."""
-        kept = [*(member for member in fit.members if member.name not in excluded), *more]
+        """The answer without the effects in `excluded`, with more terms to begin with: effects are
+        searched first, and then terms.
+        """
+        kept = [*(member for member in fit.effects if member.name not in excluded), *more]
         return self._record(self._chosen([self.grown(self.search.fitter.refined(kept), excluded)], excluded), ())
 
     def _record(self, fit: Fit, removed: tuple[str, ...]) -> Settled:
@@ -246,9 +277,11 @@ class Settling:
         """The fit without the effect or term that is least significant given the others; None where
         all are significant. A removed one is excluded from then on.
         """
-        fitter, limit = self.search.fitter, self.search.thresholds.library
+        fitter, limit = self.search.fitter, self.search.limit(fit)
         worst: tuple[float, int] = (0.0, -1)
         for at, member in enumerate(fit.members):
+            if not is_term(member) and self.search.dominates(fit, at):
+                continue
             gain = fitter.fit(fit.without(at)).rss - fit.rss
             needed = member.candidate.price(fitter.penalty) if is_term(member) else limit
             needed = max(needed, self.search.least_gain)
@@ -264,7 +297,7 @@ class Settling:
         """The index of an effect whose contribution a term explains, with much more; else -1."""
         fitter = self.search.fitter
         for at in fit.identified:
-            if fit.names[at] in self.trusted:
+            if fit.names[at] in self.trusted or self.search.dominates(fit, at):
                 continue
             forms = [k for k, member in enumerate(fit.members) if is_term(member) and self._spans(fit, k, at)]
             if not forms:
@@ -283,16 +316,21 @@ class Settling:
         return float(np.sum((q.T @ contribution) ** 2)) > 0.9 * float(contribution @ contribution)
 
     def _larger(self, fit: Fit, excluded: set[str]) -> Fit | None:
-        """The fit with one more effect or form that fits best and predicts better; an effect
-        precedes forms that fit no better. None where there is none.
+        """The fit with one more effect, or else one more form, that fits best and predicts better. A form
+        predicts other sessions or test conditions better as well, where the record has any. None where
+        there is none.
         """
-        tested, labels = self.search.tested, self.search.labels
-        additions = {"effects": self._with_effects, "forms": self._forms}
-        for together in ADDED_IN_TURN:
-            fits = sorted((f for kind in together for f in additions[kind](fit, excluded)), key=attrgetter("score"))
-            for larger in fits[: 2 * TRIED]:
-                if improvement(tested(fit), tested(larger), labels).real:
-                    return larger
+        search, split = self.search, self.search.split
+        for larger in search.ordered(self._with_effects(fit, excluded))[: 2 * TRIED]:
+            if improvement(search.tested(fit), search.tested(larger), search.labels).real:
+                return larger
+        natural = split is not None and split.natural
+        for larger in search.ordered(self._forms(fit, excluded)):
+            elsewhere = natural and effect_of(larger.members[-1]).term.shape != LEVELS  # which are of one session
+            searches = [search, search.elsewhere] if elsewhere else [search]
+            tests = (improvement(each.tested(fit), each.tested(larger), each.labels) for each in searches)
+            if all(better.gain > better.error for better in tests):
+                return larger
         return None
 
     def _with_effects(self, fit: Fit, excluded: set[str]) -> Iterator[Fit]:
@@ -308,12 +346,15 @@ class Settling:
                 if candidate.gain > limit and candidate.member.name not in excluded
             ]
             for larger in search.refined(start.members, candidates)[:TRIED]:
-                if start.rss - larger.rss > max(limit, search.least_gain) and larger.score < fit.score - 1e-3:
+                if (
+                    start.rss - larger.rss > max(search.limit(larger), search.least_gain)
+                    and search.worse(fit, larger) > 1e-3
+                ):
                     yield larger
 
     def _forms(self, fit: Fit, excluded: set[str]) -> Iterator[Fit]:
         """Fits with one more term, from the significant forms, the likeliest first."""
-        if len(fit.terms) < TERMS:
+        if len(fit.terms) < self.search.settings.terms_at_most:
             remaining = generic_residual(fit, self.search.fitter, self.generic)
             yield from self._with_forms(fit, excluded, remaining, significant_forms(self.search, remaining))
 
@@ -417,6 +458,8 @@ def analysed(setup: Setup) -> Analysis:
     noises = noise_of(setup, ())
     effects = dictionary(setup.library, setup.columns, spread_of(noises))
     null_model = build_null_model(setup, noises, effects, *stack_columns(setup.generic, len(setup.data.outputs)), None)
+    if _within_floor(null_model):
+        return _nothing(null_model)
     selection = select(null_model.search)
     if max(noise.rho for noise in noises) > AUTOCORRELATED:
         selection, null_model = _select_without_autocorrelation(selection, null_model)
@@ -438,6 +481,29 @@ def analysed(setup: Setup) -> Analysis:
         if selection.fit.names == previous_names:
             break
     return (_analyse_batch if setup.data.target.population else _settle_rows)(selection, null_model)
+
+
+def _within_floor(null_model: NullModel) -> bool:
+    """Whether the model as recalibrated predicts held-out rows within a noise floor that is known: as
+    stated, or from repeats. What structure there may be is then no gap.
+    """
+    search, data = null_model.search, null_model.setup.data
+    off = np.split(null_model.setup.residual - search.tested(null_model.null_fit).fitted, len(data.outputs))
+    pairs = zip(off, null_model.noises, strict=True)
+    known = (noise.source != "estimated" and _rms(part[noise.counted]) <= noise.level for part, noise in pairs)
+    return not data.target.population and all(known)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _nothing(null_model: NullModel) -> Analysis:
+    """The analysis that ends without a gap."""
+    search = null_model.search
+    selection = select(replace(search, settings=replace(search.settings, effects_at_most=0)))
+    identified = Identified((), (), null_model.residual_forms, ())
+    return Analysis(null_model, null_model, selection, identified, (), False)
 
 
 def _analyse_batch(selection: Selection, null_model: NullModel) -> Analysis:
@@ -488,7 +554,7 @@ def analysis_without_effect(analysis: Analysis, name: str, trusted: str = "") ->
     curve, sure = None, analysis.trusted
     if trusted:
         sure |= {trusted}
-        members = fit.names.index(name), fit.names.index(trusted)
+        members = [fit.names.index(name)], [fit.names.index(trusted)]
         curve = as_curve(null_model.search.fitter, fit, *members, analysis.setup.data)
     settling = _initial_settling(null_model, selection, sure)
     names = {name, *same_columns(name, analysis.rivals)}

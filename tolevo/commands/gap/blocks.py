@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
+from ...models.effects.measurements import SESSION
+from ...models.measurable import Role
 from ...section import Array
 from .data import GapData
 from .fit import Fitter, Member
@@ -24,6 +27,65 @@ def block_labels(data: GapData) -> NDArray[np.int64]:
         return np.unique(data.blocks.astype(str), return_inverse=True)[1].astype(np.int64)
     count = int(np.clip(n // 20, 5, 10))
     return np.arange(n) * count // n
+
+
+LEVELS = 4
+"""Levels of an input that varies freely, with equally many rows."""
+MOST_LEVELS = 12
+"""Distinct values of an input up to which each of them is a test condition."""
+LEAST_SPLIT = 10
+"""Rows of a part of a split, at least."""
+CONDITIONS = (Role.SPEED, Role.TORQUE, Role.FORCE, Role.PAYLOAD, Role.TEMPERATURE)
+"""Inputs whose levels are test conditions, the first one of the table counts."""
+
+
+@dataclass(frozen=True)
+class Split:
+    """The coarsest split of a record: `by` what, the part (n,) of each row, and which parts lie at an
+    end of an input's range, so that they are predicted by extrapolation.
+    """
+
+    by: str
+    labels: NDArray[np.int64]
+    ends: tuple[int, ...] = ()
+
+    @property
+    def natural(self) -> bool:
+        """Whether the record itself has these parts: other sessions, units or test conditions."""
+        return self.by != STRETCHES and not self.by.startswith(LEVELS_OF)
+
+
+STRETCHES, LEVELS_OF = "stretches", "levels of "
+
+
+def coarsest_split(data: GapData) -> Split:
+    """The parts of a record that differ most: the blocks of the configuration, sessions, units or lots,
+    test conditions (an input with few values), levels of an input, else stretches.
+    """
+    if data.blocks is not None:
+        return Split("blocks", block_labels(data))
+    table = data.measurements.table
+    of_labels = [SESSION] if SESSION in table else []
+    for name in [*of_labels, *(c.name for c in data.target.columns if c.role in (Role.UNIT, Role.LOT))]:
+        labels = np.unique(np.asarray(table[name]).astype(str), return_inverse=True)[1]
+        if _is_split(labels):
+            return Split(name, labels.astype(np.int64))
+    inputs = sorted((c for c in data.inputs if c.role in CONDITIONS), key=lambda c: CONDITIONS.index(c.role))
+    of_levels = [(c.name, np.unique(data.values(c.name), return_inverse=True)) for c in inputs]
+    for name, (values, labels) in of_levels:
+        if len(values) <= MOST_LEVELS and _is_split(labels):
+            return Split(name, labels.astype(np.int64), (0, len(values) - 1))
+    for name, (values, labels) in of_levels:
+        levels = np.argsort(np.argsort(labels, kind="stable"), kind="stable") * LEVELS // len(data)
+        if len(values) > MOST_LEVELS and _is_split(levels):
+            return Split(f"{LEVELS_OF}{name}", levels.astype(np.int64), (0, LEVELS - 1))
+    return Split(STRETCHES, block_labels(data))
+
+
+def _is_split(labels: NDArray[Any]) -> bool:
+    """Whether labels (n,) are of two or more parts with enough rows each."""
+    counts = np.bincount(labels)
+    return len(counts) > 1 and int(counts.min()) >= LEAST_SPLIT
 
 
 EXCLUSION_GAIN = 2.7
@@ -238,10 +300,13 @@ def _rows(at: NDArray[np.int64]) -> Rows:
 
 @dataclass(frozen=True)
 class Improvement:
-    """Decrease of the squared held-out error by an addition, and its standard error over blocks."""
+    """Decrease of the squared held-out error by an addition, and its standard error over blocks; and
+    whether the error falls by a factor in most of them, by more than its standard error.
+    """
 
     gain: float
     error: float
+    by_factor: bool = False
 
     @classmethod
     def of(cls, decreases: Array) -> Improvement:
@@ -252,10 +317,14 @@ class Improvement:
 
     @property
     def real(self) -> bool:
-        """Whether the decrease exceeds its standard error."""
-        return self.gain > self.error
+        """Whether the decrease exceeds its standard error; or the logarithm of the factor does, which a
+        single block at the end of the range does not decide.
+        """
+        return self.gain > self.error or self.by_factor
 
 
 def improvement(before: HeldOut, after: HeldOut, labels: NDArray[np.int64]) -> Improvement:
     """By how much held-out rows are predicted better."""
-    return Improvement.of(before.squares(labels) - after.squares(labels))
+    first, last = (np.maximum(held_out.squares(labels), 1e-300) for held_out in (before, after))
+    factors = Improvement.of(np.log(first / last))
+    return replace(Improvement.of(first - last), by_factor=factors.gain > factors.error)

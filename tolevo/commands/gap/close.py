@@ -92,6 +92,14 @@ class Corrected:
         level = self.plan.settings.interval
         return statistic < float(special.fdtri(len(sizes), self.freedom, level))
 
+    def undetermined(self, member: Member) -> bool:
+        """Whether the interval of every size of an effect contains 0."""
+        sizes = [
+            parameter for parameter in member.candidate.parameters if parameter.linear or member.candidate.is_nonlinear
+        ]
+        ends = [self.interval(member.name, size.name) for size in sizes if not size.choices]
+        return bool(ends) and all(low <= 0.0 <= high for low, high in ends)
+
     def free(self) -> dict[str, float]:
         """Recalibrated parameters of the model by name."""
         return {number.name: value for number, value in self.numbers_of("free")}

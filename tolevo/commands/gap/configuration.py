@@ -471,6 +471,7 @@ def _settings(section: Section) -> GapSettings:
         "interval": Range(0.0, 1.0, open_low=True, open_high=True),
         "rows_used": Range(low=200),
         "effects_at_most": Range(low=1, high=20),
+        "terms_at_most": Range(low=0, high=20),
         "parts_out_of_limits": Range(0.0, 1.0, open_low=True, open_high=True),
     }
     values: dict[str, Any] = {

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from operator import itemgetter
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,7 +14,7 @@ from numpy.typing import NDArray
 from ...models.effects import EffectParameter
 from ...models.effects.unresolved import Term
 from ...section import Array
-from .analysis import Analysis
+from .analysis import Analysis, variables_of
 from .blocks import improvement
 from .close import corrected
 from .data import GapData
@@ -38,7 +40,7 @@ from .result import Ending, finish_analysis, rmse
 from .scan import scan
 from .selection import correlation
 from .separations import separating
-from .setup import nominal
+from .setup import nominal, residual_of
 from .uncertainty import Spread
 from .unresolved import effect_of, table_of
 
@@ -53,7 +55,7 @@ def gate(end: Ending) -> Gate:
     """The test of the null model as a record."""
     analysis, null_model = end.analysis, end.analysis.initial_null_model
     setup, limit = null_model.setup, analysis.search.thresholds.generic
-    output_gates = []
+    output_gates, level_of = [], floors(end)
     for at, (output, noise) in enumerate(zip(setup.data.outputs, null_model.noises, strict=True)):
         level = null_model.residual_forms.evidence[null_model.generic.outputs == at].max(initial=0.0)
         rows = setup.data.rows_of(at)
@@ -61,17 +63,17 @@ def gate(end: Ending) -> Gate:
             OutputGate(
                 output=output.name,
                 unit=output.unit,
-                noise=noise.level,
-                noise_source=noise.source,
+                noise=level_of[at][0],
+                noise_source=level_of[at][1],
                 rmse=rmse(setup.residual[rows] - end.before.fitted[rows], noise.good),
                 statistic=float(level),
                 threshold=limit,
-                significant=bool(level > limit) or (analysis.significant and len(null_model.noises) == 1),
+                significant=analysis.significant and (bool(level > limit) or len(null_model.noises) == 1),
                 autocorrelation=noise.rho,
                 heteroscedastic=noise.varies_with,
                 outliers=noise.outliers,
                 whiteness=whiteness(end.fit.residual[rows]),
-                uncertainty=noise.level * 2.0 / np.sqrt(len(setup.data)),
+                uncertainty=level_of[at][0] * 2.0 / np.sqrt(len(setup.data)),
             )
         )
     return Gate(tuple(output_gates), recalibrated(end), *detectable_sizes(end))
@@ -125,9 +127,33 @@ def scores(end: Ending) -> tuple[Score, ...]:
 
 
 def effects(end: Ending, spread: Spread | None) -> tuple[FoundEffect, ...]:
-    """The identified effects, with intervals and evidence."""
+    """The identified effects, with intervals and evidence, of rows those first that explain most."""
     moving = [_effect(end, at, spread) for at in end.identified]
+    if end.rows:
+        moving = _explained(end, moving)
     return (*moving, *(_scatter_record(scatter_effect) for scatter_effect in end.analysis.scatter[:1]))
+
+
+def _explained(end: Ending, found: Sequence[FoundEffect]) -> list[FoundEffect]:
+    """The effects with what they explain before any generic term, by least squares with equal weights;
+    each remainder counts as an error of the form of the first one that acts in its variables.
+    """
+    setup, fitter = end.setup, end.analysis.search.plain or end.analysis.search.fitter
+    records, remainders, known = {effect.name: effect for effect in found}, list(remainder_of(end)), list[FoundEffect]()
+    members, chosen = {member.name: member for member in end.fit.effects}, list[Member]()
+    whole = rss = fitter.fit(()).rss
+    while len(chosen) < len(members):
+        fits = [fitter.fit([*chosen, member]) for name, member in members.items() if member not in chosen]
+        best = min(fits, key=lambda fit: fit.rss)
+        chosen, percent, rss = list(best.members), 100.0 * max(rss - best.rss, 0.0) / max(whole, 1e-300), best.rss
+        inputs, turns = variables_of(chosen[-1], setup.data)
+        own = [r for r in remainders if inputs & {*r.variables} or (turns and not inputs and r.turns)]
+        remainders = [r for r in remainders if r not in own]
+        error = float(np.sqrt(sum(r.rms**2 for r in own)))
+        form, unit = (max(own, key=lambda r: r.rms).shape, own[0].unit) if own else ("", "")
+        effect = records[chosen[-1].name]
+        known.append(replace(effect, explains_percent=percent, form_error=error, form_unit=unit, form=form))
+    return known
 
 
 def _scatter_record(scatter_effect: Scatter) -> FoundEffect:
@@ -276,9 +302,63 @@ def gaps(end: Ending) -> Gaps:
     after = setup.residual - end.after.fitted
     if setup.data.target.population:
         return _population_gaps(end, before, after)
-    levels = {o.name: noise.level for o, noise in zip(setup.data.outputs, initial.noises, strict=True)}
+    levels = {o.name: level for o, (level, _) in zip(setup.data.outputs, floors(end), strict=True)}
     first, last = (_add_total(end, _by_output(end, raw)) for raw in (before, after))
     return Gaps(first, last, levels | {"total": 1.0}, OF_ROWS)
+
+
+NEIGHBOURS = 0.02
+"""Fraction of an input's range within which rows that follow each other are neighbours."""
+LEAST_NEIGHBOURS = 100
+"""Neighbours of both sides from which they show the noise."""
+
+
+def floors(end: Ending) -> list[tuple[float, str]]:
+    """The noise floor of each output and its source: stated, from repeats, or else the smallest that
+    the record supports, of generic forms, of the residual, and of neighbouring rows.
+    """
+    initial, setup, sources = end.analysis.initial_null_model, end.setup, list[tuple[float, str]]()
+    near = _between_neighbours(setup.data) if end.rows else np.zeros(0, dtype=np.int64)
+    left = np.split(residual_of(setup, end.fit), len(setup.data.outputs)) if end.rows else []
+    numbers = len(end.fit.free) + sum(member.candidate.count for member in end.fit.members)
+    for at, noise in enumerate(initial.noises):
+        smallest = [(noise.level, noise.source)]
+        if end.rows and noise.source == "estimated":
+            good, counted = noise.counted, int(noise.counted.sum())
+            squares = float(np.sum(left[at][good] ** 2)) / max(counted - numbers / len(initial.noises), 1.0)
+            smallest.append((float(np.sqrt(squares)), "residual"))
+            if len(near) >= LEAST_NEIGHBOURS:
+                bends = left[at][near - 1] - 2.0 * left[at][near] + left[at][near + 1]
+                smallest.append((float(np.sqrt(np.mean(bends**2) / 6.0)), "neighbouring rows"))
+        sources.append(min(smallest, key=itemgetter(0)))
+    return sources
+
+
+def _between_neighbours(data: GapData) -> NDArray[np.int64]:
+    """The rows between two neighbours in the order of measuring, close to both in every input."""
+    close, steps = np.ones(len(data) - 1, dtype=bool), np.ones(len(data) - 1, dtype=bool)
+    for column in data.inputs:
+        x = np.asarray(data.values(column.name), dtype=float)
+        close &= np.abs(np.diff(x)) <= NEIGHBOURS * np.ptp(x)
+        steps &= np.abs(np.diff(x)) == 0.0
+    close &= ~steps
+    return np.flatnonzero(close[1:] & close[:-1]) + 1
+
+
+def elsewhere(end: Ending) -> tuple[dict[str, float], dict[str, Any]]:
+    """The error of rows held out by the coarsest split of the record, by output as `gap_after`, and that
+    split: by what, of how many parts, and the errors of parts inside and at the ends of an input's range.
+    """
+    split = end.analysis.search.split
+    if split is None:
+        return {}, {}
+    # the terms of the search: the form of a curve is that of all rows
+    tested = end.analysis.search.elsewhere.tested(end.analysis.fit)
+    raw = end.setup.residual - tested.fitted
+    inside = ~np.isin(split.labels, split.ends) if split.ends else np.ones(len(split.labels), dtype=bool)
+    parts = {"interpolation": inside, "extrapolation": ~inside} if split.ends else {}
+    errors = {name: _by_output(end, raw, rows) for name, rows in parts.items() if rows.any()}
+    return _add_total(end, _by_output(end, raw)), {"by": split.by, "parts": len(np.unique(split.labels)), **errors}
 
 
 def never_worse(end: Ending) -> Ending:
@@ -293,10 +373,11 @@ def never_worse(end: Ending) -> Ending:
     return finish_analysis(end.analysis.without_effects())
 
 
-def _by_output(end: Ending, raw: Array) -> dict[str, float]:
+def _by_output(end: Ending, raw: Array, rows: NDArray[np.bool_] | None = None) -> dict[str, float]:
+    """The RMSE of residuals (N,) by output, without outliers, at some `rows` (n,) or all."""
     outputs, noises = end.setup.data.outputs, end.analysis.initial_null_model.noises
     parts = zip(outputs, np.split(raw, len(outputs)), noises, strict=True)
-    return {output.name: rmse(part, noise.good) for output, part, noise in parts}
+    return {o.name: rmse(part, noise.counted if rows is None else noise.counted & rows) for o, part, noise in parts}
 
 
 def _add_total(end: Ending, by_output: dict[str, float]) -> dict[str, float]:
@@ -397,7 +478,8 @@ def _term_remainders(end: Ending, members: Sequence[Member]) -> Remainder:
     white = project_out(white, fitter.q)  # without the part that the zeros and free parameters span
     fraction = min(1.0, float(white @ white) / _excess_over_noise(end))
     text = ", and ".join(dict.fromkeys(shape(term) for term in terms))
-    return Remainder(first.output, first.variables, text, rms, unit, rms / _level(end, at), fraction)
+    turns = any(term.turns for term in terms)
+    return Remainder(first.output, first.variables, text, rms, unit, rms / _level(end, at), fraction, turns)
 
 
 def _level(end: Ending, output: int) -> float:
@@ -428,6 +510,7 @@ def _form_remainders(end: Ending) -> tuple[Remainder, ...]:
             declared_output.unit,
             ratio,
             min(1.0, float(remaining.gains[at]) / _excess_over_noise(end)),
+            bool(form.direction),
         )
     return tuple(remainders.values())
 

@@ -15,7 +15,7 @@ from ...models.effects import EffectParameter
 from ...models.effects.unresolved import Unresolved
 from ...section import Array
 from .library import Candidate, Columns
-from .linear import ConditionalGroups, Groups, basis, project_out, unit
+from .linear import GONE, ConditionalGroups, Groups, basis, project_out, unit
 from .noise import Noise
 
 
@@ -71,6 +71,10 @@ class Space:
         return np.array([noise.level for noise in self.noises])
 
 
+MAX_CONTRIBUTION = 3.0
+"""Rms of a number's contribution, over the rms by which the residual falls when it is added last, above
+which it cancels against others (variance inflation of 9).
+"""
 REMEMBERED = 400
 """Members whose columns, or products with groups, are kept at most."""
 
@@ -213,6 +217,26 @@ class Fitter:
     def contribution(self, fit: Fit, at: int) -> Array:
         """The whitened contribution (N,) of a member that the free parameters cannot explain."""
         return project_out(self.white(fit.members[at]) @ fit.coefficients[at], self.q)
+
+    def cancelling(self, fit: Fit, least: float) -> tuple[int, ...]:
+        """The indices of effects with a number whose contribution exceeds what it takes away, given all
+        other numbers of the effects, by more than a factor: it cancels against others, and the record
+        determines only their difference. Contributions with squares under `least` do not count.
+        """
+        effects = [k for k in fit.identified if np.any(fit.coefficients[k])]
+        if not effects:
+            return ()
+        numbers = np.concatenate([fit.coefficients[k] for k in effects])
+        owners = np.repeat(effects, [len(fit.coefficients[k]) for k in effects])[numbers != 0.0]
+        whole = np.hstack([self.white(fit.members[k]) for k in effects])[:, numbers != 0.0]
+        columns = project_out(whole, self.q)
+        size = np.linalg.norm(columns, axis=0)
+        moving = size > np.sqrt(GONE) * np.linalg.norm(whole, axis=0)
+        columns, owners = columns[:, moving] / size[moving], owners[moving]
+        inverse = np.linalg.inv(columns.T @ columns + GONE * np.eye(len(owners)))
+        large = (numbers[numbers != 0.0][moving] * size[moving]) ** 2 > least
+        bad = large & (np.diag(inverse) > MAX_CONTRIBUTION**2)
+        return tuple(dict.fromkeys(int(k) for k in owners[bad]))
 
     def fit(self, members: Sequence[Member]) -> Fit:
         """The fit of these members, their nonlinear parameters as they are."""

@@ -32,6 +32,7 @@ from .data import GapData
 from .ending_records import (
     OF_ROWS,
     effects,
+    elsewhere,
     gaps,
     gate,
     never_worse,
@@ -232,6 +233,8 @@ def record(result: GapResult) -> dict[str, Any]:
         "noise_floor": _numbers(result.noise_floor),
         "gap_before": _numbers(result.gap_before),
         "gap_after": _numbers(result.gap_after),
+        "elsewhere": _numbers(result.elsewhere) if result.elsewhere else None,
+        "split": {key: _numbers(value) if isinstance(value, Mapping) else value for key, value in result.split.items()},
         "gate": asdict(result.gate),
         "scores": [asdict(score) for score in result.scores],
         "steps": [asdict(step) for step in result.steps],
@@ -260,6 +263,8 @@ def _effect(effect: FoundEffect) -> dict[str, Any]:
             p.name: {"value": p.value, "interval": [p.low, p.high], "unit": p.unit, "meaning": p.meaning}
             for p in effect.parameters
         },
+        "explains_percent": effect.explains_percent,
+        "form_error": effect.form_error,
         "in_problem": effect.in_problem,
         "counterpart": effect.counterpart,
         "evidence": {
@@ -394,15 +399,22 @@ def result_of(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None =
     limit = initial.search.thresholds.generic
     table, gap_sizes, attribution = residual_table(end, data), gaps(end), attribution_of(end)
     text, planned = corrected_toml(plan, end.model, analysis.scatter[:1]), next_measurement(end)
-    rivals = rival_records(end, planned.rivals if planned else {}) + inputs_instead(end, attribution)
+    (error_elsewhere, split), rivals = (
+        elsewhere(end),
+        rival_records(end, planned.rivals if planned else {}) + inputs_instead(end, attribution),
+    )
     return GapResult(
         title=plan.labels.name or plan.model_name,
         verdict="ambiguous" if end.verdict == "named" and rivals else end.verdict,
         outputs=tuple(Axis(o.name, o.unit, o.meaning) for o in data.outputs),
         inputs=tuple(Axis(c.name, c.unit, c.meaning) for c in data.inputs),
         gate=gate(end),
-        where=regions_of_prediction(setup, end.fit, table)
-        + regions(initial.setup, initial.search.fitter, initial.generic, initial.null_fit, limit),
+        where=(
+            *regions_of_prediction(setup, end.fit, table),
+            *regions(initial.setup, initial.search.fitter, initial.generic, initial.null_fit, limit),
+        )
+        if analysis.significant
+        else (),
         scores=scores(end),
         steps=analysis.selection.steps,
         effects=in_problem(plan, text, effects(end, spread)),
@@ -425,6 +437,8 @@ def result_of(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None =
         next_measurement=planned.record if planned else None,
         next_points=planned.points if planned else None,
         drawing=plan.drawing,
+        elsewhere=error_elsewhere,
+        split=split,
     )
 
 
@@ -484,6 +498,17 @@ def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
     return tuple(notes)
 
 
+def _elsewhere(result: GapResult, output: str, unit: str) -> str:
+    """The error of an output in other parts of the record, in words."""
+    error, split = result.elsewhere[output], result.split
+    ends = [
+        f"{split[name][output]:.4g} {unit} by {name}" for name in ("interpolation", "extrapolation") if name in split
+    ]
+    inside = f" ({', '.join(ends)})" if ends else ""
+    parts = f"{split['parts']} parts by {split['by']}"
+    return f"{output}: rmse {error:.4g} {unit}{inside} where each of {parts} is predicted by the others"
+
+
 def lines_of(result: GapResult) -> tuple[str, ...]:
     """A short summary for the terminal."""
     lines = mechanism_lines(result.summary)
@@ -493,6 +518,7 @@ def lines_of(result: GapResult) -> tuple[str, ...]:
     for output in result.outputs:
         before, after, floor = (gap[output.name] for gap in (result.gap_before, result.gap_after, result.noise_floor))
         lines.append(words.format(output.name, before, after, output.unit, floor))
+    lines += [_elsewhere(result, output.name, output.unit) for output in result.outputs if result.elsewhere]
     lines += [f"effect {effect}" for effect in result.effects]
     lines += [
         f"at its physical bound: {name} of {effect.name}" for effect in result.effects for name in effect.at_bound

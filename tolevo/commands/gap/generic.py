@@ -92,7 +92,8 @@ class Form:
 def generic(data: GapData, predicted: Mapping[str, Array] | None = None) -> tuple[list[Form], list[Array]]:
     """Forms and their columns (n, m), of one output; `predicted` replaces a missing load."""
     forms: list[tuple[Form, Array]] = []
-    inputs = [c for c in data.inputs if c.role in SMOOTH]
+    linear = data.target.units.get(Role.ANGLE) == "m"  # a position along an axis turns no gear
+    inputs = [c for c in data.inputs if c.role in SMOOTH or (c.role is Role.ANGLE and linear)]
     values = {c.name: data.values(c.name) for c in inputs}
     sign = _direction(data)
     for column in inputs:

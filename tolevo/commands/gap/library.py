@@ -30,7 +30,7 @@ from ...models.effects.measurements import (
     target_of,
 )
 from ...models.effects.population import Law, OfUnits
-from ...models.effects.shapes import Shape
+from ...models.effects.shapes import Orders, Shape
 from ...models.effects.unresolved import Unresolved
 from ...models.measurable import NO_CHANGES, Column, MeasurableModel, Role, Sources
 from ...section import Array
@@ -371,7 +371,7 @@ def _reason(effect: Effect, data: GapData) -> str:
     if why := effect.left_out(data.target):
         return why
     if _at_one_angle(effect, data):
-        return "one angle only"
+        return "fewer than half a wave over the angle"
     return NO_TRACE if effect.shown(data.measured, data.target) is None else ""
 
 
@@ -386,10 +386,14 @@ def _matters(effect: Effect, why: str, data: GapData) -> bool:
 
 
 def _at_one_angle(effect: Effect, data: GapData) -> bool:
-    """Whether an effect of the angle has a single angle only: its waves then fit any offset."""
+    """Whether the rows hold a single angle, or less than half a wave of an order of an effect: its waves
+    then fit any offset or slope.
+    """
     if Role.ANGLE not in effect.needs or Role.ANGLE not in data.measurements:
         return False
-    return float(np.ptp(np.asarray(data.measurements[Role.ANGLE], dtype=float))) < STILL
+    reach = float(np.ptp(np.asarray(data.measurements[Role.ANGLE], dtype=float)))
+    orders = effect.orders_of(data.target) if isinstance(effect, Orders) else ()
+    return reach < STILL or bool(orders and min(orders) * reach < np.pi)
 
 
 def _lacks_variable(effect: Effect, data: GapData) -> bool:

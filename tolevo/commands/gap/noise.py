@@ -14,7 +14,7 @@ from scipy import linalg, special
 from ...section import Array
 from .linear import basis, project_out, whitening
 
-GRID = np.concatenate([np.arange(0.0, 0.9, 0.05), [0.9, 0.93, 0.96, 0.98, 0.99]])
+GRID = np.arange(0.0, 0.91, 0.05)
 """Autocorrelations that are tried."""
 OUTLYING = 4.5
 """Robust standard deviations beyond which a measurement is an outlier."""

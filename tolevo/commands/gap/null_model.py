@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...models.effects.instrument import step_of
 from ...models.measurable import Role
 from ...section import Array, Output
-from .blocks import block_labels
+from .blocks import block_labels, coarsest_split
 from .fit import Fit, Fitter, Space
 from .generic import PREDICTED, STEP, SWING, Form
 from .library import Candidate, Columns
@@ -21,7 +21,7 @@ from .linear import Groups, basis, products, project_out
 from .noise import Noise, autocorrelation, outliers, residual_scale, robust_scale, size_follows
 from .population import Batch, Scatter, setup_with_scatter
 from .scan import Dictionary, GenericResidual, Remaining, Thresholds, evidence, generic_residual, thresholds
-from .selection import Search
+from .selection import SAME_CAUSE, Search
 from .setup import Setup, values_of
 
 
@@ -136,7 +136,9 @@ def has_structured_residuals(null_model: NullModel, fit: Fit) -> bool:
 
 
 def displaced(search: Search, fit: Fit, generic: Remaining) -> Sequence[int]:
-    """The members that a single generic form replaces with a better fit."""
+    """The members that a single generic form replaces with a better fit, unless an effect explains
+    nearly as much as the form: it is the cause, and its formula is off.
+    """
     count = len(fit.members)
     worst: tuple[float, Sequence[int]] = (0.0, ())
     numbers = generic.white.sizes + np.array([more_numbers(form) for form in generic.forms])
@@ -151,9 +153,21 @@ def displaced(search: Search, fit: Fit, generic: Remaining) -> Sequence[int]:
         while margin > worst[0] and _is_part(search, fit, generic, int(np.argmin(score)), removed):
             score[int(np.argmin(score))] = np.inf
             margin = fit.score - float(score.min())
-        if margin > worst[0]:
-            worst = (margin, removed)
+        if margin > worst[0] and (
+            surplus := _without_dominant(search, fit, removed, reduced_fit, gains[np.argmin(score)])
+        ):
+            worst = (margin, surplus)
     return worst[1]
+
+
+def _without_dominant(
+    search: Search, fit: Fit, removed: Sequence[int], reduced_fit: Fit, explained: float
+) -> Sequence[int]:
+    """The removed members without the one that alone explains nearly as much as a form does."""
+    fits = {k: search.fitter.fit((*reduced_fit.members, fit.members[k])) for k in removed}
+    best = min(fits, key=lambda k: fits[k].rss)
+    dominates = reduced_fit.rss - fits[best].rss > SAME_CAUSE * explained
+    return tuple(k for k in removed if k != best) if dominates else removed
 
 
 def _is_part(search: Search, fit: Fit, generic: Remaining, at: int, removed: Sequence[int]) -> bool:
@@ -489,7 +503,9 @@ def build_null_model(
         rng = np.random.default_rng([plan.seed, 2])
         known = thresholds(white, generic, fitter.q, plan.settings.simulations, plan.settings.false_rate, rng)
     labels = np.tile(block_labels(setup.data), len(setup.data.outputs))
-    search = Search(fitter, effects, white, known, labels, plan.settings)
+    split = None if setup.data.target.population else coarsest_split(setup.data)
+    plain = Fitter(space.unweighted(), setup.residual, setup.base, setup.columns, setup.offset)
+    search = Search(fitter, effects, white, known, labels, plan.settings, split, fitter if space.is_plain else plain)
     roles = {c.name: c.role for c in setup.data.target.columns}
     remaining = Remaining(generic, setup.forms * len(setup.data.outputs), outputs, roles)
     return NullModel(setup, noises, search, remaining, forms)

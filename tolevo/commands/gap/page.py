@@ -595,10 +595,16 @@ def gap_page(result: GapResult, drawn: Sequence[Drawn] | None = None) -> str:
 def _head(result: GapResult) -> str:
     """The answer in sentences: the verdict, the effects, and the gap before and after."""
     lines = [VERDICTS.get(result.verdict, result.verdict)]
-    lines += [f"{effect.name.replace('_', ' ')}: {effect.cause}" for effect in result.effects]
+    lines += [_answer(effect) for effect in result.effects]
     lines += [line for line in map(partial(_before_after, result), result.gap_before) if line]
     rest = "".join(f"<li>{escape(line)}</li>" for line in lines[1:])
     return f'{about(result.summary)}<p class="asked">{escape(lines[0])}</p>\n<ul class="answers">{rest}</ul>'
+
+
+def _answer(effect: FoundEffect) -> str:
+    """An effect in a sentence or two."""
+    explained = f" It {effect.explained}." if effect.explained else ""
+    return f"{effect.name.replace('_', ' ')}: {effect.cause}{explained}"
 
 
 def _before_after(result: GapResult, name: str) -> str:

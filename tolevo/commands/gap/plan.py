@@ -57,7 +57,8 @@ class GapSettings:
     likelihood and price of parameters, of effects that are reported together. `practical_limit`
     ends the loop: the rms that a further effect explains, as a fraction of the noise. `bootstrap`
     replicates give the intervals, 0 for none. Records of more than `rows_used` rows are thinned
-    while effects are searched, to one random row per stretch. `empirical` searches a formula where
+    while effects are searched, to one random row per stretch. `effects_at_most` and `terms_at_most` are
+    the largest numbers of effects, and of generic terms in addition to them. `empirical` searches a formula where
     no effect is identified. `parts_out_of_limits` is assumed: the fraction of an input's parts that
     may be out of its limits unnoticed.
     """
@@ -70,6 +71,7 @@ class GapSettings:
     interval: float = 0.9
     rows_used: int = 6000
     effects_at_most: int = 6
+    terms_at_most: int = 3
     empirical: bool = False
     parts_out_of_limits: float = 0.75
 

@@ -255,7 +255,8 @@ class OutputGate:
     """Whether an output disagrees with the model, after recalibration.
 
     `rmse` is that of the recalibrated model, `noise` the standard deviation of the noise and
-    `noise_source` where it comes from: "configuration", "column", "repeats" or "estimated".
+    `noise_source` where it comes from: "configuration", "column", "repeats", or the smallest of
+    "estimated" (with the generic forms), "residual" (of the answer) and "neighbouring rows".
     `uncertainty` is the half-width of the error that noise alone causes (ASME V&V 20), `whiteness`
     the p-value that noise is as autocorrelated as the final residual (Ljung-Box).
     """
@@ -436,7 +437,9 @@ class FoundEffect:
     `frequency` is the fraction of bootstrap replicates that identify it (nan without bootstrap);
     `at_bound` lists parameters at a physical bound. `in_problem` is whether the problem whose
     allocation is to be repeated has a counterpart of it (None: no allocation was given), and
-    `counterpart` what that does, or why there is none.
+    `counterpart` what that does, or why there is none. `explains_percent` is the part of the squared
+    gap that it explains before any generic term, after the effects that explain more; `form_error` is
+    the rms of what remains in its variables, in `form_unit`, and `form` the shape of that.
     """
 
     name: str
@@ -452,9 +455,24 @@ class FoundEffect:
     at_bound: tuple[str, ...] = ()
     in_problem: bool | None = None
     counterpart: str = ""
+    explains_percent: float = nan
+    form_error: float = nan
+    form_unit: str = ""
+    form: str = ""
+
+    @property
+    def explained(self) -> str:
+        """How much of the gap it explains, and how far its form is off; empty where that is not known."""
+        if isnan(self.explains_percent):
+            return ""
+        text = f"explains {self.explains_percent:.3g} % of the gap"
+        return (
+            f"{text}; its form errs by {self.form_error:.2g} {self.form_unit} rms, {self.form}" if self.form else text
+        )
 
     def __str__(self) -> str:
-        return f"{self.name} ({self.family}): " + ", ".join(str(parameter) for parameter in self.parameters)
+        numbers = ", ".join(str(parameter) for parameter in self.parameters)
+        return f"{self.name} ({self.family}): {numbers}" + (f"; {self.explained}" if self.explained else "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -527,7 +545,8 @@ class Remainder:
     """A significant residual given the identified effects: its variables, form and size.
 
     `rms` is what the form explains, in the unit of the output, measured without it; `ratio` the
-    same over the noise floor, `share` its fraction of the squared gap beyond the noise.
+    same over the noise floor, `share` its fraction of the squared gap beyond the noise. It `turns` where
+    it is opposite in the two directions.
     """
 
     output: str
@@ -537,6 +556,7 @@ class Remainder:
     unit: str
     ratio: float
     share: float
+    turns: bool = False
 
     def __str__(self) -> str:
         fraction = f"{100 * self.share:.1f} %" if self.share >= 1e-3 else "under 0.1 %"
@@ -578,7 +598,8 @@ class GapResult:
     cause a difference.
     `gap_before`, `gap_after` and `noise_floor` hold a number per output, and `total` in noise
     units. `next_points` are the operating points of `next_measurement` in the order of measuring.
-    `drawing` is the drawing that the simulated units are made to.
+    `drawing` is the drawing that the simulated units are made to. `elsewhere` is the error of rows held
+    out by the coarsest `split` of the record, as `gap_after`.
     """
 
     title: str
@@ -609,6 +630,8 @@ class GapResult:
     next_measurement: NextMeasurement | None = None
     next_points: pd.DataFrame | None = None
     drawing: Drawing | None = None
+    elsewhere: Mapping[str, float] = field(default_factory=dict)
+    split: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...models.effects import EffectParameter
 from ...section import Array
-from .analysis import Analysis, analysis_without_effect, predicts_as_well
+from .analysis import Analysis, analysis_without_effect, predicts_as_well, with_curves
 from .blocks import HeldOut
 from .close import Corrected, corrected
 from .fit import Fit, Fitter, Member, is_term
@@ -20,12 +20,13 @@ from .unresolved import whole_term
 
 # The bias of an effect's parameter due to the form of the generic terms that are fitted with it.
 #
-# A generic term is one of many forms that the record allows. Where a form contains the column of an
-# effect, their common part is attributed to the effect; the form's squared size is spread evenly over
-# its dimensions, and the common dimension is assumed to have had as much. With g the column of a
-# parameter given all others, E the squared norm of the term r in noise units and m its dimensions,
-# the variance is then sigma^2 / |g|^2 (1 + E/m). A term that is fitted jointly may have absorbed g' r
-# / |g|^2 of the parameter, between none and all of it: the standard deviation is taken as 0.6 of it.
+# Generic terms are one of many forms that the record allows. Where they contain the column of an
+# effect, their common part is attributed to the effect; the squared size of their sum is spread evenly
+# over its dimensions, and the common dimension is assumed to have had as much. With g the column of a
+# parameter given all other effects, E the squared norm of the sum r in noise units and m its
+# dimensions, the variance is then sigma^2 / |g|^2 (1 + E/m). Terms that are fitted jointly may have
+# absorbed g' r / |g|^2 of the parameter, between none and all of it: the standard deviation is at
+# least 0.6 of it.
 
 NEGLIGIBLE_FRACTION = 0.01
 """Fraction of a parameter's column within a form below which they have nothing in common."""
@@ -40,25 +41,38 @@ LEAST_CHANCE = 0.05
 """Least variance of their difference, as a fraction of that of the wider fit."""
 
 
-def misfit_of(analysis: Analysis, fit: Fit) -> dict[tuple[str, str], float]:
-    """Added variance of the effects' parameters, by owner and name, due to the generic terms."""
-    fitter = analysis.search.fitter
+def misfit_of(analysis: Analysis, fit: Fit, curved: Fit) -> dict[tuple[str, str], float]:
+    """Added variance of the effects' parameters, by owner and name, due to the generic terms of a fit;
+    in the `curved` one they are curves of which the effects explain nothing.
+    """
+    fitter, of_forms, fit = analysis.search.fitter, fit, curved
     terms = [k for k, member in enumerate(fit.members) if is_term(member)]
     named = fit.identified if terms else ()
     columns = {at: _columns(fitter, fit, at) for at in named}
+    added = np.sum([fitter.contribution(fit, k) for k in terms], axis=0)
+    q = _span_of_forms(analysis, of_forms) if named else added
+    count = sum(member.candidate.count for member in of_forms.terms)
     variances: dict[tuple[str, str], float] = {}
     for at in named:
         member = fit.members[at]
         numbers = [parameter.name for parameter in (*member.candidate.linear, *_fitted_parameters(member))]
         others = [columns[k] for k in named if k != at]
+        given = {k: np.hstack([fitter.base, np.delete(columns[at], k, axis=1), *others]) for k in range(len(numbers))}
         for k, number in enumerate(numbers):
-            given_columns = [fitter.base, np.delete(columns[at], k, axis=1), *others]
-            g = project_out(columns[at][:, k], basis(np.hstack(given_columns)))
+            g = project_out(columns[at][:, k], basis(given[k]))
             size = float(g @ g)
-            variance = sum(_part(analysis, fit, term, g) for term in terms) if size > 0.0 else 0.0
-            if variance > 0.0:
-                variances[member.name, number] = variance / size
+            common = float(np.sum((q.T @ g) ** 2)) / size if size > 0.0 else 0.0
+            if common > NEGLIGIBLE_FRACTION:
+                bias, whole = float(g @ added) ** 2 / size, float(added @ added)
+                variances[member.name, number] = max(EITHER * bias, (whole - bias) / count * common) / size
     return variances
+
+
+def _span_of_forms(analysis: Analysis, fit: Fit) -> Array:
+    """An orthonormal basis (N, r) of the whole forms of all terms, given the free parameters."""
+    fitter, data = analysis.search.fitter, analysis.setup.data
+    forms = [fitter.white(whole_term(member, data)) for member in fit.terms]
+    return basis(project_out(np.hstack(forms), fitter.q))
 
 
 def variance_of_weights(model: Corrected, plain: Corrected) -> dict[tuple[str, str], float]:
@@ -96,24 +110,11 @@ def _columns(fitter: Fitter, fit: Fit, at: int) -> Array:
     return np.hstack(columns)
 
 
-def _part(analysis: Analysis, fit: Fit, term: int, g: Array) -> float:
-    """E/m of a term, times the fraction of g that lies in its whole form."""
-    member, fitter = fit.members[term], analysis.search.fitter
-    added = fitter.contribution(fit, term)
-    bias = float(g @ added) ** 2 / float(g @ g)
-    q = basis(project_out(fitter.white(whole_term(member, analysis.setup.data)), fitter.q))
-    fraction = float(np.sum((q.T @ g) ** 2)) / float(g @ g)
-    if fraction < NEGLIGIBLE_FRACTION:
-        return 0.0
-    if q.shape[1] == fitter.white(member).shape[1]:
-        return EITHER * bias
-    return max(EITHER * bias, float(added @ added) / len(fit.coefficients[term]) * fraction)
-
-
-FORM_OFF, FORM_ALIKE = 0.05, 0.3
+FORM_OFF, FORM_FAR_OFF, FORM_ALIKE = 0.05, 0.12, 0.3
 """Limits of the part of an effect that is orthogonal to a larger effect of its variables, as a
-fraction of the latter, and of their correlation. Below the first and above the second, the effect
-may be an error of the larger one's form, which no formula has exactly.
+fraction of the latter (the second where the residual of both is still significant), and of their
+correlation. Below the former and above the latter, the effect may be an error of the larger one's form,
+which no formula has exactly.
 """
 
 
@@ -196,12 +197,17 @@ def _weakest_effect(end: Ending, needed: Collection[str]) -> tuple[str, str] | N
     where its parameters may be 0); None where all stay. An effect in `needed` belongs to no other
     form.
     """
+    search = end.analysis.search
+    if cancelling := search.cancelling(search.fitter.fit(end.fit.effects)):
+        alone = [search.fitter.fit([end.fit.effects[k]]).rss for k in cancelling]
+        return end.fit.effects[cancelling[int(np.argmax(alone))]].name, ""
     for at in end.identified:
         name = end.fit.names[at]
         if name in end.analysis.excluded:
             continue
         larger = "" if name in needed else _form_of(end, at)
-        if larger or end.model.nothing(end.fit.members[at]):
+        member = end.fit.members[at]
+        if larger or end.model.nothing(member) or end.model.undetermined(member):
             return name, larger
     return None
 
@@ -229,7 +235,11 @@ def _is_form(end: Ending, small: int, large: int) -> bool:
     small_norm, large_norm = float(np.linalg.norm(a)), float(np.linalg.norm(b))
     alike = abs(float(a @ b)) / max(small_norm * large_norm, 1e-300)
     apart = small_norm * np.sqrt(max(1.0 - alike**2, 0.0))
-    return bool(small_norm < large_norm and alike > FORM_ALIKE and apart < FORM_OFF * large_norm)
+    return bool(
+        small_norm < large_norm
+        and alike > FORM_ALIKE
+        and apart < (FORM_FAR_OFF if end.remains else FORM_OFF) * large_norm
+    )
 
 
 def _widen_ending(analysis: Analysis) -> Ending:
@@ -239,10 +249,11 @@ def _widen_ending(analysis: Analysis) -> Ending:
     fit = search.fitter.refined(kept) if kept else analysis.null_model.null_fit
     if not withdrawn and not analysis.scatter and not analysis.setup.data.target.population:
         fit = analysis.fit  # as it was tested
+    tested, curved = search.tested(fit), with_curves(search.fitter, fit, analysis.setup.data)
+    extra_widths, fit = misfit_of(analysis, fit, curved), curved
     model = corrected(analysis.setup, search.fitter.space, fit)
     null_model = analysis.initial_null_model
-    end = Ending(analysis, fit, model, null_model.search.tested(null_model.null_fit), search.tested(fit))
-    extra_widths = misfit_of(analysis, fit)
+    end = Ending(analysis, fit, model, null_model.search.tested(null_model.null_fit), tested)
     if end.identified and end.rows and not analysis.setup.free and not search.fitter.space.is_plain:
         weighed = variance_of_weights(model, corrected(analysis.setup, search.fitter.space, fit, plain=True))
         extra_widths = {key: extra_widths.get(key, 0.0) + weighed.get(key, 0.0) for key in {**extra_widths, **weighed}}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
@@ -11,8 +11,8 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from .blocks import HeldOut, Improvement, Training, improvement, predict_held_out
-from .fit import Fit, Fitter, Member
+from .blocks import HeldOut, Improvement, Split, Training, improvement, predict_held_out
+from .fit import Fit, Fitter, Member, is_term
 from .linear import Groups, project_out
 from .plan import GapSettings
 from .records import Step
@@ -33,6 +33,14 @@ TERM = "held-out rows are predicted better, and no effect of the library has thi
 VISITED = 6
 """Number of sets that a selection visits, per effect that it may have; the longest of 240 records
 visited 10 sets in all."""
+SAME_CAUSE = 0.985
+"""Fraction of what a form, or another effect, explains from which an effect that explains as much has
+the same cause: the rest is an error of its formula, 12 % of it in rms at most.
+"""
+MIN_EXTRA_FRACTION = 0.1
+"""Gain of forms given an effect, as a fraction of the effect's gain, above which the effect is not
+trusted: the forms explain the same and much more.
+"""
 MASKED = 12
 """Number of candidates that are tried in pairs where none is significant alone."""
 PAIRS = 2
@@ -43,7 +51,9 @@ TWO = 1.6
 
 @dataclass(frozen=True)
 class Search:
-    """What a selection works with: fitter, candidates, their thresholds and the blocks of rows."""
+    """What a selection works with: fitter, candidates, their thresholds and the blocks of rows; the
+    coarsest split of the record, and a fitter in which all measurements have the same weight.
+    """
 
     fitter: Fitter
     dictionary: Dictionary
@@ -51,6 +61,8 @@ class Search:
     thresholds: Thresholds
     labels: NDArray[np.int64]
     settings: GapSettings
+    split: Split | None = None
+    plain: Fitter | None = None
     _open: dict[tuple[object, ...], list[ScanResult]] = field(init=False, default_factory=dict)
     _tested: dict[tuple[object, ...], HeldOut] = field(init=False, default_factory=dict)
 
@@ -64,9 +76,22 @@ class Search:
 
     def refined(self, members: Sequence[Member], candidates: Sequence[ScanResult]) -> list[Fit]:
         """Fits with one more candidate each, its nonlinear parameters fitted, best first."""
-        least = max(self._reached(members, candidates[:REFINED]) - WITHIN, 0.0)
+        reached, count = self._reached(members, candidates[:REFINED]), max(self.fitter.space.count, 1)
+        scale = max(1.0, (self.fitter.fit(members).rss - reached) / count) if candidates else 1.0
+        least = max(min(reached - WITHIN * scale, SAME_CAUSE * reached), 0.0)
         near = [candidate.member for candidate in candidates[:REFINED] if candidate.gain > least]
-        return sorted((self._grown(members, member) for member in near), key=attrgetter("score"))
+        fits = (self._grown(members, member) for member in near)
+        return self.ordered(fit for fit in fits if not self.cancelling(fit))
+
+    def ordered(self, fits: Iterable[Fit]) -> list[Fit]:
+        """Fits from the best to the worst."""
+        fits = list(fits)
+        nearest = min(fits, key=attrgetter("rss"), default=None)
+        return fits if nearest is None else sorted(fits, key=lambda fit: self.worse(fit, nearest))
+
+    def cancelling(self, fit: Fit) -> tuple[int, ...]:
+        """The indices of the effects of a fit that cancel against others."""
+        return self.fitter.cancelling(fit, self.thresholds.library)
 
     def _reached(self, members: Sequence[Member], candidates: Sequence[ScanResult]) -> float:
         """The largest gain with admissible signs; a scan respects those of single columns only."""
@@ -96,8 +121,39 @@ class Search:
         return self._tested[key]
 
     @cached_property
+    def elsewhere(self) -> Search:
+        """The same search, its held-out rows those of the parts of the coarsest split of the record."""
+        if self.split is None:
+            return self
+        return replace(self, labels=np.tile(self.split.labels, len(self.fitter.space.noises)), split=None)
+
+    def dominates(self, fit: Fit, at: int) -> bool:
+        """Whether an effect explains, before any generic term and with equal weights, far more than all
+        terms do given the effects: they are by how much its form is off, and take no effect's place.
+        """
+        if not fit.terms:
+            return False
+        fitter = self.plain or self.fitter
+        effects = fitter.fit(fit.effects)
+        without = fitter.fit([member for k, member in enumerate(fit.members) if k != at and not is_term(member)])
+        return MIN_EXTRA_FRACTION * (without.rss - effects.rss) > effects.rss - fitter.fit(fit.members).rss
+
+    @cached_property
     def _training(self) -> Training:
         return Training(self.fitter, self.labels, self.dictionary, self.white)
+
+    def limit(self, fit: Fit) -> float:
+        """The gain that noise alone would rarely reach, given the residual that a fit leaves: a residual
+        beyond the noise is as large a chance for every further effect.
+        """
+        return self.thresholds.library * max(1.0, fit.rss / max(self.fitter.space.count, 1))
+
+    def worse(self, fit: Fit, than: Fit) -> float:
+        """By how much a fit is worse than another: squared residual in units of the noise, or of what the
+        better fit leaves where that is more, and the price of the parameters.
+        """
+        scale = max(1.0, min(fit.rss, than.rss) / max(self.fitter.space.count, 1))
+        return (fit.rss - than.rss) / scale + (fit.score - fit.rss) - (than.score - than.rss)
 
     def held_out_error(self, tested: HeldOut) -> float:
         """The RMSE of held-out rows, all outputs together, in noise units."""
@@ -207,7 +263,8 @@ def _next(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | None
         if candidate.member.name not in alone and candidate.gain > limit
     ]
     fits = search.refined(fit.members, candidates)
-    return next((larger for larger in fits if fit.rss - larger.rss > limit and larger.score < fit.score), None)
+    significant = (larger for larger in fits if fit.rss - larger.rss > search.limit(larger))
+    return next((larger for larger in significant if search.worse(fit, larger) > 0.0), None)
 
 
 def masked_pair(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | None:
@@ -229,8 +286,10 @@ def masked_pair(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit 
         pairs.append(search.fitter.fit([*members, seconds[0].member]))
     nearest = sorted(pairs, key=attrgetter("score"))[:PAIRS]
     fits = [search.fitter.refined(pair.members) for pair in nearest]
+    fits = [pair for pair in fits if not search.cancelling(pair)]
     best = min(fits, key=attrgetter("score"), default=None)
-    if best is None or fit.rss - best.rss < TWO * limit or best.score > fit.score:
+    limit = limit if best is None else search.limit(best)
+    if best is None or fit.rss - best.rss < TWO * limit or search.worse(best, fit) > 0.0:
         return None
     alone = [search.fitter.fit(best.without(k)).rss - best.rss for k in range(len(fit.members), len(best.members))]
     return best if min(alone) > limit else None
@@ -261,7 +320,7 @@ def _exchange_effect(search: Search, fit: Fit) -> Fit | None:
     for at in range(len(fit.members)):
         other_members = fit.without(at)
         for swapped in search.refined(other_members, search.open(other_members))[:1]:
-            if swapped.score < best.score - 1e-3:
+            if search.worse(best, swapped) > 1e-3:
                 best = swapped
     return None if best is fit else best
 
@@ -269,7 +328,7 @@ def _exchange_effect(search: Search, fit: Fit) -> Fit | None:
 def _drop_effect(search: Search, fit: Fit) -> Fit | None:
     """A fit without an effect that is not significant given the others; None where all are."""
     smaller_fits = (search.fitter.fit(fit.without(at)) for at in range(len(fit.members) - 1))
-    return next((smaller for smaller in smaller_fits if smaller.rss - fit.rss < search.thresholds.library), None)
+    return next((smaller for smaller in smaller_fits if smaller.rss - fit.rss < search.limit(fit)), None)
 
 
 def _note(
@@ -336,20 +395,37 @@ class Other:
 def rivals(search: Search, fit: Fit, identified: Sequence[int]) -> list[Other]:
     """Fits within the set distance, in which an effect replaces one or two of the identified."""
     alternatives: dict[tuple[tuple[str, ...], tuple[str, ...]], Other] = {}
-    reach = search.settings.set_distance
     excluded = {member.name for member in fit.members}
     for at in identified:
-        for rival in _nearby_fits(search, fit.without(at)):
-            if rival.names[-1] != fit.names[at] and rival.score - fit.score <= reach:
-                key = ((rival.names[-1],), (fit.names[at],))
-                alternatives[key] = Other(rival, *key, rival.score - fit.score)
+        for other in _rivals_of(search, fit, (at,)):
+            if other.names != other.instead_of:
+                alternatives[other.names, other.instead_of] = other
     for pair in combinations(identified, 2):  # a single effect instead of two
-        names = tuple(fit.names[k] for k in pair)
-        for rival in _nearby_fits(search, fit.without(*pair)):
-            new_name = rival.names[-1]
-            if new_name not in excluded and rival.score - fit.score <= reach:
-                alternatives[(new_name,), names] = Other(rival, (new_name,), names, rival.score - fit.score)
+        for other in _rivals_of(search, fit, pair):
+            if other.names[0] not in excluded:
+                alternatives[other.names, other.instead_of] = other
     return sorted(alternatives.values(), key=attrgetter("distance"))
+
+
+def _rivals_of(search: Search, fit: Fit, replaced: Sequence[int]) -> Iterator[Other]:
+    """Fits within the set distance in which one effect replaces some. Generic terms that are errors of
+    their form would be errors of the rival's as well: the effects are then compared without them; a
+    simpler effect that explains nearly as much is compared with them, too.
+    """
+    members, names = fit.without(*replaced), tuple(fit.names[k] for k in replaced)
+    terms = fit.terms if any(search.dominates(fit, at) for at in replaced) else []
+    effects = [member for member in members if member not in terms]
+    base, without = (search.fitter.fit(fit.effects), search.fitter.fit(effects)) if terms else (fit, fit)
+    most = sum(fit.members[k].candidate.count for k in replaced)
+    for rival in _nearby_fits(search, effects):
+        distance, whole = search.worse(rival, base), rival
+        if terms:
+            whole = search.fitter.fit([*rival.members, *terms])
+            simpler = rival.members[-1].candidate.count < most
+            if simpler and without.rss - rival.rss > SAME_CAUSE * (without.rss - base.rss):
+                distance = min(distance, search.worse(whole, fit))
+        if distance <= search.settings.set_distance:
+            yield Other(whole, (rival.names[-1],), names, distance)
 
 
 def _nearby_fits(search: Search, others: Sequence[Member]) -> list[Fit]:
@@ -359,11 +435,11 @@ def _nearby_fits(search: Search, others: Sequence[Member]) -> list[Fit]:
 
 def correlation(fitter: Fitter, fit: Fit, other: Other) -> float:
     """Correlation of the contributions of the exchanged effects of a fit and of those that replace
-    them, given all else that is fitted.
+    them, given all other effects.
     """
     replaced = [k for k, name in enumerate(fit.names) if name in other.instead_of]
     substitutes = [k for k, name in enumerate(other.fit.names) if name in other.names]
-    q = fitter.spanned(fit.without(*replaced))
+    q = fitter.spanned([member for member in fit.without(*replaced) if not is_term(member)])
     a, b = (
         project_out(
             sum((fitter.white(source.members[k]) @ source.coefficients[k] for k in indices), np.zeros(len(fitter.y))), q

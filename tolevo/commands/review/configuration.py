@@ -14,7 +14,7 @@ from typing import Any
 import pandas as pd
 
 from ... import tables
-from ...configuration.cost_files import MeasuredFile, join_characteristics, number_in, opened_parts
+from ...configuration.cost_files import MeasuredFile, join_characteristics, opened_parts
 from ...configuration.parameters import BOUNDS
 from ...configuration.reader import read_table
 from ...configuration.source import Table, load
@@ -26,7 +26,7 @@ from ...problems.stack import Stack
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Kind
 from ...units import split_unit
-from .review import review
+from .review import Reopened, review
 
 REPLACED = ("distribution", "cp", "cpk", "shift", "measured")
 """Keys of a part that are replaced by the measurements of parts that were made."""
@@ -34,28 +34,6 @@ ALLOCATION = ("point", "variable", "rounded")
 GAP = "gap.json"
 YIELDS = (YIELD, "ring_yield_percent")
 """Outputs whose limit means a promise."""
-
-
-@dataclass(frozen=True)
-class Reopened:
-    """The problem of a run, the design on its drawing, and the same problem with measured parts.
-
-    `now` takes the means of the parts as they were measured, `reset` as the run's configuration
-    does; `reset` is None where no allocation keeps the promise then. `since` uses earlier parts,
-    where there are any. `measured_parts` are the parts with new values, `earlier` those with values
-    among the earlier ones. `attributed` is the result of a gap analysis of the units themselves,
-    `notes` say what of the files was left out.
-    """
-
-    before: ToleranceProblem
-    design: dict[str, float]
-    now: ToleranceProblem
-    reset: ToleranceProblem | None
-    measured_parts: tuple[str, ...]
-    since: ToleranceProblem | None = None
-    attributed: str = ""
-    earlier: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
 
 
 def reopen_run(run: Path, parts: Sequence[Path], since: Sequence[Path], options: tables.ReadOptions) -> Reopened:
@@ -84,16 +62,15 @@ def reopen_run(run: Path, parts: Sequence[Path], since: Sequence[Path], options:
     earlier = _replace_samples(table, owners, _open_files(since, options, faults), faults, notes) if since else None
     raise_all(faults)
     shifting = {owner.name for owner in owners if owner.shifts}
-    anew = [_with_sample_means(now[0], shifting), now[0]]
-    anew += [_with_sample_means(earlier[0], shifting)] if earlier else []
-    problems = [_problem(tables_of_problem, faults) for tables_of_problem in anew]
+    present, reset = _problem(_with_sample_means(now[0], shifting), faults), _problem(now[0], faults)
+    previous = _problem(_with_sample_means(earlier[0], shifting), faults) if earlier else None
     raise_all(faults)
-    assert problems[0] is not None
-    assert problems[1] is not None
-    reset = None if problems[1].out_of_reach() else problems[1]
-    since_problem, earlier_parts = (problems[2], earlier[1]) if earlier else (None, ())
+    assert present is not None
+    assert reset is not None
+    again = tuple(name for name in now[1] if earlier and name in earlier[1])
+    within_reach = None if reset.out_of_reach() else reset
     notes = list(dict.fromkeys(notes))
-    return Reopened(before, design, problems[0], reset, now[1], since_problem, attributed, earlier_parts, tuple(notes))
+    return Reopened(before, design, present, within_reach, now[1], previous, attributed, again, tuple(notes))
 
 
 def review_text(run: Path, parts: Sequence[Path], since: Sequence[Path], options: tables.ReadOptions) -> str:
@@ -101,11 +78,7 @@ def review_text(run: Path, parts: Sequence[Path], since: Sequence[Path], options
     every fault.
     """
     opened = reopen_run(run, parts, since, options)
-    names = opened.measured_parts
-    again = [name for name in names if name in opened.earlier]
-    result = review(
-        opened.before, opened.design, opened.now, opened.reset, names, opened.since, opened.attributed, again
-    )
+    result = review(opened)
     table = result.parts.dropna(axis="columns", how="all").to_string(index=False, float_format="%.4g", na_rep="-")
     return "\n".join([*(f"note: {note}" for note in opened.notes), *result.lines, "", table])
 
@@ -136,7 +109,7 @@ def _design(problem: ToleranceProblem, allocated: Mapping[str, Any]) -> dict[str
         value, labels = allocated.get(variable.name), list(map(str, variable.labels))
         if str(value) in labels:
             design[variable.name] = float(labels.index(str(value)))
-        elif (number := number_in(str(value))) == number:
+        elif (number := tables.number_in(str(value))) == number:
             design[variable.name] = number
     return design
 
@@ -280,28 +253,23 @@ def _replace_samples(
     table: Table, owners: Sequence[Owner], files: Sequence[MeasuredFile], faults: list[Fault], notes: list[str]
 ) -> tuple[Table, tuple[str, ...]]:
     """The tables with the values of the files in place of earlier ones, and whose are new."""
-    anew = {
-        owner.name: measured
-        for owner in owners
-        if (measured := _measured_table(owner, files, faults, notes)) is not None
-    }
+    measured = {owner.name: _measured_table(owner, files, faults, notes) for owner in owners}
+    anew = {name: table_of_owner for name, table_of_owner in measured.items() if table_of_owner is not None}
     for file in files:
-        for name in file.labels:
-            if len(both := [owner.name for owner in owners if _refers_to_owner(file, owner, name)]) > 1:
+        meant = {name: [o.name for o in owners if _refers_to_owner(file, o, name)] for name in file.labels}
+        for name, both in meant.items():
+            if len(both) > 1:
                 text = f"{name} is {' and '.join(both)}, by its name and by its number: correct one of them"
                 faults.append(Fault(file.place, text))
-        if unused := [name for name in file.labels if not any(_refers_to_owner(file, owner, name) for owner in owners)]:
+        if unused := [name for name, owners_of_name in meant.items() if not owners_of_name]:
             notes.append(f"{file.place}: not used: {', '.join(unused)}")
     if not anew and not faults:
         names = ", ".join(owner.name for owner in owners)
         text = "hold no characteristic of the run: name columns or characteristics like its parts"
         faults.append(Fault("PARTS", f"{text} ({names})"))
-    reopened_table = copy.copy(table)
     if "part" in table:
-        reopened_table["part"] = [anew.get(str(part["name"]), part) for part in table["part"]]
-    else:
-        reopened_table["variables"] = dict(table.get("variables", {})) | anew
-    return reopened_table, tuple(anew)
+        return table | {"part": [anew.get(str(part["name"]), part) for part in table["part"]]}, tuple(anew)
+    return table | {"variables": dict(table.get("variables", {})) | anew}, tuple(anew)
 
 
 def _refers_to_owner(file: MeasuredFile, owner: Owner, name: str) -> bool:

@@ -10,10 +10,9 @@ import pandas as pd
 from scipy import stats
 
 from ...models.capability import PartSample
-from ...models.inputs import Distribution
+from ...models.inputs import std_of
 from ...problems.settings import ASSURANCE
 from ...problems.stack import Stack
-from ...problems.stack.definition import Part
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array
 from ..run.changes import value_against_limit
@@ -35,20 +34,31 @@ class Review:
     parts: pd.DataFrame
 
 
-def review(
-    before: ToleranceProblem,
-    design: Mapping[str, float],
-    now: ToleranceProblem,
-    reset: ToleranceProblem | None,
-    made: Sequence[str],
-    since: ToleranceProblem | None = None,
-    attributed: str = "",
-    earlier: Sequence[str] = (),
-) -> Review:
-    """The review of a run's design by parts made to it; the problems as `Reopened` has them.
+@dataclass(frozen=True)
+class Reopened:
+    """The problem of a run, the design on its drawing, and the same problem with measured parts.
 
-    `made` and `earlier` name the parts that the files now, and those before, hold values of.
+    `now` takes the means of the parts as they were measured, `reset` as the run's configuration
+    does; `reset` is None where no allocation keeps the promise then. `since` uses earlier parts,
+    where there are any. `made` are the parts with new values, `again` those of them with values among
+    the earlier ones. `attributed` is the result of a gap analysis of the units themselves, `notes` say
+    what of the files was left out.
     """
+
+    before: ToleranceProblem
+    design: dict[str, float]
+    now: ToleranceProblem
+    reset: ToleranceProblem | None
+    made: tuple[str, ...]
+    since: ToleranceProblem | None = None
+    attributed: str = ""
+    again: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def review(opened: Reopened) -> Review:
+    """The review of a run's design by parts made to it."""
+    before, design, now, reset, made = opened.before, opened.design, opened.now, opened.reset, opened.made
     promise = before.promise
     assert promise is not None
     full = _full_design(before, design)
@@ -78,10 +88,10 @@ def review(
     for name in made:
         sample = latest[name].sample
         lines += [f"{name} {finding.text}" for finding in (sample.findings if sample is not None else ())]
-    if since is not None:
-        lines += _change_sentences(since, now, earlier, design)
-    if attributed:
-        lines.append(f"the units' own measurement: {attributed}")
+    if opened.since is not None:
+        lines += _change_sentences(opened.since, now, opened.again, design)
+    if opened.attributed:
+        lines.append(f"the units' own measurement: {opened.attributed}")
     return Review(tuple(lines), pd.DataFrame(rows))
 
 
@@ -183,21 +193,20 @@ class Characteristic:
 
 def characteristics(problem: ToleranceProblem) -> dict[str, Characteristic]:
     """The parts of a stack, or the tolerances of another problem, by name."""
-    if isinstance(problem, Stack):
-        return {part.name: _part_characteristic(problem, part) for part in problem.definition.parts}
     by_name = {}
+    if isinstance(problem, Stack):
+        for part in problem.definition.parts:
+            t, cp = f"{part.name}_t", np.nan if part.one_sided else 1.0 / (3.0 * std_of(part.distribution))
+            at = problem.names.index(t)
+            by_name[part.name] = Characteristic(part.name, part.unit, at, t, part.sample, cp, part.fixed, stated=True)
+        return by_name
     for at, v in enumerate(problem.variables):
         setting = problem.settings.variables[v.name]
         if v.tolerance and not v.integer:
             law = None if setting.sample is not None and setting.sample.one_sided else setting.distribution
-            cp = np.nan if law is None else _capability(law)
+            cp = np.nan if law is None else 1.0 / (3.0 * std_of(law))
             by_name[v.name] = Characteristic(v.name, v.unit, at, v.name, setting.sample, cp, v.name in problem.fixed)
     return by_name
-
-
-def _part_characteristic(stack: Stack, part: Part) -> Characteristic:
-    t, cp = f"{part.name}_t", np.nan if part.one_sided else _capability(part.distribution)
-    return Characteristic(part.name, part.unit, stack.names.index(t), t, part.sample, cp, part.fixed, stated=True)
 
 
 def _row(
@@ -224,12 +233,6 @@ def _row(
     }
 
 
-def _capability(law: Distribution) -> float:
-    """Half-width over three standard deviations, of any distribution."""
-    m1, m2 = law.raw_moments(2)[1:]
-    return float(1.0 / (3.0 * np.sqrt(m2 - m1**2)))
-
-
 def _change_sentences(
     since: ToleranceProblem, now: ToleranceProblem, made: Sequence[str], design: Mapping[str, float]
 ) -> list[str]:
@@ -245,15 +248,8 @@ def _change_sentences(
             continue  # a supplier's mean and standard deviation
         ratio = float(np.var(b, ddof=1) / np.var(a, ddof=1))
         tail = float(stats.f.cdf(ratio, len(b) - 1, len(a) - 1))
-        if 2.0 * min(tail, 1.0 - tail) < CHANGED:
-            lines.append(
-                f"{name} scatters {np.sqrt(ratio):.2g} times as much as the earlier parts "
-                f"(by chance: {2.0 * min(tail, 1.0 - tail):.2g})"
-            )
-        moved = stats.ttest_ind(b, a, equal_var=False)
-        if float(moved.pvalue) < CHANGED:
-            lines.append(
-                f"the mean of {name} moved by {float(b.mean() - a.mean()):+.4g} "
-                f"{latest[name].unit} (by chance: {float(moved.pvalue):.2g})"
-            )
+        scatter = f"{name} scatters {np.sqrt(ratio):.2g} times as much as the earlier parts"
+        mean = f"the mean of {name} moved by {float(b.mean() - a.mean()):+.4g} {latest[name].unit}"
+        chances = {scatter: 2.0 * min(tail, 1.0 - tail), mean: float(stats.ttest_ind(b, a, equal_var=False).pvalue)}
+        lines += [f"{text} (by chance: {chance:.2g})" for text, chance in chances.items() if chance < CHANGED]
     return lines

@@ -21,6 +21,7 @@ from ...records import Axis, RunResult
 from ...section import Array
 from ...units import drawing_number, plain_number
 from .changes import step_words, words
+from .choice import ALL
 from .decide import Decisions
 from .plan import MAX_LIMIT_DISTANCE, RunPlan, chosen_point, shown_point
 from .prices import PERCENT, points_at_limit
@@ -109,8 +110,10 @@ def _summarise_choices(choices: pd.DataFrame, problem: ToleranceProblem) -> dict
 
 def _rounding(decisions: Decisions, plan: RunPlan) -> list[dict[str, str]]:
     """How each variable is rounded, and whether the configuration says so."""
+    stated = set(plan.choice.steps)
+    stated |= {v.name for v in plan.problem.free if v.tolerance and not v.integer} if ALL in stated else set()
     return [
-        {"variable": name, "rule": rule, "set_by": "configuration" if name in plan.choice.steps else "default"}
+        {"variable": name, "rule": rule, "set_by": "configuration" if name in stated else "default"}
         for name, rule in decisions.rounding.items()
     ]
 
@@ -133,7 +136,7 @@ RELAXATION_FRACTION = 0.01
 
 
 def answers(result: RunResult, problem: ToleranceProblem, proven: Proof) -> dict[str, str]:
-    """`asked`, `found`, `published`, `limits`, `loosen` and `proof`: a sentence or two each.
+    """`asked`, `found`, `published`, `limits`, `rounding`, `loosen` and `proof`: a sentence or two each.
 
     `proven` are the bounds of the front. Only `asked` where the front is empty; `published` where a
     document prints an allocation, `loosen` where single steps of the tolerances were tried.
@@ -146,7 +149,8 @@ def answers(result: RunResult, problem: ToleranceProblem, proven: Proof) -> dict
         "found": sentences.outcome(),
         "published": sentences.published(),
         "limits": sentences.of_limits(),
-        "loosen": sentences.loosening(),
+        "rounding": sentences.first_choice("rounding"),
+        "loosen": sentences.first_choice("loosen_first"),
         "proof": sentences.proof(),
     }
     return asked | {name: text for name, text in stated.items() if text}
@@ -311,9 +315,10 @@ class Sentences:
         tried = self.result.changes
         return pd.DataFrame() if tried is None else tried[tried["point"] == self.point]
 
-    def loosening(self) -> str:
+    def first_choice(self, column: str) -> str:
+        """What a column of the choices says of the first one; empty where there is none."""
         choices = self.result.choices
-        return "" if choices is None or choices.empty else str(choices["loosen_first"].iloc[0])
+        return "" if choices is None or choices.empty or column not in choices else str(choices[column].iloc[0])
 
     def _solved(self, limits: Mapping[str, Bound]) -> float | None:
         """The least cost with other limits at the point's other objectives; None where it has no
@@ -406,7 +411,8 @@ class Sentences:
                 "How far the points are from the optimum is not known: the proven bound is not informative, because it "
                 f"leaves out limits that hold them back ({proven.statement})."
             )
-        middle, most = float(np.nanmedian(gap)), float(np.nanmax(gap))
+        below = 100.0 * gap / (100.0 + gap)  # a gap is in percent of the bound
+        middle, most = float(np.nanmedian(below)), float(np.nanmax(below))
         at = self._at_equal_requirements()
         if len(gap) == 1 and most < EXACT:
             return f"Proven: this is the least cost within the limits{at} ({proven.statement})."
@@ -600,7 +606,7 @@ def add_capability(result: RunResult, problem: ToleranceProblem) -> RunResult:
     return replace(result, summary=dict(result.summary) | {"answers": answers})
 
 
-def _rounded_design(result: RunResult, problem: ToleranceProblem, point: int) -> Array | None:
+def rounded_design(result: RunResult, problem: ToleranceProblem, point: int) -> Array | None:
     """The full design (all variables,) of a point with the values of its drawing, if it has one."""
     allocation = result.allocation
     if allocation is None or result.front.empty or point not in set(allocation["point"]):
@@ -617,7 +623,7 @@ def add_promise(result: RunResult, problem: ToleranceProblem) -> RunResult:
     if not promised_limits(problem):
         return result
     point = chosen_point(result)
-    outcome = promise_outcome(problem, result.front, point, _rounded_design(result, problem, point))
+    outcome = promise_outcome(problem, result.front, point, rounded_design(result, problem, point))
     if outcome is None:
         return result
     answers = dict(result.answers) | {"promise": outcome.sentence}

@@ -22,56 +22,56 @@ from .choice import COST
 # The values that can be ordered next to those of a design.
 
 
-Mask = NDArray[np.bool_]
+Rungs = NDArray[np.int64]
 ROOM_TOLERANCE = 1e-9
 """Relative difference that counts as none."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Neighbours:
-    """The orderable values next to those of a design (all variables,): `below` and `above`.
+REACH, REACH_SAMPLED = 8, 4
+"""Orderable values on either side of a value that are tried at most; where each takes a sample of units."""
+SINGLES = 240
+"""Changes of one variable that are evaluated at once at most, where every variable has two."""
 
-    Both have shape (k,), for the variables of the columns `at` (k,); they are equal where there is
-    one neighbour only.
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ladders:
+    """The orderable values near those of a `design` (all variables,).
+
+    `values` (k, width) are those of the variables of the `columns` (k,), ascending, of which the
+    first `counts` (k,) are meant. A combination is one rung of each ladder, shape (k,).
     """
 
     design: Array
-    at: NDArray[np.int64]
-    below: Array
-    above: Array
+    columns: Rungs
+    values: Array
+    counts: Rungs
 
-    def designs(self, up: Mask) -> Array:
-        """Full designs (c, all variables) of choices (c, k): the upper neighbour where true."""
-        full = np.repeat(self.design[None], len(up), axis=0)
-        full[:, self.at] = np.where(up, self.above, self.below)
+    def designs(self, rungs: Rungs) -> Array:
+        """Full designs (c, all variables) of combinations (c, k)."""
+        full = np.repeat(self.design[None], len(rungs), axis=0)
+        full[:, self.columns] = self.values[np.arange(len(self.columns)), rungs]
         return full
 
-    @property
-    def nearest(self) -> Mask:
-        """The nearer neighbour of each variable (k,)."""
-        values = self.design[self.at]
-        return np.asarray(self.above - values < values - self.below)
 
-
-def neighbours(problem: ToleranceProblem, design: Array, values: dict[str, Array]) -> Neighbours:
-    """The neighbours of `design` among the orderable `values` by variable, in the room it has.
+def ladders(problem: ToleranceProblem, design: Array, values: Mapping[str, Array]) -> Ladders:
+    """The orderable `values`, by variable, nearest to those of `design` in the room that it has.
 
     A variable without an orderable value in its room keeps its own.
     """
-    at, below, above = [], [], []
+    most = REACH_SAMPLED if problem.declaration.sampled else REACH
+    reach = int(np.clip(SINGLES // (2 * max(len(values), 1)), 1, most))
+    near: dict[int, Array] = {}
     for name, orderable in values.items():
         low, high = problem.room(name, design)
-        column = problem.names.index(name)
-        value = design[column]
         edge = ROOM_TOLERANCE * max(abs(low), abs(high))
-        within = np.clip(orderable[(orderable >= low - edge) & (orderable <= high + edge)], low, high)
-        if not len(within):
-            continue
-        lower, upper = within[within <= value], within[within >= value]
-        at.append(column)
-        below.append(lower.max() if len(lower) else upper.min())
-        above.append(upper.min() if len(upper) else lower.max())
-    return Neighbours(design, np.array(at, dtype=np.int64), np.array(below), np.array(above))
+        within = np.unique(np.clip(orderable[(orderable >= low - edge) & (orderable <= high + edge)], low, high))
+        column = problem.names.index(name)
+        below, upto = (int(np.searchsorted(within, design[column], side)) for side in ("left", "right"))
+        if len(within):
+            near[column] = within[max(below - reach, 0) : upto + reach]
+    counts = np.array([len(rungs) for rungs in near.values()], dtype=np.int64)
+    padded = [np.pad(rungs, (0, int(counts.max()) - len(rungs)), mode="edge") for rungs in near.values()]
+    return Ladders(design, np.array(list(near), dtype=np.int64), np.array(padded), counts)
 
 
 # Which of several designs is the better one to order.
@@ -146,9 +146,10 @@ class Ranking:
         return [name for name in self.problem.objectives if name != COST]
 
 
-def best(keys: Array) -> NDArray[np.int64]:
-    """Rows from the best to the worst."""
-    return np.lexsort(keys.T[::-1])
+def best(keys: Array) -> Rungs:
+    """Rows from the best to the worst; of rows that are equal but for their last digits, the first."""
+    size = np.max(np.abs(keys), axis=0, initial=1e-300, where=np.isfinite(keys))
+    return np.lexsort(np.round(keys / size, 11).T[::-1])
 
 
 # What changing one tolerance alone does to a chosen allocation: tried by the full model.
@@ -379,177 +380,207 @@ def _money(amount: float, currency: str) -> str:
     return f"{plain_number(amount, 3)} {currency}".rstrip()
 
 
-# Rounding of many variables: changes are priced one by one, and made where they pay.
+# A design rounded to what can be ordered: all variables together, checked by the model.
 
 
-ROUNDS = 40
+MAX_EXHAUSTIVE, MAX_EXHAUSTIVE_SAMPLED = 4096, 256
+"""Combinations up to which every one is evaluated; where each takes a sample of units."""
+BEAM = 4096
+"""Combinations of the least reduced costs that are held."""
+ROUNDS = 8
 """Rounds of pricing at most."""
-PAIRS = 24
-"""Pairs of changes that are evaluated per round."""
-LENGTHS = 24
-"""Lengths of a series of changes that are evaluated per round."""
-MIN_USE = 1e-12
-"""Room below which there is none."""
+TRIED, TRIED_SAMPLED = 128, 24
+"""Combinations that are evaluated of each prediction; where each takes a sample of units."""
+VERIFIED = 24
+"""Best candidates that are tested by the full model."""
+NEGLIGIBLE = 0.01
+"""Part of the cost that rounding may add without a reason."""
+PENALTY = 1e3
+"""Price of breaking a limit, over the largest saving of a change per room that it uses."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Prices:
-    """What every single change (k,) of a design adds: `use` (k, columns) and `cost` (k,).
-
-    `base_use` (columns,) and `base_cost` are those of the design itself; see `Ranking.use`.
+class Rounded:
+    """A design (all variables,) of values that can be ordered, and its `Ranking.keys`; `tried` are the
+    combinations among which it was chosen, `every` whether they are all of those `near`.
     """
 
-    base_use: Array
-    base_cost: float
-    use: Array
-    cost: Array
-
-
-def choices_by_moves(near: Neighbours, ranking: Ranking, most: int) -> Mask:
-    """The best choices (at most `most`, k) of neighbours that a search by prices finds.
-
-    Each round evaluates every single change, the pairs that look best where the effects of two
-    changes are added, and two series: single changes in the order of their saving per use of the
-    remaining room, and pairs that save without a variable in common. A round grows with the
-    variables.
-    """
-    count = len(near.at)
-    masks = np.stack([np.zeros(count, dtype=bool), near.nearest])
-    known = ranking.keys(near.designs(masks))
-    masks, known = _select_moves(masks, known, most)
-    for _ in range(ROUNDS):
-        at, key = masks[0], known[0]
-        singles = at ^ np.eye(count, dtype=bool)
-        use, cost = ranking.use(near.designs(np.vstack([at[None], singles])))
-        prices = Prices(use[0], float(cost[0]), use[1:] - use[0], cost[1:] - cost[0])
-        series = np.vstack([_single_changes(at, prices), *_pairs(at, prices, ranking)])
-        keys = np.vstack([ranking.ranked(use[1:], cost[1:]), ranking.keys(near.designs(series))])
-        masks, known = _select_moves(np.vstack([masks, singles, series]), np.vstack([known, keys]), most)
-        if tuple(known[0].tolist()) >= tuple(key.tolist()):
-            break
-    return masks
-
-
-def _select_moves(masks: Mask, keys: Array, most: int) -> tuple[Mask, Array]:
-    """The best `most` of them, in order."""
-    order = best(keys)[:most]
-    return masks[order], keys[order]
-
-
-def _single_changes(at: Mask, prices: Prices) -> Mask:
-    """Changes that save, in the order of their saving per use of the remaining room."""
-    room = np.maximum(-prices.base_use, MIN_USE)
-    used = np.max(np.maximum(prices.use, 0.0) / room, axis=1, initial=0.0)
-    rows = np.flatnonzero(prices.cost < 0.0)
-    order = rows[np.argsort(prices.cost[rows] / (used[rows] + MIN_USE), kind="stable")]
-    return _apply_first_groups(at, order[:, None], prices)
-
-
-def _pairs(at: Mask, prices: Prices, ranking: Ranking) -> tuple[Mask, Mask]:
-    """The best pairs by added effects, and a series of pairs without a variable in common."""
-    first, second = np.triu_indices(len(at), 1)
-    use = prices.base_use + prices.use[first] + prices.use[second]
-    keys = ranking.ranked(use, prices.base_cost + prices.cost[first] + prices.cost[second])
-    order = best(keys)[: 4 * len(at)]
-    pairs = np.stack([first[order], second[order]], axis=1)
-    alone = np.repeat(at[None], min(PAIRS, len(pairs)), axis=0)
-    for row, pair in enumerate(pairs[:PAIRS].tolist()):
-        alone[row, pair] ^= True
-    base = ranking.ranked(prices.base_use[None], np.array([prices.base_cost]))[0]
-    pays = [tuple(key) < tuple(base.tolist()) for key in keys[order].tolist()]
-    return alone, _apply_first_groups(at, _disjoint_pairs(pairs[np.array(pays, dtype=bool)]), prices)
-
-
-def _disjoint_pairs(pairs: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Pairs, from the first, that have no variable in common."""
-    taken, disjoint = set[int](), []
-    for first, second in pairs.tolist():
-        if first not in taken and second not in taken:
-            taken |= {first, second}
-            disjoint.append((first, second))
-    return np.array(disjoint, dtype=np.int64).reshape(-1, 2)
-
-
-def _apply_first_groups(at: Mask, groups: NDArray[np.int64], prices: Prices) -> Mask:
-    """The design after the first n of the groups (g, size) of changes: several n around the largest
-    that keeps to the remaining room where effects are added.
-    """
-    if not len(groups):
-        return np.empty((0, len(at)), dtype=bool)
-    total = prices.base_use + np.cumsum(prices.use[groups].sum(axis=1), axis=0)
-    fits = np.all(total <= np.maximum(prices.base_use, 0.0), axis=1)
-    most = len(groups) if np.all(fits) else int(np.argmin(fits))
-    ends = np.unique(np.clip(most + np.arange(-LENGTHS // 2, LENGTHS // 2), 1, len(groups)))
-    masks = np.repeat(at[None], len(ends), axis=0)
-    for row, end in enumerate(ends.tolist()):
-        masks[row, groups[:end].ravel()] ^= True
-    return masks
-
-
-# A design rounded to what can be ordered, checked by the model.
-
-
-RoundingMask = NDArray[np.bool_]
-MAX_EXHAUSTIVE_VARIABLES = 8
-"""Variables up to which every combination of neighbours is tried at once."""
-HARD = 12
-"""Variables up to which every combination is tried where no other keeps the limits."""
-VERIFIED = 24
-"""Best candidates that are tested by the full model."""
+    design: Array
+    keys: tuple[float, ...] = ()
+    tried: int = 1
+    every: bool = True
+    near: Ladders | None = None
 
 
 def round_design(
     problem: ToleranceProblem,
     design: Array,
-    values: dict[str, Array],
+    values: Mapping[str, Array],
     bounds: Mapping[str, Bound] = MappingProxyType({}),
-) -> Array:
-    """The design (all variables,) at the neighbour that can be ordered.
+    finer: Mapping[str, Array] = MappingProxyType({}),
+) -> Rounded:
+    """The design (all variables,) with every value at one that can be ordered.
 
-    The cheapest combination of neighbours that keeps all limits (those of the problem, and the
-    `bounds`) and is no worse in the other objectives; where there is none, the one that breaks
-    the limits least, then the least worse. Up to `MAX_EXHAUSTIVE_VARIABLES` variables every
-    combination is tried, and up to `HARD` where limits would break; else changes are priced one
-    by one (`choices_by_moves`). The full model decides between the best `VERIFIED`; where all of
-    them break a limit, the quick search is repeated, corrected by the difference of the full model
-    at the design: on a sample of units the quick one may be the more lenient.
+    The cheapest combination of the nearest values that keeps all limits (those of the problem, and
+    the `bounds`) and is no worse in the other objectives; where there is none, the one that breaks
+    the limits least, then the least worse. Up to `MAX_EXHAUSTIVE` combinations are all evaluated;
+    else they are searched (`search_combinations`). The full model decides between the best
+    `VERIFIED`; where all of them break a limit, the search is repeated, corrected by the difference
+    of the full model at the design: on a sample of units the quick one may be the more lenient.
+    The `finer` values of some variables are used where the others add more than `NEGLIGIBLE` to the cost.
     """
-    near = neighbours(problem, design, values)
-    if not len(near.at):
-        return design
+    near = ladders(problem, design, values)
+    if not len(near.columns):
+        return Rounded(design)
     quick = Ranking(problem, design, True, bounds)
     full = Ranking(problem.reported(), design, False, bounds)
-    rounded_design, keys = _search_best_design(near, quick, full)
-    if keys[0] > 0.0:
+    rounded = _best_combination(near, quick, full)
+    if rounded.keys[0] > 0.0:
         quick.learn(full, design)
-        retried, retried_keys = _search_best_design(near, quick, full)
-        rounded_design = retried if tuple(retried_keys.tolist()) < tuple(keys.tolist()) else rounded_design
-    return rounded_design
+        rounded = min(rounded, _best_combination(near, quick, full), key=lambda one: one.keys)
+    cost = float(problem.cost_of(design[None])[0])
+    if finer and (rounded.keys[0] > 0.0 or rounded.keys[-1] > cost + NEGLIGIBLE * abs(cost)):
+        again = round_design(problem, design, {**values, **finer}, bounds)
+        rounded = min(rounded, again, key=lambda one: one.keys)
+    return rounded
 
 
-def _search_best_design(near: Neighbours, quick: Ranking, full: Ranking) -> tuple[Array, Array]:
-    """The best design of the search, and its key."""
-    masks = (
-        _all_combinations(near) if len(near.at) <= MAX_EXHAUSTIVE_VARIABLES else choices_by_moves(near, quick, VERIFIED)
-    )
-    best_design, keys = _verify_best(near, masks, quick, full)
-    if keys[0] > 0.0 and MAX_EXHAUSTIVE_VARIABLES < len(near.at) <= HARD:
-        best_design, keys = _verify_best(near, _all_combinations(near), quick, full)
-    return best_design, keys
+def rounding_sentence(problem: ToleranceProblem, rounded: Rounded, before: float, after: float, broken: str) -> str:
+    """What rounding a design does to its cost, and why nothing cheaper is chosen where that is above
+    `NEGLIGIBLE`; `broken` are the limits that the rounded design breaks, separated by spaces.
+    """
+    near, share = rounded.near, (after - before) / (abs(before) or 1.0)
+    if near is None:
+        return ""
+    tried = f"all {rounded.tried}" if rounded.every else f"{rounded.tried} of the"
+    tried = f"{tried} combinations of the values next to it were tried"
+    if broken:
+        return f"Rounded for the drawing, it breaks {words(broken)}: {tried} and none keeps all limits."
+    currency = problem.settings.money.currency
+    amount = f"{100.0 * abs(share):.2g} % {'more' if share > 0.0 else 'less'}"
+    text = f"Rounded for the drawing, it costs {plain_number(after)} {currency}".rstrip() + f" ({amount})"
+    if share <= NEGLIGIBLE:
+        return f"{text}."
+    values, at = near.design[near.columns], np.arange(len(near.columns))
+    upper = np.minimum((near.values < values[:, None]).sum(axis=1), near.counts - 1)
+    below, above = near.values[at, np.maximum(upper - 1, 0)], near.values[at, upper]
+    widest = int(np.argmax(np.round(above / below, 9))) if np.all(below > 0.0) else 0
+    name = problem.names[near.columns[widest]]
+    unit = next(v.unit for v in problem.variables if v.name == name)
+    ends = f"{drawing_number(below[widest])} and {drawing_number(above[widest])} {unit}".rstrip()
+    own = drawing_number(float(f"{values[widest]:.3g}"))
+    why = f"{tried}, and none that keeps all limits and is no worse otherwise is cheaper"
+    return f"{text}: {why}. The values of {label_of(name)} are the farthest apart: {ends} next to {own}."
 
 
-def _all_combinations(near: Neighbours) -> RoundingMask:
-    """Every combination (2^k', k) of the variables that have two neighbours."""
-    open_ = np.flatnonzero(near.below < near.above)
-    masks = np.zeros((2 ** len(open_), len(near.at)), dtype=bool)
-    masks[:, open_] = list(product((False, True), repeat=len(open_)))
-    return masks
-
-
-def _verify_best(near: Neighbours, masks: RoundingMask, quick: Ranking, full: Ranking) -> tuple[Array, Array]:
-    """The best design by the full model among the best by the quick model, and its key."""
-    designs = np.unique(near.designs(masks), axis=0)
+def _best_combination(near: Ladders, quick: Ranking, full: Ranking) -> Rounded:
+    """The best design by the full model among the best by the quick one."""
+    most = MAX_EXHAUSTIVE_SAMPLED if quick.problem.declaration.sampled else MAX_EXHAUSTIVE
+    every = float(np.prod(near.counts.astype(float))) <= most
+    rungs = _all_combinations(near) if every else search_combinations(near, quick)
+    designs = near.designs(rungs)
     shortlist = designs[best(quick.keys(designs))[:VERIFIED]]
     keys = full.keys(shortlist)
     at = best(keys)[0]
-    return shortlist[at], keys[at]
+    return Rounded(shortlist[at], tuple(keys[at].tolist()), len(rungs), every, near)
+
+
+def _all_combinations(near: Ladders) -> Rungs:
+    """Every combination (n, k)."""
+    return np.array(list(product(*(range(count) for count in near.counts.tolist()))), dtype=np.int64)
+
+
+def search_combinations(near: Ladders, ranking: Ranking) -> Rungs:
+    """Combinations (n, k) that a search by prices has evaluated.
+
+    Each round evaluates every change of one variable of a base, first of the design itself, then of
+    the best combination so far. Their effects added predict all combinations: those with the least
+    reduced cost are listed (`_least_reduced`), the best of them evaluated, and once more the best
+    by predictions that are corrected by the errors of the first ones.
+    """
+    most = TRIED_SAMPLED if ranking.problem.declaration.sampled else TRIED
+    known, keys = np.empty((0, len(near.columns)), dtype=np.int64), np.empty((0, 3))
+    base = near.design
+    for _ in range(ROUNDS):
+        base_use, base_cost, prices = _prices(near, base, ranking)
+        listed, more_use, more_cost = _least_reduced(near, base_use, *prices)
+        use, cost = base_use + more_use, base_cost + more_cost
+        error = np.zeros(use.shape[1])
+        before = keys[best(keys)[:1]].tolist()
+        for _ in range(2):
+            chosen = best(ranking.ranked(use + error, cost))[:most]
+            own_use, own_cost = ranking.use(near.designs(listed[chosen]))
+            missed = np.median(own_use - use[chosen], axis=0)
+            error = np.where(np.isfinite(missed), missed, 0.0)
+            known, first = np.unique(np.vstack([known, listed[chosen]]), axis=0, return_index=True)
+            keys = np.vstack([keys, ranking.ranked(own_use, own_cost)])[first]
+        found = best(keys)[0]
+        if keys[[found]].tolist() == before:
+            break
+        base = near.designs(known[[found]])[0]
+    return known
+
+
+def _prices(near: Ladders, base: Array, ranking: Ranking) -> tuple[Array, float, tuple[Array, Array]]:
+    """`use` (columns,) and cost of a base (all variables,), and what every rung adds to them in the
+    place of the value of the base, shapes (k, width, columns) and (k, width); see `Ranking.use`.
+    """
+    k, width = near.values.shape
+    singles = np.repeat(base[None], k * width, axis=0)
+    singles[np.arange(k * width), np.repeat(near.columns, width)] = near.values.ravel()
+    use, cost = ranking.use(np.vstack([base[None], singles]))
+    more_use, more_cost = use[1:] - use[0], cost[1:] - cost[0]
+    return use[0], float(cost[0]), (more_use.reshape(k, width, -1), more_cost.reshape(k, width))
+
+
+def _least_reduced(near: Ladders, base_use: Array, use: Array, cost: Array) -> tuple[Rungs, Array, Array]:
+    """At most `BEAM` combinations (n, k) of the least reduced cost, with the use and cost that they add.
+
+    The reduced cost of a rung is its cost plus its use of each limit at the price that the linear
+    programme of all rungs has for it: what a combination costs above the least that is possible
+    without whole rungs, if it uses up the limits.
+    """
+    valid = (np.arange(cost.shape[1]) < near.counts[:, None]) & np.isfinite(cost) & np.all(np.isfinite(use), axis=2)
+    valid |= ~np.any(valid, axis=1, keepdims=True) & (np.arange(cost.shape[1]) == 0)
+    use, cost = np.where(valid[:, :, None], use, 0.0), np.where(valid, cost, 0.0)
+    reduced = cost + use @ _limit_prices(base_use, use, cost, valid)
+    reduced = np.where(valid, reduced, np.inf)
+    reduced -= reduced.min(axis=1, keepdims=True)
+    unit = np.max(reduced, initial=0.0, where=valid) or 1.0
+    total, steps = np.zeros(1), []
+    for own in np.round(reduced / unit, 11):
+        sums = (total[:, None] + own).ravel()
+        kept = np.argsort(sums, kind="stable")[:BEAM]
+        kept = kept[np.isfinite(sums[kept])]
+        total = sums[kept]
+        steps.append(np.divmod(kept, len(own)))
+    rungs, row = np.empty((len(total), len(steps)), dtype=np.int64), np.arange(len(total))
+    for place in range(len(steps) - 1, -1, -1):
+        rungs[:, place] = steps[place][1][row]
+        row = steps[place][0][row]
+    places = np.arange(len(steps))
+    added = np.zeros((len(rungs), use.shape[2]))
+    for column in range(use.shape[2]):
+        added[:, column] = use[places, rungs, column].sum(axis=1)
+    return rungs, added, cost[places, rungs].sum(axis=1)
+
+
+def _limit_prices(base_use: Array, use: Array, cost: Array, valid: NDArray[np.bool_]) -> Array:
+    """The price (columns,) of each limit: dual values of the linear programme that mixes rungs."""
+    from scipy.optimize import linprog
+
+    columns, (variables, rungs) = len(base_use), np.nonzero(valid)
+    if not columns or not np.any(cost[valid]):
+        return np.ones(columns)
+    per_use = np.max(np.abs(cost)) / max(float(np.median(np.abs(use[valid]).max(axis=1))), 1e-12)
+    penalty = PENALTY * per_use * np.ones(columns)
+    one_each = (variables == np.arange(len(cost))[:, None]).astype(float)
+    solved = linprog(
+        np.concatenate([cost[variables, rungs], penalty]),
+        A_ub=np.hstack([use[variables, rungs].T, -np.eye(columns)]),
+        b_ub=-base_use,
+        A_eq=np.hstack([one_each, np.zeros((len(cost), columns))]),
+        b_eq=np.ones(len(cost)),
+        method="highs",
+    )
+    return -np.asarray(solved.ineqlin.marginals) if solved.success else np.full(columns, per_use)

@@ -21,10 +21,12 @@ __all__ = ["ChoiceSettings"]
 # What `[choice]` and `[rounding]` say.
 
 
-IT_GRADES = "IT"
-PREFERRED = "R20"
-RULES = (IT_GRADES, PREFERRED)
-"""Rounding by name: ISO 286 grades at the nominal size, preferred numbers of ISO 3."""
+PREFERRED, IT_GRADES, R20 = "preferred", "grades", "R20"
+RULES = {rule: rule for rule in (PREFERRED, IT_GRADES, R20)} | {"IT": IT_GRADES}
+"""Rounding by name: numbers that people write, ISO 286 grades at the nominal size (once "IT"), preferred numbers of
+ISO 3."""
+ALL = "steps"
+"""The key of `[rounding]` for all tolerances that have no key of their own."""
 
 Step = str | float | tuple[float, ...]
 """One of `RULES`, a step whose multiples can be ordered, or the list of what can be."""
@@ -35,7 +37,7 @@ class ChoiceSettings:
     """How a point is chosen; `weights` of objectives (equal where empty) need not add up to one.
 
     `limits` are what the cheapest point must keep in addition to those of the run, `budget` is the
-    most that the best point may cost, and `steps` says by variable what can be ordered.
+    most that the best point may cost, and `steps` says by variable, or of `ALL`, what can be ordered.
     `roughness_share` is the most that Ra may be of the width of a zone, None where it is not
     stated.
     """

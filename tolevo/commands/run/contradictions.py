@@ -28,7 +28,9 @@ def contradictions(problem: ToleranceProblem, algorithm: str) -> list[Fault]:
     """
     faults = _below_half(problem) if algorithm == "exact" else []
     form = problem.form() if problem.limits else None
-    if form is None or form.also or len(problem.limits) < 2:
+    if form is None:
+        return faults + _below_bound(problem)
+    if form.also or len(problem.limits) < 2:
         return faults
     limits = row_limits(problem, form)
     used, most = np.isfinite(limits), upper_limit(problem, "cost")
@@ -41,6 +43,16 @@ def contradictions(problem: ToleranceProblem, algorithm: str) -> list[Fault]:
     if not keeps(bound, most):
         return faults + _too_expensive(form, limits, most, bound)
     return faults
+
+
+def _below_bound(problem: ToleranceProblem) -> list[Fault]:
+    """The limit on the cost where a bound that needs no form shows that the other limits contradict it."""
+    most, known = upper_limit(problem, "cost"), problem.cost_bound()
+    if not np.isfinite(most) or known is None or known.missing:
+        return []
+    least = float(known.least_costs({}, 1)[0])
+    text = f"at most {most:g} cannot be kept with the other limits, within which the least cost is {least:.4g} or more"
+    return [Fault("limits.cost", f"{text} ({known.statement}); raise one of them")] if least > loosened(most) else []
 
 
 def _below_half(problem: ToleranceProblem) -> list[Fault]:

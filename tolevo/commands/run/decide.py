@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 from ...problems.limits import limits_of
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem, designs_of
-from ...section import Array
-from .changes import advice, changes, round_design
-from .choice import COST, ONLY, RULE_KINDS, ChoiceSettings, Points, choose_rows, meaning_of, sensitivity
+from .changes import Rounded, advice, changes, round_design, rounding_sentence
+from .choice import COST, ONLY, PREFERRED, RULE_KINDS, ChoiceSettings, Points, choose_rows, meaning_of, sensitivity
 from .prices import contributions, prices, slopes_of
-from .tolerances import allocation, rule_message, share_of, step_of, tolerances, values_of
+from .tolerances import FINER, allocation, rule_message, share_of, step_of, tolerances, values_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,13 +51,17 @@ def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSetti
     steps = {v.name: step_of(problem, v, settings) for v in problem.free}
     grades = {v.name: values_of(problem, v, step) for v in problem.free if (step := steps[v.name]) is not None}
     values = {name: np.array(sorted(orderable)) for name, orderable in grades.items()}
-    new = {at: round_design(problem, designs[at], values, _required_bounds(settings, choices, at)) for at in rows}
+    finer = {v.name: np.array(list(values_of(problem, v, FINER))) for v in problem.free if steps[v.name] == PREFERRED}
+    rounded = {
+        at: round_design(problem, designs[at], values, _required_bounds(settings, choices, at), finer) for at in rows
+    }
+    new = {at: one.design for at, one in rounded.items()}
     rules = {v.name: rule_message(problem, v, steps[v.name]) for v in problem.free}
     by_point = {at: " ".join(n for n, choice in choices.items() if choice == at) for at in rows}
     both = {at: (designs[at], new[at]) for at in rows}
     tried = changes(problem, {at: designs[at] for at in _rows_to_try(problem, rows)}, grades)
     return Decisions(
-        _table(problem, front, choices, new, spread, tried),
+        _table(problem, front, choices, rounded, spread, tried),
         spread,
         allocation(problem, by_point, both, grades, rules, share_of(settings)),
         contributions(problem, slopes),
@@ -110,12 +113,12 @@ def _table(
     problem: ToleranceProblem,
     front: pd.DataFrame,
     choices: dict[str, int],
-    new: dict[int, Array],
+    rounded: dict[int, Rounded],
     spread: pd.DataFrame,
     tried: pd.DataFrame,
 ) -> pd.DataFrame:
     """`choices.csv`: the chosen points, unrounded and rounded, and how sure each choice is."""
-    after = problem.reported().frame(np.stack([new[at] for at in choices.values()]))
+    after = problem.reported().frame(np.stack([rounded[at].design for at in choices.values()]))
     limits = [limit.name for limit in problem.limits if limit.count]
     broken = [" ".join(name for name in limits if row[f"margin_{name}"] < 0.0) for row in after.to_dict("records")]
     selected = front.iloc[list(choices.values())].reset_index(drop=True)
@@ -131,6 +134,11 @@ def _table(
         fraction = np.divide(loss, np.abs(values), out=np.full_like(loss, np.nan), where=values != 0.0)
         table[f"rounding_loss_{name}_percent"] = 100.0 * fraction
     records = selected.to_dict("records")
+    if COST in selected and COST in after:
+        table["rounding"] = [
+            rounding_sentence(problem, rounded[at], *both)
+            for at, *both in zip(choices.values(), selected[COST], after[COST], broken, strict=True)
+        ]
     table["loosen_first"] = [
         advice(problem, steps, records[at]) if len(steps := tried[tried["point"] == point]) else ""
         for at, point in enumerate(choices.values())

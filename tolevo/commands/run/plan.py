@@ -19,7 +19,8 @@ class RunPlan:
     """A resolved run; `configuration` is the TOML text that repeats it.
 
     `engine` is "pymoo" or "array". With `reference_search` the GA searches the least cost as a
-    reference for a problem without published allocations as well.
+    reference for a problem without published allocations as well. `workbook` are the bytes of the
+    configuration where it is one: the run writes it with its result.
     """
 
     problem: ToleranceProblem
@@ -32,6 +33,7 @@ class RunPlan:
     engine: str = "pymoo"
     choice: ChoiceSettings = field(default_factory=ChoiceSettings)
     reference_search: bool = False
+    workbook: bytes = field(default=b"", repr=False)
 
 
 @dataclass(frozen=True, slots=True)

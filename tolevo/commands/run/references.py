@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,9 +11,9 @@ import numpy as np
 import pandas as pd
 
 from ...algorithms.archive import nondominated
+from ...algorithms.exact.multistart import Case, Continued, MultiStart
 from ...algorithms.exact.solver import Exact
 from ...algorithms.ga import GA
-from ...algorithms.nsga2 import NSGA2
 from ...algorithms.run import Progress
 from ...algorithms.search import Keeper, search
 from ...algorithms.settings import AlgorithmSettings, Budget, Crossover, Mutation
@@ -30,8 +30,11 @@ DISTANCE = "distance_to_front"
 OBJECTIVE_TOLERANCE = 1e-6
 """Difference, in sides of the box, below which values count as equal: an optimiser's last digits.
 """
-RELAXED_POINTS = 10
-"""Points of a front with relaxed limits, where each is solved on a sample of units."""
+RELAXED_POINTS, COMPARED = 5, 8
+"""Points of a front with relaxed limits, where each is solved on a sample of units, and points of a
+front that are compared with another solver."""
+MULTI_START = "multi-start"
+"""Label of that solver: SLSQP from random designs, at the backlash of the point."""
 GA_BUDGET = Budget(generations=120)
 """Budget of the single-objective reference, with the GA's default settings."""
 
@@ -83,24 +86,68 @@ def side_searches(plan: RunPlan, printed: pd.DataFrame) -> tuple[SideSearch, ...
     seeds = iter(np.random.SeedSequence(plan.seed).generate_state(1 + len(printed)).tolist())
     optimum = problem.least_cost()
     first = next(seeds)
-    if optimum is not None and (len(printed) or plan.reference_search):
+    sampled = problem.declaration.sampled
+    if optimum is not None and ((len(printed) and not sampled) or plan.reference_search):
         label, cheapest = optimum
         searches.append(SideSearch(label, cheapest, *_ga(problem), first, relaxed=False))
     for row in printed.to_dict("records"):
         seed, bounds = next(seeds), relaxed_bounds(problem, row)
-        if bounds:
+        if bounds and not _continues_front(plan):
             wider = problem.relaxed(bounds)
             label = str(row["label"])
-            algorithm = _thin_exact_front(plan.algorithm) if problem.declaration.sampled else plan.algorithm
-            searches.append(SideSearch(label, wider, algorithm, plan.budget, seed, True, plan.engine))
+            searches.append(SideSearch(label, wider, plan.algorithm, plan.budget, seed, True, plan.engine))
     return tuple(searches)
 
 
-def _thin_exact_front(algorithm: AlgorithmSettings) -> AlgorithmSettings:
-    """An exact front with fewer points: each is solved on a sample of units."""
-    if isinstance(algorithm, Exact):
-        return replace(algorithm, points=min(algorithm.points, RELAXED_POINTS))
-    return algorithm
+def _continues_front(plan: RunPlan) -> bool:
+    """Whether searches with other limits, or beside the front, begin where its points are."""
+    problem = plan.problem
+    of_cost = problem.n_obj == 2 and "cost" in problem.objectives
+    return problem.declaration.sampled and of_cost and isinstance(plan.algorithm, Exact)
+
+
+def searches_from_front(plan: RunPlan, printed: pd.DataFrame, x: Array) -> tuple[SideSearch, ...]:
+    """The searches that begin from the points (n, variables) of an exact front on a sample.
+
+    With the limits that a document breaks: least cost at the values of some of the points and at that of
+    the document, and the least of the other objective at its cost. The second is the other solver, at
+    the values of some of the points.
+    """
+    if not _continues_front(plan) or not len(x):
+        return ()
+    problem, searches = plan.problem, []
+    f, g = problem.tested(x)
+    x, f = x[np.all(g <= 0.0, axis=1)], f[np.all(g <= 0.0, axis=1)]
+    second = next(name for name in problem.objectives if name != "cost")
+    order = np.argsort(f[:, problem.objectives.index(second)], kind="stable")
+    x, f = x[order], f[order]
+    for row in printed.to_dict("records"):
+        if bounds := relaxed_bounds(problem, row):
+            cases = Continued(tuple(_cases(problem, row, x, f)))
+            searches.append(SideSearch(str(row["label"]), problem.relaxed(bounds), cases, Budget(), 1, relaxed=True))
+    levels = f[:, problem.objectives.index(second)]
+    for seed, at in enumerate(_spread(len(x), COMPARED), 1):
+        bound = Bound(problem.settings.limits.get(second, Bound()).low, float(levels[at]))
+        limits = dict(problem.given.limits) | {second: bound}
+        alone = type(problem)(replace(problem.given, objectives=("cost",), limits=limits)).coarser()
+        searches.append(SideSearch(MULTI_START, alone, MultiStart(), Budget(), seed, relaxed=False, overlay=True))
+    return tuple(searches)
+
+
+def _spread(count: int, most: int) -> list[int]:
+    """At most so many of `count` places, both ends among them."""
+    return np.unique(np.linspace(0, count - 1, most).astype(int)).tolist() if count else []
+
+
+def _cases(problem: ToleranceProblem, row: Mapping[Hashable, object], x: Array, f: Array) -> Iterator[Case]:
+    """What is solved with the limits that a row breaks, from points (n, variables) with objectives (n, 2)."""
+    cost = problem.objectives.index("cost")
+    for at in _spread(len(x), RELAXED_POINTS - 2):
+        yield cost, tuple(x[at].tolist()), float(f[at, 1 - cost])
+    for objective in range(2):
+        level = float(str(row[problem.objectives[1 - objective]]))
+        nearest = int(np.argmin(np.abs(f[:, 1 - objective] - level)))
+        yield objective, tuple(x[nearest].tolist()), level
 
 
 def _ga(problem: ToleranceProblem) -> tuple[GA, Budget]:
@@ -226,41 +273,45 @@ def gains(reference: Array, front: Array, alike: Array) -> list[float]:
 
 # Another algorithm's front on the same problem, for comparison with the front of the run.
 #
-# Where a model proves no bound, the distance of a run's points from the optimum is estimated by the
-# best known front: the joint front of both.
+# Where a model proves no optimum, the distance of a run's points from it is estimated by the best known
+# front: the joint front of both.
 
 
 ABOVE = "above_best_known_percent"
 """Column: how much more a point costs than the best known front at its other objective."""
+EQUAL = 2e-3
+"""Relative difference of levels that count as equal: that of a limit which is used up on fresh units."""
 ROUNDING = 1e-9
 """Distance [percent] below which a point counts as being on the best known front."""
 POINTS = 30
-EVOLUTION = NSGA2(population=100, crossover=Crossover(eta=5.0), mutation=Mutation(eta=10.0))
-BUDGET = Budget(generations=60)
 
 
 def side_search(plan: RunPlan) -> tuple[SideSearch, ...]:
-    """The other search: NSGA-II where the run is exact, exact where it is not.
+    """The exact search beside another one; beside an exact one `searches_from_front` compare.
 
     None for problems whose bounds are proven, and for other numbers of objectives than two.
     """
     problem = plan.problem
-    if not problem.declaration.sampled or problem.n_obj != 2:
+    if not problem.declaration.sampled or problem.n_obj != 2 or isinstance(plan.algorithm, Exact):
         return ()
-    if isinstance(plan.algorithm, Exact):
-        return (_side("NSGA-II", problem.coarser(), EVOLUTION, BUDGET),)
-    return (_side("exact", problem, Exact(points=POINTS), Budget()),)
+    return (SideSearch("exact", problem, Exact(points=POINTS), Budget(), 1, relaxed=False, overlay=True),)
 
 
-def _side(label: str, problem: ToleranceProblem, algorithm: AlgorithmSettings, budget: Budget) -> SideSearch:
-    return SideSearch(label, problem, algorithm, budget, 1, relaxed=False, overlay=True)
+def overlays_of(fronts: Mapping[SideSearch, pd.DataFrame | None], front: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """The points of other algorithms by label, in the columns of the front."""
+    parts: dict[str, list[pd.DataFrame]] = {}
+    for side, other in fronts.items():
+        if side.overlay and other is not None:
+            parts.setdefault(side.label, []).append(other[[name for name in other if name in front]])
+    return {label: pd.concat(frames, ignore_index=True) for label, frames in parts.items()}
 
 
-def add_distance(front: pd.DataFrame, other: pd.DataFrame, names: list[str]) -> pd.DataFrame:
+def add_distance(front: pd.DataFrame, other: pd.DataFrame, names: list[str], between: bool = True) -> pd.DataFrame:
     """The front with the distance of its points from the best known front, in percent of cost.
 
     It is empty at levels that the other front does not reach, where nothing is compared, unless a
-    point of it is better outright.
+    point of it is better outright; without `between` wherever the other has no point within `EQUAL` of
+    the level.
     """
     if "cost" not in names or front.empty:
         return front
@@ -270,6 +321,9 @@ def add_distance(front: pd.DataFrame, other: pd.DataFrame, names: list[str]) -> 
     points, levels = front[["cost", second]].to_numpy(dtype=float), other.get(second, pd.Series(dtype=float))
     distance = np.array([above(row, best) for row in points])
     compared = front[second].between(levels.min(), levels.max()).to_numpy()
+    if not between:
+        apart = np.abs(levels.to_numpy(dtype=float)[None, :] / points[:, 1:] - 1.0)
+        compared = np.any(apart <= EQUAL, axis=1)
     return front.assign(**{ABOVE: np.where(compared | (distance > 0.0), distance, np.nan)})
 
 
@@ -294,7 +348,7 @@ def notes(front: pd.DataFrame, label: str, other: pd.DataFrame, names: list[str]
     distance = front[ABOVE].to_numpy(dtype=float)
     lowest, other_lowest = front[second].min(), other[second].min()
     compared = distance[~np.isnan(distance)]
-    sentences = ["nothing is proven for this problem"]
+    sentences = ["no optimum is proven for this problem"]
     if len(compared):
         middle, most = distance_words(np.median(compared)), distance_words(np.max(compared))
         points = (
@@ -303,7 +357,7 @@ def notes(front: pd.DataFrame, label: str, other: pd.DataFrame, names: list[str]
             else (f"{len(compared)} of {len(distance)} points, those at levels that it reaches, cost")
         )
         sentences = [
-            f"nothing is proven for this problem; compared with the best known front, its own joined with that of "
+            f"no optimum is proven for this problem; compared with the best known front, its own joined with that of "
             f"{label}, {points} {middle} more in the median and {most} at most at equal {second}"
         ]
     best = front[["cost", second]].to_numpy(dtype=float)

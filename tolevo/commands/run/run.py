@@ -20,19 +20,20 @@ import pandas as pd
 
 from ...algorithms.archive import nondominated
 from ...algorithms.checkpoint import Checkpoint
+from ...algorithms.exact.solver import Exact
 from ...algorithms.run import Progress
 from ...algorithms.search import SearchResult, search
 from ...directory import Ownership, own_folder
 from ...errors import InputError, refuse
 from ...execution import Background, Closing, Execution, Lost, Processes, executor_of, next_of, pinned
-from ...files import csv_text, write_bytes, write_text
+from ...files import WORKBOOK, csv_text, write_bytes, write_text
 from ...journal import recording_steps
 from ...page_data import as_json, records
 from ...problems.tolerance_problem import ToleranceProblem, designs_frame
 from ...records import Axis, RunResult, mechanism_lines, model_lines
 from ...units import plain_number
 from . import references as effects
-from .answers import TABLES, add_assumptions, add_capability, add_choices, add_promise, answers
+from .answers import TABLES, add_assumptions, add_capability, add_choices, add_promise, answers, rounded_design
 from .changes import value_against_limit, words
 from .decide import decide
 from .front import (
@@ -51,7 +52,7 @@ from .front import (
     seconds_before,
     sentences,
 )
-from .plan import RunOutcome, RunPlan, add_analysis, add_units
+from .plan import RunOutcome, RunPlan, add_analysis, add_units, chosen_point
 from .proofs import (
     ProvenFront,
     add_bounds,
@@ -63,7 +64,17 @@ from .proofs import (
     searchable,
     solved_front,
 )
-from .references import REDUCERS, SideSearch, compare, documents, side_searches, store_reducer_fronts, table, violated
+from .references import (
+    REDUCERS,
+    SideSearch,
+    compare,
+    documents,
+    searches_from_front,
+    side_searches,
+    store_reducer_fronts,
+    table,
+    violated,
+)
 from .tolerances import roughness_assumptions
 
 # The side searches of a run, by an executor during the main search where there are workers.
@@ -115,7 +126,6 @@ class Sides(Closing):
     ) -> None:
         self.searches, self._progress = searches, progress
         self.checkpoint = checkpoint
-        checkpoint.keep_only([side.key for side in searches])
         self.where = workers if isinstance(workers, Execution) else Execution(workers)
         name = secrets.token_hex(8)
         self._open = deque(
@@ -308,9 +318,7 @@ def _run(
     checkpoint.write()
     store_reducer_fronts(plan.problem, out)
     try:
-        search_result, fronts = _run_searches(
-            plan, checkpoint, Sides(searches, workers, checkpoint, progress), progress
-        )
+        search_result, fronts = _run_searches(plan, checkpoint, searches, printed, workers, progress)
         if search_result.interrupted or any(side_front is None for side_front in fronts.values()):
             checkpoint.write()
             return _write_interrupted(plan, out, search_result, printed, start)
@@ -327,9 +335,23 @@ def _run(
         listed = designs_frame(plan.problem, plan.problem.complete(search_result.failed))
         write_text(out / FAILED, csv_text(listed))
     write(result, out)
+    if plan.workbook:
+        _write_workbook(plan, result, out)
     status = str(result.summary["status"])
     place.complete(status)
     return RunOutcome(status, out, _lines(result, status, out, lines, _broken_limits(plan.problem, miss)), result)
+
+
+def _write_workbook(plan: RunPlan, result: RunResult, folder: Path) -> None:
+    """The workbook of a stack with sheets of the first choice, where there is one."""
+    from ...configuration.workbook import with_result
+    from ...problems.stack import Stack
+
+    point = chosen_point(result)
+    design = rounded_design(result, plan.problem, point)
+    if design is not None and result.allocation is not None and isinstance(plan.problem, Stack):
+        rows = result.allocation[result.allocation["point"] == point]
+        write_bytes(folder / WORKBOOK, with_result(plan.workbook, plan.problem, design, rows))
 
 
 def _conclude_run(
@@ -348,7 +370,7 @@ def _conclude_run(
     front, dropped, joined = join_references(searched, references, plan.problem)
     front, front_proof = add_bounds(front, plan.problem)
     before = next((side_front for side, side_front in fronts.items() if side.apart), None)
-    overlays = {s.label: o for s, o in fronts.items() if s.overlay and o is not None}
+    overlays = effects.overlays_of(fronts, searched)
     relaxed = {side.label: side_front for side, side_front in fronts.items() if side.relaxed}
     if len(references):
         references, _ = add_bounds(references, plan.problem, rows_in_range(references, plan.problem))
@@ -356,7 +378,7 @@ def _conclude_run(
     status = "done" if len(front) else "no_feasible_point"
     names = list(plan.problem.objectives)
     for other_front in overlays.values():
-        front = effects.add_distance(front, other_front, names)
+        front = effects.add_distance(front, other_front, names, between=not isinstance(plan.algorithm, Exact))
     comparisons = [
         n for label, other_front in overlays.items() for n in effects.notes(front, label, other_front, names)
     ]
@@ -404,9 +426,18 @@ def _write_interrupted(
 
 
 def _run_searches(
-    plan: RunPlan, checkpoint: Checkpoint, searches: Sides, progress: Callable[[Progress], None] | None
+    plan: RunPlan,
+    checkpoint: Checkpoint,
+    searches: tuple[SideSearch, ...],
+    printed: pd.DataFrame,
+    workers: Execution | int,
+    progress: Callable[[Progress], None] | None,
 ) -> tuple[SearchResult, Fronts]:
-    with searches as sides, Designs(plan.problem, sides.where, sides.free) as designs:
+    """The main search with those beside it, then those that begin from its front."""
+    with (
+        Sides(searches, workers, checkpoint, progress) as sides,
+        Designs(plan.problem, sides.where, sides.free) as designs,
+    ):
 
         def report(state: Progress) -> None:
             sides.collect()
@@ -417,8 +448,13 @@ def _run_searches(
             search_result = search(
                 plan.problem, plan.algorithm, plan.budget, plan.seed, report, plan.engine, checkpoint, designs.values
             )
-        if not search_result.interrupted:
-            sides.finish()
+        if search_result.interrupted:
+            return search_result, sides.fronts()
+        sides.finish()
+    searches += searches_from_front(plan, printed, search_result.chosen)
+    checkpoint.keep_only([side.key for side in searches])
+    with Sides(searches, workers, checkpoint, progress) as sides:
+        sides.finish()
         return search_result, sides.fronts()
 
 

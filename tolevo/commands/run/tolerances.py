@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,13 +14,20 @@ from ...models.costs import CostCurve, Table
 from ...models.iso286 import GRADES, MAX_SIZE_MM, grade_um
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Assumption, Kind, Variable
-from ...units import converted, drawing_number, fits
-from .choice import IT_GRADES, PREFERRED, ChoiceSettings, Step
+from ...units import converted, drawing_number, fits, split_unit
+from .choice import ALL, IT_GRADES, PREFERRED, R20, ChoiceSettings, Step
 
-R20 = (1.0, 1.12, 1.25, 1.4, 1.6, 1.8, 2.0, 2.24, 2.5, 2.8, 3.15, 3.55, 4.0, 4.5, 5.0, 5.6, 6.3, 7.1, 8.0, 9.0)
-"""Preferred numbers, basic series R20 (ISO 3:1973)."""
-SHARE = 0.01
-"""Step of a nominal value by default, at most this fraction of its range."""
+FINER = "finer"
+SERIES = {
+    PREFERRED: sorted({at / 10 for at in (*range(10, 20), *range(20, 50, 2), *range(25, 50, 5), *range(50, 100, 5))}),
+    FINER: sorted({at / 20 for at in (*range(20, 40), *range(40, 100, 2), *range(100, 200, 4), *range(100, 200, 10))}),
+    R20: (1.0, 1.12, 1.25, 1.4, 1.6, 1.8, 2.0, 2.24, 2.5, 2.8, 3.15, 3.55, 4.0, 4.5, 5.0, 5.6, 6.3, 7.1, 8.0, 9.0),
+}
+"""Numbers of a decade: multiples of the largest of 1, 2, 5 times a power of ten that is at most a tenth of the
+number, and of some half of that; the same of a twentieth; the basic series R20 of preferred numbers (ISO 3:1973)."""
+SHARE, RANGE_SHARE = 0.01, 0.1
+"""Step of a nominal value by default, at most this fraction of its range; that of a tolerance, where few numbers of
+a series lie in its range."""
 
 
 def usual_step(problem: ToleranceProblem, variable: Variable) -> Step | None:
@@ -30,7 +37,7 @@ def usual_step(problem: ToleranceProblem, variable: Variable) -> Step | None:
     if not variable.tolerance:
         low, high = problem.interval(variable.name)
         return _step_below(SHARE * (high - low))
-    return IT_GRADES if size_mm(problem, variable) is not None else PREFERRED
+    return PREFERRED
 
 
 def _step_below(most: float) -> float:
@@ -51,6 +58,22 @@ def size_mm(problem: ToleranceProblem, variable: Variable) -> float | None:
     return size if 0.0 < size <= MAX_SIZE_MM else None
 
 
+SIZES = {"pin_hole_radius": "pin_radius"}
+"""Sizes of a model by the error of another feature of the same size."""
+
+
+def nominal_and_mid(problem: ToleranceProblem, variable: Variable) -> tuple[float | None, float]:
+    """Nominal size, None where it is not known, and the middle of the zone as a deviation from it, in
+    the unit of the variable. Where the parts have none it is a parameter: `pin_radius_mm` of `pin_radius_um`.
+    """
+    nominal, mid = problem.zone(variable.name)
+    error = split_unit(variable.name)[0]
+    size = problem.settings.parameters.get(f"{SIZES.get(error, error)}_mm")
+    if nominal is None and variable.kind is Kind.HALF_WIDTH and isinstance(size, int | float):
+        nominal = round_last_digits(float(converted(float(size), "mm", variable.unit)))
+    return nominal, mid
+
+
 def half_widths(variable: Variable, size: float) -> dict[str, float]:
     """Half-widths of the ISO 286 grades at a nominal size [mm], in the unit of a variable."""
     widths = {grade: converted(0.5 * grade_um(grade, size), "um", variable.unit) for grade in GRADES}
@@ -64,15 +87,26 @@ def values_of(problem: ToleranceProblem, variable: Variable, step: Step) -> dict
         size = size_mm(problem, variable)
         assert size is not None
         return {half: grade for grade, half in half_widths(variable, size).items()}
-    if step == PREFERRED:
-        first, last = (int(np.floor(np.log10(end))) for end in (max(low, high * 1e-6), high))
-        powers = range(first, last + 1)
-        return {round_last_digits(number * 10.0**power): "" for power in powers for number in R20}
+    if isinstance(step, str):
+        return dict.fromkeys(_series(SERIES[step], low, high), "")
     if isinstance(step, tuple):
         return dict.fromkeys(step, "")
     assert isinstance(step, float)
     whole = np.arange(np.floor(low / step), np.ceil(high / step) + 1.0)
     return dict.fromkeys([round_last_digits(n * step) for n in whole.tolist()], "")
+
+
+def _series(numbers: Sequence[float], low: float, high: float) -> list[float]:
+    """Numbers of a series in every decade of a range, with the ends of the range that have three
+    digits at most; multiples of a tenth of the range as well, where it holds few of them.
+    """
+    first, last = (int(np.floor(np.log10(end))) for end in (max(low, high * 1e-6), high))
+    values = {round_last_digits(number * 10.0**power) for power in range(first, last + 1) for number in numbers}
+    values |= {end for end in (low, high) if end > 0.0 and float(f"{end:.3g}") == end}
+    if high > low and sum(low <= value <= high for value in values) < 1.0 / RANGE_SHARE:
+        step = _step_below(RANGE_SHARE * (high - low))
+        values |= {round_last_digits(n * step) for n in range(int(low / step) + 1, int(high / step) + 1)}
+    return sorted(values)
 
 
 def round_last_digits(value: float) -> float:
@@ -86,33 +120,47 @@ def rule_message(problem: ToleranceProblem, variable: Variable, step: Step | Non
         return "whole numbers as they are" if variable.integer else "as it is"
     if step == IT_GRADES:
         return f"IT grade (ISO 286) at {size_mm(problem, variable):g} mm"
-    if step == PREFERRED:
-        return f"preferred number R20 (ISO 3) in {variable.unit or 'its unit'}"
+    if isinstance(step, str):
+        kind = "preferred number R20 (ISO 3)" if step == R20 else "multiple of 1, 2 or 5 units of a digit"
+        more = "" if step == R20 else ": a tenth of it at most, a twentieth where that saves more than 1 %"
+        return f"{kind} in {variable.unit or 'its unit'}{more}"
     if isinstance(step, tuple):
         return "list: " + ", ".join(f"{value:g}" for value in step)
     return f"multiple of {step:g} {variable.unit}".rstrip()
 
 
 def step_of(problem: ToleranceProblem, variable: Variable, settings: ChoiceSettings) -> Step | None:
-    """How a variable is rounded."""
+    """How a variable is rounded: as stated of it, else of all tolerances, else as usual. Grades that are stated of
+    all are those of the tolerances of a known nominal size.
+    """
     stated = settings.steps.get(variable.name)
-    return usual_step(problem, variable) if stated is None else stated
+    general = settings.steps.get(ALL) if variable.tolerance and not variable.integer else None
+    if stated is not None or general is None:
+        return usual_step(problem, variable) if stated is None else stated
+    return PREFERRED if general == IT_GRADES and size_mm(problem, variable) is None else general
 
 
 def rounding_faults(problem: ToleranceProblem, settings: ChoiceSettings) -> list[Fault]:
-    """Grades that are asked for where no nominal size is known, and lists outside of the range."""
+    """Grades that are asked for where no nominal size is known, and values or steps outside of the range."""
     faults, free = [], {v.name: v for v in problem.free}
     for name, step in settings.steps.items():
         place = f"rounding.{name}"
-        if name not in free:
+        concerned = [v for v in free.values() if v.tolerance and not v.integer and v.name not in settings.steps]
+        if name != ALL and name not in free:
             faults.append(Fault(place, "is fixed in this run: there is nothing to round"))
-        elif step == IT_GRADES and size_mm(problem, free[name]) is None:
-            text = 'has no nominal size of at most 500 mm to look up a grade by: give a step, a list, or "R20"'
-            faults.append(Fault(place, text))
-        elif isinstance(step, tuple):
-            low, high = problem.interval(name)
-            if not any(low <= value <= high for value in step):
-                faults.append(Fault(place, f"must hold a value between {low:g} and {high:g}"))
+            continue
+        concerned = concerned if name == ALL else [free[name]]
+        if step == IT_GRADES and concerned and all(size_mm(problem, v) is None for v in concerned):
+            text = 'has no nominal size of at most 500 mm to look up a grade by: give a step, a list, or "preferred"'
+            faults.append(Fault(place, text if name != ALL else f"no tolerance {text}"))
+        for variable in concerned if not isinstance(step, str) else ():
+            low, high = problem.interval(variable.name)
+            if not any(
+                low * (1.0 - 1e-9) <= value <= high * (1.0 + 1e-9) for value in values_of(problem, variable, step)
+            ):
+                which = f" for {variable.name}" if name == ALL else ""
+                kind = "hold a value" if isinstance(step, tuple) else "have a multiple"
+                faults.append(Fault(place, f"must {kind} between {low:g} and {high:g}{which}: state finer ones"))
     return faults
 
 
@@ -120,7 +168,9 @@ def rounding_faults(problem: ToleranceProblem, settings: ChoiceSettings) -> list
 
 
 def notation(variable: Variable, nominal: float | None, mid: float, t: float, grade: str = "") -> str:
-    """Like "36.05 +0.012/-0.013 mm", "25 ±0.0065 mm (IT6)", "0 to 5 um", "grade 5".
+    """Like "36.05 +0.012/-0.013 mm", "25 ±0.0065 mm (IT6)", "-3 to 1 um" where no nominal size is known,
+    "R3 0/-0.002 mm (⌀6 0/-0.004 mm)", "0 to 5 um", "grade 5". None begins with + or a hyphen (a minus sign is
+    another character), which a spreadsheet would compute.
 
     `nominal` is the nominal size, None where it is not known, `mid` the middle of the zone as a
     deviation from it and t the tolerance, all in the unit of the variable.
@@ -136,10 +186,24 @@ def notation(variable: Variable, nominal: float | None, mid: float, t: float, gr
     if variable.kind is Kind.STANDARD_DEVIATION:
         return f"standard deviation at most {drawing_number(t)}{unit}"
     if variable.kind is not Kind.HALF_WIDTH:
-        return f"{drawing_number(t)}{unit}"
+        return f"{_minus(t)}{unit}"
+    if nominal is not None and variable.unit == "um":  # drawings have sizes and deviations in one unit
+        nominal, mid, t, unit = 1e-3 * nominal, 1e-3 * mid, 1e-3 * t, " mm"
+    if nominal is None and mid != 0.0:
+        return f"{_minus(mid - t)} to {_minus(mid + t)}{unit}{more}"
+    if nominal is not None and "_radius" in variable.name and variable.unit == "um":
+        return f"R{_zone(nominal, mid, t)}{unit} (⌀{_zone(2.0 * nominal, 2.0 * mid, 2.0 * t)}{unit})"
+    return f"{_zone(nominal, mid, t)}{unit}{more}"
+
+
+def _zone(nominal: float | None, mid: float, t: float) -> str:
     size = "" if nominal is None else f"{drawing_number(nominal)} "
-    zone = f"±{drawing_number(t)}" if mid == 0.0 else f"{_signed_number(mid + t)}/{_signed_number(mid - t)}"
-    return f"{size}{zone}{unit}{more}"
+    return size + (f"±{drawing_number(t)}" if mid == 0.0 else f"{_signed_number(mid + t)}/{_signed_number(mid - t)}")
+
+
+def _minus(value: float) -> str:
+    """A number with a minus sign that starts no formula."""
+    return drawing_number(value).replace("-", "\N{MINUS SIGN}", 1)
 
 
 def _signed_number(value: float) -> str:
@@ -194,7 +258,7 @@ def tolerances(
 def _record(
     problem: ToleranceProblem, v: Variable, free: bool, rule: str, values: Mapping[float, str]
 ) -> dict[str, Any]:
-    nominal, mid = problem.zone(v.name)
+    nominal, mid = nominal_and_mid(problem, v)
     low, high = problem.interval(v.name) if free else (problem.fixed[v.name],) * 2
     return {
         "name": v.name,
@@ -350,7 +414,7 @@ def _models(problem: ToleranceProblem, rounded: Mapping[int, Array]) -> dict[int
 
 
 def _row(problem: ToleranceProblem, variable: Variable, old: float, new: float, grade: str) -> dict[str, Any]:
-    nominal, mid = problem.zone(variable.name)
+    nominal, mid = nominal_and_mid(problem, variable)
     lower, upper = _limits(variable, nominal, mid, new)
     half, drawn = variable.kind is Kind.HALF_WIDTH, problem.drawn(variable.name)
     if variable.kind is Kind.GRADE:
@@ -381,7 +445,7 @@ def _drawing_notes(
 ) -> dict[str, Any]:
     """What to write on the drawing, and what those who make and inspect the part need to know."""
     drawn = problem.drawn(variable.name)
-    nominal, mid = problem.zone(variable.name)
+    nominal, mid = nominal_and_mid(problem, variable)
     law = problem.settings.variables[variable.name].distribution
     stated = drawn.get("cpk")
     cpk = float(stated) if stated else _capability(law)
