@@ -574,7 +574,10 @@ def _read(section: Section, length_unit: str, requirements: Sequence[Requirement
         machines=zone.machines,
         sample=sample,
         present=zone.present,
-        **labels,
+        geometry=labels["geometry"],
+        drawing=labels["drawing"],
+        characteristic=labels["characteristic"],
+        source=labels["source"],
     )
 
 

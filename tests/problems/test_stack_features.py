@@ -93,6 +93,10 @@ def test_fasteners_of_asme_y14_5_appendix_b_just_pass(text: str, tmp_path: Path)
     mechanism = stack.definition.mechanism
     least = mechanism.centre - loosest(stack)["worst_case"]
     assert least == pytest.approx(0.0, abs=1e-12)
+    (tmp_path / "c.toml").write_text('problem = "stack"\n' + text.replace("method =", "lower = 0.0\nmethod ="), "utf-8")
+    row = tolevo.analyse(tmp_path / "c.toml").requirements.iloc[0]
+    assert row["worst_case_least"] == 0.0
+    assert row["kept_worst_case"]
 
 
 def test_a_projected_fixed_fastener_of_asme_y14_5_appendix_b_just_passes(tmp_path: Path) -> None:
