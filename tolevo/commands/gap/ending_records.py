@@ -441,7 +441,10 @@ def remainder_of(end: Ending) -> tuple[Remainder, ...]:
     for member in end.fit.terms:
         term = effect_of(member).term
         together.setdefault((term.output, frozenset(term.variables)), []).append(member)
-    return (*(_term_remainders(end, members) for members in together.values()), *_form_remainders(end))
+    remainders = (*(_term_remainders(end, members) for members in together.values()), *_form_remainders(end))
+    pairs = zip(end.setup.data.outputs, floors(end), strict=True)
+    floor_of = {output.name: max(level, 1e-300) for output, (level, _) in pairs}
+    return tuple(replace(part, ratio=part.rms / floor_of[part.output]) for part in remainders)
 
 
 def _scatter_remainder(end: Ending) -> tuple[Remainder, ...]:

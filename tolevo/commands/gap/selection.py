@@ -85,9 +85,9 @@ class Search:
 
     def ordered(self, fits: Iterable[Fit]) -> list[Fit]:
         """Fits from the best to the worst."""
-        fits = list(fits)
-        nearest = min(fits, key=attrgetter("rss"), default=None)
-        return fits if nearest is None else sorted(fits, key=lambda fit: self.worse(fit, nearest))
+        every = list(fits)
+        nearest = min(every, key=attrgetter("rss"), default=None)
+        return every if nearest is None else sorted(every, key=lambda fit: self.worse(fit, nearest))
 
     def cancelling(self, fit: Fit) -> tuple[int, ...]:
         """The indices of the effects of a fit that cancel against others."""
