@@ -145,14 +145,14 @@ def _number(value: float, digits: int = 5) -> str:
 
 def verdict_of(row: dict[str, Any]) -> str:
     """Whether a requirement is kept, in a sentence: in the worst case and statistically."""
-    lower, upper = (None if np.isnan(row[end]) else row[end] for end in ("lower", "upper"))
+    lower, upper = float(row["lower"]), float(row["upper"])
     name = f"{row['requirement']}"
-    if lower is None and upper is None:
+    if np.isnan(lower) and np.isnan(upper):
         return f"{name}: has no limits"
-    if lower is not None and upper is not None:
-        limits = f"{drawing_number(lower)} to {drawing_number(upper)}"
+    if np.isnan(lower):
+        limits = f"at most {drawing_number(upper)}"
     else:
-        limits = f"at most {drawing_number(upper)}" if upper is not None else f"at least {drawing_number(lower)}"
+        limits = f"at least {drawing_number(lower)}" if np.isnan(upper) else range_text(lower, upper)
     worst, statistical = row["kept_worst_case"], row["kept_statistical"]
     if worst and statistical:
         kept = "kept in the worst case and by mean +- 3 sigma"
