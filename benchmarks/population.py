@@ -24,7 +24,7 @@ from tolevo.models.rv_reducer.contact.contact import LoadedContact, backlash, lo
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
 from tolevo.models.rv_reducer.population.contact import Population
 from tolevo.models.rv_reducer.population.elastic import OUTPUTS, Elastic, Loading, elastic
-from tolevo.models.rv_reducer.population.errors import modified_geometry, part_errors
+from tolevo.models.rv_reducer.population.errors import Scaled, modified_geometry, part_errors
 from tolevo.models.rv_reducer.population.measures import Conditions, Measures
 from tolevo.models.rv_reducer.population.units import Involute, UnitDesign
 from tolevo.models.rv_reducer.tighter_planet import TighterPlanet
@@ -154,7 +154,8 @@ def accuracy() -> None:
 def balanced(population: Population) -> Elastic:
     """All outputs under load."""
     turn = population.turn(DOCUMENT)
-    return elastic(population.lattice, turn.table, turn.units, Loading())
+    units = Scaled.of(population.lattice.geometry, population.sample, DOCUMENT)
+    return elastic(population.lattice, turn.table, units, Loading())
 
 
 def pulled_back(population: Population) -> None:

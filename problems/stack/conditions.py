@@ -45,7 +45,8 @@ def read_expansion(section: Section, unit: str | None) -> tuple[float | None, st
 
 def read_conditions(top: Section, requirements: Sequence[Requirement], faults: list[Fault]) -> tuple[Condition, ...]:
     """Every `[[condition]]` with a name and a temperature; its limits are read with those of the run."""
-    from .reading import NAME, RESERVED  # which reads conditions only where there are some
+    from .formulas import NAME
+    from .reading import RESERVED  # which reads conditions only where there are some
 
     conditions: list[Condition] = []
     taken = {requirement.key for requirement in requirements}

@@ -341,5 +341,5 @@ def test_a_promise_among_processes_or_grades(name: str, choice: str, tmp_path: P
     (tmp_path / "b.csv").write_text("b [mm]\n" + "\n".join(map(str, values)), encoding="utf-8")
     done = CliRunner().invoke(app, ["review", str(out), str(tmp_path / "b.csv")])
     assert done.exit_code == 0, done.output
-    at, rounded = 1.0 if choice == "IT12" else 0.5 + 0.05 / 0.09, 0.075
+    at, rounded = 1.0 if choice == "IT12" else 0.5 + 0.05 / 0.095, 0.095
     assert f"the drawing costs {at + 1.0 + 0.05 / rounded:.4g}" in done.output

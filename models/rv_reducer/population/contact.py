@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ....section import Array, Complex, Single
+from ....section import Array, Complex, Integers, Single
 from ..contact.geometry import ContactGeometry
 from .errors import COLUMNS, Lattice, Scaled, Table, sides, turn_lattice
 from .units import ERRORS, BaseSample, Hierarchy, UnitDesign
@@ -151,8 +151,8 @@ def pull_back(lattice: Lattice, table: Table, touch: Touch, slopes: Slopes, weig
     """
     from . import kernel
 
-    rows = np.flatnonzero(np.any(weight != 0.0, axis=1))
-    rows = slice(None) if len(rows) == len(weight) else rows
+    weighted = np.flatnonzero(np.any(weight != 0.0, axis=1))
+    rows: Integers | slice = slice(None) if len(weighted) == len(weight) else weighted
     total = np.zeros(len(NAMES))
     kernel.touch_slopes(
         _single_precision(weight[rows]),

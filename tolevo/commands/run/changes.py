@@ -438,7 +438,7 @@ def round_design(
     if rounded.keys[0] > 0.0:
         quick.learn(full, design)
         rounded = min(rounded, _best_combination(near, quick, full), key=lambda one: one.keys)
-    cost = float(problem.cost_of(design[None])[0])
+    cost = float(np.broadcast_to(problem.cost_of(design[None]), 1)[0])
     if finer and (rounded.keys[0] > 0.0 or rounded.keys[-1] > cost + NEGLIGIBLE * abs(cost)):
         again = round_design(problem, design, {**values, **finer}, bounds)
         rounded = min(rounded, again, key=lambda one: one.keys)
