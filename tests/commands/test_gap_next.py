@@ -185,7 +185,7 @@ def test_an_effect_that_is_barely_there(tmp_path: Path) -> None:
     frame = bench(60, 100.0, rng).assign(te_predicted=0.0)
     frame["te"] = rng.normal(0.0, NOISE, 60)
     size = 0.25
-    asked = f"[next_measurement]\nreadings = 12\namount = {{ torsional_compliance = {size} }}\n"
+    asked = f"[noise]\nte = {NOISE}\n[next_measurement]\nreadings = 12\namount = {{ torsional_compliance = {size} }}\n"
     ended = found(tmp_path, frame, text_of(asked + "[next_measurement.range]\ntorque = [0, 400]\n"))
     assert ended.verdict == "no_gap"
     assert ended.next_measurement is not None
