@@ -213,7 +213,8 @@ class Level:
             waves.append(steps.error.characteristic(phase))
             ends.append(steps.error.envelope(phase[:, -1]))
         within = np.minimum(limit, limit + gap - 2.0 * (np.arange(NODES) + 0.5) * period / NODES)
-        coefficients = scipy.fft.dct([grade.involute.cdf(within) for grade in grades])[:, : TERMS + 1] / NODES
+        transform = scipy.fft.dct([grade.involute.cdf(within) for grade in grades])[:, : TERMS + 1]
+        coefficients = np.asarray(transform / NODES, dtype=np.float64)
         fall = 4.0 * period / np.pi**2 * np.array([grade.involute.variation for grade in grades])
         coefficients[:, 0] = 0.5 * coefficients[:, 0] + (TERMS + 1) * ALIASES * fall / NODES**2
         cost = [*(steps.cost for steps in tolerances), np.array([grade.cost for grade in grades])]
@@ -283,7 +284,7 @@ class CommonErrorBound:
     def __init__(self, problem: RvReducer) -> None:
         self.problem = problem
 
-    @cached_property
+    @property
     def missing(self) -> str:
         """Why there is none, empty where there is one."""
         if made := ", ".join(self.problem.machined_tolerances):
@@ -299,7 +300,7 @@ class CommonErrorBound:
             )
         return "" if self._errors[0] else "no law of an error that parts have in common is symmetric and log-concave"
 
-    @cached_property
+    @property
     def statement(self) -> str:
         """What the bound holds for, or why there is none."""
         if self.missing:

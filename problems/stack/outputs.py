@@ -386,7 +386,8 @@ class Yields:
     def __getstate__(self) -> dict[str, object]:
         """Everything but the samples, which another process draws again."""
         drawn = ("reported", "searching", "_samples")
-        return {name: value for name, value in self.__dict__.items() if name not in drawn} | {"_samples": {}}
+        state: dict[str, object] = {name: value for name, value in self.__dict__.items() if name not in drawn}
+        return state | {"_samples": {}}
 
     def outputs(self, t: Tolerances, searching: bool, needed: bool) -> dict[str, Array]:
         """Half-widths and yields; NaN without limits.
