@@ -700,7 +700,7 @@ class Let(Intermediate):
 
     name: str
     formula: Formula
-    place: str = "let"
+    place: str = "let"  # pyright: ignore[reportIncompatibleMethodOverride]
 
     @property
     def names(self) -> tuple[str, ...]:

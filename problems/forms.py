@@ -25,10 +25,12 @@ class CostBound(Protocol):
     @property
     def missing(self) -> str:
         """Why there are none, empty where there are some."""
+        ...
 
     @property
     def statement(self) -> str:
         """What they hold for."""
+        ...
 
     def least_costs(self, values: Mapping[str, Array], points: int) -> Array:
         """Bounds (points,) at the limits and at values (points,) of the objectives; inf where no design keeps them."""

@@ -62,8 +62,12 @@ class Loops(Intermediate):
     def names(self) -> tuple[str, ...]:
         return self.unknowns
 
-    @cached_property
+    @property
     def inputs(self) -> Mapping[str, int]:
+        return self._inputs
+
+    @cached_property
+    def _inputs(self) -> Mapping[str, int]:
         names = (name for terms in self.equations for term in terms for name in term.names)
         return {name: 1 for name in names if name not in self.unknowns}
 
@@ -294,7 +298,8 @@ class Loops(Intermediate):
 def _divided(matrices: Array, right: Array) -> Array:
     """Solutions (n, m, k) of n linear systems; NaN where a matrix is singular."""
     try:
-        return np.asarray(np.linalg.solve(matrices, right))
+        return np.asarray(np.linalg.solve(matrices, right), dtype=np.float64)
     except np.linalg.LinAlgError:
         singular = np.linalg.det(matrices) == 0.0
-        return np.asarray(np.linalg.solve(np.where(singular[:, None, None], np.nan, matrices), right))
+        solved = np.linalg.solve(np.where(singular[:, None, None], np.nan, matrices), right)
+        return np.asarray(solved, dtype=np.float64)

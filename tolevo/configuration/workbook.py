@@ -339,7 +339,7 @@ def _book(sheets: Mapping[str, Sequence[Mapping[str, Any]]]) -> bytes:
     from openpyxl.worksheet.datavalidation import DataValidation
 
     book = Workbook()
-    book.remove(book.active)
+    book.remove(book.worksheets[0])
     parts = max(LINES, len(sheets["Parts"]) + 1)
     choices = {
         "method": f'"{",".join(METHODS)}"',

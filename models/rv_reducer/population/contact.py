@@ -217,7 +217,8 @@ class Population:
         if any(mid):
             if mid not in self._of_mids:
                 self._of_mids.clear()
-                self._of_mids[mid] = self.alike.errors(dict(zip(ERRORS, mid, strict=True)).__getitem__)
+                by_error: dict[str, float] = dict(zip(ERRORS, mid, strict=True))
+                self._of_mids[mid] = self.alike.errors(by_error.__getitem__)
             errors = tuple(map(np.add, errors, self._of_mids[mid]))
         errors[2][:, 3] += np.float32(design.stagger) * sides(geometry)[:, None].astype(np.float32)
         contact = touch(self.lattice, table, errors)

@@ -136,8 +136,8 @@ def _table(
     records = selected.to_dict("records")
     if COST in selected and COST in after:
         table["rounding"] = [
-            rounding_sentence(problem, rounded[at], *both)
-            for at, *both in zip(choices.values(), selected[COST], after[COST], broken, strict=True)
+            rounding_sentence(problem, rounded[at], float(before), float(cost), str(limits))
+            for at, before, cost, limits in zip(choices.values(), selected[COST], after[COST], broken, strict=True)
         ]
     table["loosen_first"] = [
         advice(problem, steps, records[at]) if len(steps := tried[tried["point"] == point]) else ""
