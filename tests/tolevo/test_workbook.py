@@ -109,9 +109,9 @@ def flange(tmp_path: Path) -> Path:
     return path
 
 
-def value_in(book: Any, title: str, place: str) -> float | bool:
+def value_in(book: Any, title: str, place: str) -> Any:
     """A cell as a spreadsheet computes it: ranges as vectors, and the four functions that the sheets use."""
-    stored = book[title][place.replace("$", "")].value
+    stored: Any = book[title][place.replace("$", "")].value
     if not isinstance(stored, str) or not stored.startswith("="):
         return stored
     names: dict[str, Any] = {}
@@ -239,6 +239,7 @@ def test_a_run_writes_a_workbook_that_calculates_by_itself(flange: Path) -> None
     assert read(copy).toml() == read(flange).toml()  # the input is as it was
     book = load_workbook(copy)
     problem = read(flange).problem
+    assert problem is not None
     parts = [row[0].value for row in book["Allocation"].iter_rows(min_row=2)]
     assert parts == ["hub", "ring", "shim", "bush"]
     cost = {"E2": 0.05, "E3": 0.03, "E4": 15.0, "E5": 0.02}

@@ -104,6 +104,7 @@ def test_numbers_that_people_write_are_the_default(parsed: Read) -> None:
 def test_a_narrow_range_has_numbers_too(parsed: Read) -> None:
     text = STACK.replace("t_min = 0.01\nt_max = 0.25", "t_min = 0.0141\nt_max = 0.0149", 1)
     problem = read(tomllib.loads(text)).problem
+    assert problem is not None
     inside = [value for value in values_of(problem, problem.free[0], "preferred") if 0.0141 <= value <= 0.0149]
     assert len(inside) >= 9
 
@@ -302,17 +303,17 @@ class RandomStack:
     def sums(self, t: np.ndarray) -> np.ndarray:
         """Root sum of squares or worst case, (n, requirements)."""
         moved = np.abs(self.slopes[None] * t[:, None])
-        return moved.sum(axis=2) if self.kind == "worst_case" else np.sqrt((moved**2).sum(axis=2))
+        return np.asarray(moved.sum(axis=2) if self.kind == "worst_case" else np.sqrt((moved**2).sum(axis=2)))
 
     def cost(self, t: np.ndarray) -> np.ndarray:
         a, b, k = self.costs
-        return (a + b / t**k).sum(axis=1)
+        return np.asarray((a + b / t**k).sum(axis=1))
 
     def kept(self, t: np.ndarray) -> np.ndarray:
         sums = self.sums(t)
         if self.kind == "yield_percent":  # 3 sigma is the root sum of squares
-            return np.all(100.0 * (1.0 - 2.0 * norm.sf(3.0 * self.widths / sums)) >= 99.73 - 1e-9, axis=1)
-        return np.all(sums <= self.widths * (1.0 + 1e-9), axis=1)
+            return np.asarray(np.all(100.0 * (1.0 - 2.0 * norm.sf(3.0 * self.widths / sums)) >= 99.73 - 1e-9, axis=1))
+        return np.asarray(np.all(sums <= self.widths * (1.0 + 1e-9), axis=1))
 
     def tables(self) -> dict[str, Any]:
         limit = {"variation": "rss"}.get(self.kind, self.kind)
