@@ -152,11 +152,8 @@ def _description_line(known: Mapping[str, Any]) -> str:
     """One line, like "end play, at most 0.2 mm (drawing GB-100): play of the shaft"."""
     low, high, unit = (known.get(key) for key in ("lower", "upper", "unit"))
     name, ends = str(known.get("name") or ""), f" {unit}" if unit else ""
-    if low is not None and high is not None:
-        name += f", {drawing_number(low)} to {drawing_number(high)}{ends}"
-    elif low is not None or high is not None:
-        bound = f"at least {drawing_number(low)}" if low is not None else f"at most {drawing_number(high or 0.0)}"
-        name += f", {bound}{ends}"
+    if limits := limits_text(low, high):
+        name += f", {limits}{ends}"
     drawing, description = known.get("drawing"), known.get("description")
     name += f" (drawing {drawing})" if drawing else ""
     return name + (f": {description}" if description else "")
@@ -269,6 +266,16 @@ class AnalysisResult:
     summary: Mapping[str, Any]
     quick: Mapping[str, Any]
     configuration: str = field(default="", repr=False)
+
+
+def limits_text(low: float | None, high: float | None) -> str:
+    """Limits as they were stated: "0.1 to 0.5", "at most 0.2"; empty where there are none (None, or not a number)."""
+    low, high = (None if end is None or end != end else end for end in (low, high))
+    if low is not None and high is not None:
+        return f"{drawing_number(low)} to {drawing_number(high)}"
+    if low is not None:
+        return f"at least {drawing_number(low)}"
+    return "" if high is None else f"at most {drawing_number(high)}"
 
 
 def range_text(low: float, high: float) -> str:

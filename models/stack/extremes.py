@@ -11,7 +11,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from ...section import Array
 from ..expressions import Formula
-from .mechanism import Mechanism, box
+from .mechanism import CORNERS, Mechanism, box
 
 ENUMERATED = 16
 """Pieces whose corners are all tried, of those on which the requirement is not proven monotone."""
@@ -88,7 +88,7 @@ def _points(pieces: int) -> Array:
     """All corners of [-1, 1]^k and points between, shape (k, m); of many pieces a sample of the corners."""
     if pieces == 0:
         return np.zeros((0, 1))
-    if pieces > ENUMERATED:
+    if pieces <= CORNERS or pieces > ENUMERATED:  # the points between come with all corners, or with some
         return box(pieces)
     corners = (np.arange(2**pieces) >> np.arange(pieces)[:, None]) & 1
     return np.hstack([box(pieces), 2.0 * corners - 1.0])

@@ -6,6 +6,7 @@ its spread in closed form; of any other formula it is that of the sample of unit
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,7 +19,7 @@ from ...models.stack.mechanism import SIGMAS
 from ...section import Array, Integers
 from ..limits import keeps
 from .definition import Part
-from .formulas import nominal_sum
+from .formulas import nominal_sum, value_at
 from .problem import Stack
 from .promises import WINDOW, Measured
 
@@ -80,39 +81,42 @@ class Analysis:
     notes: tuple[str, ...]
 
 
-def analyse(stack: Stack, design: Array, histograms: bool = True) -> Analysis:
-    """Every requirement of a stack at one full design (all variables,).
-
-    Units are drawn for histograms, and where a figure of a requirement takes a sample.
-    """
+def analyse(stack: Stack, design: Array) -> Analysis:
+    """Every requirement of a stack at one full design (all variables,), with the units of a sample."""
     made = stack.parts_as_made(design[None, :])
-    yields = stack.yields.percentages(made)
-    rows, contributions, bars, notes, shifted = [], [], [], list[str](), dict[str, float]()
-    for measured in stack.measured:
-        needed = histograms or not measured.straight
-        sample = _sampled_values(stack, measured, made) if needed else np.empty(0)
-        percent = tuple(float(yields[measured.name(name)][0]) for name in ("yield_percent", "yield_percent_error"))
-        row = _requirement_row(measured, made, sample, percent)
-        rows.append(row)
-        contributions.append(_contributions(stack, measured, made))
-        bars.append(_histogram(label_of(measured), sample))
-        notes += _notes(measured, row, sample)
-        shift = np.nan if measured.rough else float(measured.linear.shifted_rss(made)[0])
-        shifted[label_of(measured)] = shift
-    joint = float(yields["yield_percent"][0]) if len(stack.measured) > 1 else np.nan
+    samples = [_sampled_values(stack, measured, made) for measured in stack.measured]
+    requirements, joint = _requirements(stack, made, samples)
+    rows = zip(stack.measured, requirements["worst_case_kind"], samples, strict=True)
     return Analysis(
-        pd.DataFrame(rows, columns=list(REQUIREMENT_COLUMNS)),
-        pd.concat(contributions, ignore_index=True),
-        pd.concat(bars, ignore_index=True),
+        requirements,
+        pd.concat([_contributions(stack, measured, made) for measured in stack.measured], ignore_index=True),
+        pd.concat(
+            [_histogram(measured.label, y) for measured, y in zip(stack.measured, samples, strict=True)],
+            ignore_index=True,
+        ),
         joint,
-        shifted,
-        tuple(notes),
+        {m.label: np.nan if m.rough else float(m.shifted_rss(made)[0]) for m in stack.measured},
+        tuple(note for measured, kind, sample in rows for note in _notes(measured, kind, sample)),
     )
 
 
-def label_of(measured: Measured) -> str:
-    """The name of a requirement in tables: its key, or the name of the only one."""
-    return measured.requirement.key or measured.requirement.name or "requirement"
+def requirements_table(stack: Stack, design: Array) -> pd.DataFrame:
+    """The `requirements` of an analysis alone: units are drawn where a figure takes a sample."""
+    made = stack.parts_as_made(design[None, :])
+    none = np.empty(0)
+    samples = [none if measured.straight else _sampled_values(stack, measured, made) for measured in stack.measured]
+    return _requirements(stack, made, samples)[0]
+
+
+def _requirements(stack: Stack, made: Tolerances, samples: Sequence[Array]) -> tuple[pd.DataFrame, float]:
+    """A row for each requirement, and the units that keep all of them [percent]."""
+    yields = stack.yields.percentages(made)
+    rows = []
+    for measured, sample in zip(stack.measured, samples, strict=True):
+        percent = tuple(float(yields[measured.name(name)][0]) for name in ("yield_percent", "yield_percent_error"))
+        rows.append(_requirement_row(measured, made, sample, percent))
+    joint = float(yields["yield_percent"][0]) if len(rows) > 1 else np.nan
+    return pd.DataFrame(rows, columns=list(REQUIREMENT_COLUMNS)), joint
 
 
 def _requirement_row(
@@ -130,7 +134,7 @@ def _requirement_row(
     two_sided = bool(np.isfinite(lower) and np.isfinite(upper))
     outside = PER_MILLION * (100.0 - percent[0])
     return {
-        "requirement": label_of(measured),
+        "requirement": measured.label,
         "unit": requirement.unit,
         "nominal": _nominal(measured),
         "mean": mean,
@@ -173,17 +177,11 @@ def _nominal(measured: Measured) -> float:
     requirement, parts, mechanism = measured.requirement, measured.parts, measured.mechanism
     if mechanism.formula is not None and mechanism.mids is not None and mechanism.scale is not None:
         means = np.array([part.mean for part in parts])[mechanism.owners]
-        return _value_at(mechanism, mechanism.mids - mechanism.scale * means)
+        return value_at(mechanism, mechanism.mids - mechanism.scale * means)
     if requirement.nominal is not None:
         return requirement.nominal
     sized = all(part.nominal is not None or part.feature is not None for part in parts)
     return nominal_sum(requirement, parts) if sized else np.nan
-
-
-def _value_at(mechanism: Mechanism, x: Array) -> float:
-    """The requirement at one point, pieces (k,) in the units of the formula."""
-    assert mechanism.formula is not None
-    return mechanism.gain * float(mechanism.formula.value(dict(zip(mechanism.names, x, strict=True))))
 
 
 def _mean_and_deviation(measured: Measured, made: Tolerances, sample: Array) -> tuple[float, float]:
@@ -210,13 +208,10 @@ def _contributions(stack: Stack, measured: Measured, made: Tolerances) -> pd.Dat
     by_method = {
         method: replace(measured, requirement=replace(measured.requirement, method=method)) for method in METHODS
     }
-    shares = {
-        method: stack.yields.shares(own, made) if measured.rough else own.shares(made)
-        for method, own in by_method.items()
-    }
+    shares = {method: stack.yields.shares(own, made) for method, own in by_method.items()}
     rows = [
         (
-            label_of(measured),
+            measured.label,
             names[at],
             float(slope[at]),
             *(float(shares[method][measured.contribution(at)][0]) for method in METHODS),
@@ -239,12 +234,12 @@ def _histogram(label: str, sample: Array) -> pd.DataFrame:
     )
 
 
-def _notes(measured: Measured, row: dict[str, object], sample: Array) -> list[str]:
+def _notes(measured: Measured, kind: str, sample: Array) -> list[str]:
     """How figures were found where that is not the plain way."""
-    mechanism, label = measured.mechanism, label_of(measured)
+    mechanism, label = measured.mechanism, measured.label
     notes = []
     if not measured.straight:
-        how = HOW[str(row["worst_case_kind"])]
+        how = HOW[kind]
         notes.append(
             f"{label} is not linear: mean and standard deviation are those of {sample.size} units, the worst-case "
             f"ends are {how}"
@@ -309,7 +304,7 @@ def quick_model(stack: Stack, design: Array) -> dict[str, Any]:
         slopes = mechanism.directed if measured.straight else mechanism.sensitivities
         requirements.append(
             {
-                "name": label_of(measured),
+                "name": measured.label,
                 "unit": measured.requirement.unit,
                 "centre": mechanism.centre,
                 "lower": None if np.isinf(mechanism.lower) else mechanism.lower,

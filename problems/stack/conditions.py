@@ -45,8 +45,7 @@ def read_expansion(section: Section, unit: str | None) -> tuple[float | None, st
 
 def read_conditions(top: Section, requirements: Sequence[Requirement], faults: list[Fault]) -> tuple[Condition, ...]:
     """Every `[[condition]]` with a name and a temperature; its limits are read with those of the run."""
-    from .formulas import NAME
-    from .reading import RESERVED  # which reads conditions only where there are some
+    from .reading import output_complaint  # which reads conditions only where there are some
 
     conditions: list[Condition] = []
     taken = {requirement.key for requirement in requirements}
@@ -58,11 +57,11 @@ def read_conditions(top: Section, requirements: Sequence[Requirement], faults: l
         for key, what in (("name", "outputs of conditions are distinguished by it"), ("temperature_C", "in degC")):
             if key not in section:
                 section.fault(key, f"is missing: {what}")
-        if name is not None and not NAME.fullmatch(name):
-            section.fault("name", f'must be letters, digits and _, and begin with a letter, got "{name}"')
-        elif name in RESERVED or name in taken:
-            why = "means something in [limits]" if name in RESERVED else "is the name of a requirement or condition"
-            section.fault("name", f"{name} {why}; choose another name")
+        why = "" if name is None else output_complaint(name)
+        if name in taken:
+            why = why or f"{name} is the name of a requirement or condition; choose another name"
+        if why:
+            section.fault("name", why)
         elif name is not None and temperature is not None:
             conditions.append(Condition(name, temperature))
             taken.add(name)

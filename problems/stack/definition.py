@@ -101,8 +101,8 @@ class Part:
     where none is stated. `expansion` is the linear one [1/K], None where neither it nor a `material`
     is stated. `machines` are those that some of its processes use, `sample` is what measured parts
     say about its only one. `present` is the half-width of a part to be searched that the drawing has
-    now, None where it is not stated. `feature` is how a `[[feature]]` acts, whose half-width is half its
-    zone.
+    now, within the range or not, None where it is not stated. `feature` is how a `[[feature]]` acts, whose
+    half-width is half its zone.
     """
 
     name: str

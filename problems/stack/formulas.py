@@ -114,13 +114,20 @@ def _name(table: Mapping[str, Any]) -> str:
 # Names in formulas.
 
 
-NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
+_NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
+
+
+def form_complaint(name: str) -> str:
+    """Why a text has not the form of a name, empty where it has."""
+    if _NAME.fullmatch(name):
+        return ""
+    return f'must be letters, digits and _, and begin with a letter, got "{name}"'
 
 
 def name_complaint(name: str) -> str:
     """Why a quantity in formulas cannot have a name, empty where it can."""
-    if not NAME.fullmatch(name):
-        return f'must be letters, digits and _, and begin with a letter, got "{name}"'
+    if why := form_complaint(name):
+        return why
     known = name in FUNCTIONS or name in CONSTANTS
     return f"{name} means something in formulas; choose another name" if known else ""
 
@@ -190,7 +197,7 @@ def mechanism_with_formula(
         return None
     mechanism, without_effect = linearise_mechanism(mechanism, np.array([part.high for part in parts])[bare.owners])
     faults += _effect_faults(mechanism, without_effect, parts, requirement)
-    faults += _nominal_faults(requirement, gain * _evaluate_at_point(formula, mechanism, nominals[bare.owners]))
+    faults += _nominal_faults(requirement, value_at(mechanism, nominals[bare.owners]))
     loosest = np.array([[part.high for part in parts]])
     return replace(mechanism, undefined=domain_violation(mechanism, loosest[0], least_margin(mechanism, loosest)[0]))
 
@@ -200,9 +207,10 @@ def _steps_of(parts: Sequence[Part], base: Mapping[str, float]) -> Iterator[Inte
     return (step for part in parts if part.feature is not None for step in part.feature.steps(base))
 
 
-def _evaluate_at_point(formula: Formula, mechanism: Mechanism, x: Array) -> float:
-    """The formula at one point, pieces (k,)."""
-    return float(formula.value(dict(zip(mechanism.names, x, strict=True))))
+def value_at(mechanism: Mechanism, x: Array) -> float:
+    """The requirement by its formula at one point, pieces (k,) in the units of the formula."""
+    assert mechanism.formula is not None
+    return mechanism.gain * float(mechanism.formula.value(dict(zip(mechanism.names, x, strict=True))))
 
 
 def linearise_mechanism(mechanism: Mechanism, loosest: Array) -> tuple[Mechanism, list[str]]:
@@ -216,7 +224,7 @@ def linearise_mechanism(mechanism: Mechanism, loosest: Array) -> tuple[Mechanism
     gradient = formula.gradient(dict(zip(mechanism.names, mids, strict=True)))
     slopes = mechanism.gain * scale * np.array([float(gradient.get(name, 0.0)) for name in mechanism.names])
     known = np.where(np.isfinite(slopes), slopes, 0.0)
-    centre = mechanism.gain * _evaluate_at_point(formula, mechanism, mids)
+    centre = value_at(mechanism, mids)
     mechanism = replace(mechanism, sensitivities=known, centre=centre)
     effects = np.abs(known) * loosest
     rough: list[str] = []
@@ -240,8 +248,8 @@ def _kink(mechanism: Mechanism, at: int, t: float, total: float) -> bool:
     assert formula is not None and mids is not None and scale is not None
     step = np.zeros_like(mids)
     step[at] = STEP * t * scale[at]
-    ends = [_evaluate_at_point(formula, mechanism, mids + side * step) for side in (-1.0, 0.0, 1.0)]
-    return bool(abs(mechanism.gain * (ends[0] - 2.0 * ends[1] + ends[2])) > KINK * STEP * total)
+    ends = [value_at(mechanism, mids + side * step) for side in (-1.0, 0.0, 1.0)]
+    return bool(abs(ends[0] - 2.0 * ends[1] + ends[2]) > KINK * STEP * total)
 
 
 def _depends_on_piece(mechanism: Mechanism, at: int, loosest: Array) -> bool:

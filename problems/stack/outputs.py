@@ -385,9 +385,7 @@ class Yields:
 
     def __getstate__(self) -> dict[str, object]:
         """Everything but the samples, which another process draws again."""
-        drawn = ("reported", "searching", "_samples")
-        state: dict[str, object] = {name: value for name, value in self.__dict__.items() if name not in drawn}
-        return state | {"_samples": {}}
+        return {**self.__dict__, "_samples": {}}
 
     def outputs(self, t: Tolerances, searching: bool, needed: bool) -> dict[str, Array]:
         """Half-widths and yields; NaN without limits.
@@ -422,12 +420,12 @@ class Yields:
         return {measured.name(name): by_output[name] for name in names}
 
     def shares(self, measured: Measured, t: Tolerances) -> dict[str, Array]:
-        """Contributions [%] of the parts (n,) where a formula is not described by its slopes.
+        """Contributions [%] of the parts (n,) of a requirement.
 
-        Those in the growth of the standard deviation s with all tolerances, t_j ds/dt_j, which for a
-        linear formula are those in the variance.
+        Where slopes do not describe its formula, those in the growth of the standard deviation s with
+        all tolerances, t_j ds/dt_j, which for a linear formula are those in the variance.
         """
-        if measured.requirement.method == "worst_case":
+        if not measured.rough or measured.requirement.method == "worst_case":
             return measured.shares(t)
         growth = np.zeros_like(limit_of(t))
         for at in measured.shown:
@@ -567,12 +565,12 @@ class Yields:
                     near |= np.abs(percent - end) <= UNDECIDED * error
         return np.flatnonzero(near)
 
-    @cached_property
+    @property
     def reported(self) -> Sample:
         """The whole sample."""
         return self.drawn(self.settings.propagation.samples)
 
-    @cached_property
+    @property
     def searching(self) -> Sample:
         """The sample of a search."""
         return self.drawn(SEARCH_SAMPLES)

@@ -270,8 +270,9 @@ def read_tolerance(section: Section, unit: str, nominal: float | None, fit: str 
     elif fit:
         section.fault(given[0], f"is a second statement in addition to {fit} of its [[fit]]: keep only one")
         return None
-    if given == ["t_min", "tolerance"]:
-        process, present = read_process(section, unit, nominal), _present(section, unit, nominal)
+    if given in (["t_min"], ["t_min", "tolerance"]):
+        process = read_process(section, unit, nominal)
+        present = _half_width(section, "tolerance", unit, nominal, POSITIVE) if "tolerance" in section else None
         return None if process is None else Tolerance((process,), present=present)
     if set(given) in MADE:
         return _alternatives(section, unit, nominal)
@@ -289,9 +290,6 @@ def read_tolerance(section: Section, unit: str, nominal: float | None, fit: str 
         return Tolerance(
             grades, alternatives=True, stated=stated_standard(section) | costs, assumed=unverified_grades(grades)
         )
-    if given == ["t_min"]:
-        process = read_process(section, unit, nominal)
-        return None if process is None else Tolerance((process,))
     fixed = _read_fixed_zone(section, given[0], unit, nominal)
     curve = _read_cost(section) if "cost" in section else None
     if fixed is None:
@@ -321,11 +319,6 @@ def _half_width(section: Section, key: str, unit: str, nominal: float | None, wi
         section.fault(key, f"is {share:g} % of the nominal, which {what}: state the half-width in {unit}")
         return None
     return section.as_number(key, float(f"{share * abs(nominal) / 100.0:.12g}"), unit, within)
-
-
-def _present(section: Section, unit: str, nominal: float | None) -> float | None:
-    """The half-width that the drawing has now; it may lie outside of the range that is searched."""
-    return _half_width(section, "tolerance", unit, nominal, POSITIVE)
 
 
 def read_process(section: Section, unit: str, nominal: float | None, name: str = "") -> Process | None:

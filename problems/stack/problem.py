@@ -388,7 +388,7 @@ class Stack(ToleranceProblem):
         names = [requirement.contribution(at) for at in requirement.shown]
         if searching and not self.required_outputs & set(names):
             return dict.fromkeys(names, np.full(len(t), np.nan))
-        return self.yields.shares(requirement, t) if requirement.rough else requirement.shares(t)
+        return self.yields.shares(requirement, t)
 
     @cached_property
     def yields(self) -> Yields:
@@ -555,10 +555,9 @@ class Stack(ToleranceProblem):
         return samples_of(self.definition.parts)
 
     def requirements_at(self, design: Array | None = None) -> pd.DataFrame | None:
-        from .analysis import analyse, analysed_design
+        from .analysis import analysed_design, requirements_table
 
-        at = analysed_design(self)[0] if design is None else design
-        return analyse(self, at, histograms=False).requirements
+        return requirements_table(self, analysed_design(self)[0] if design is None else design)
 
     def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
         return domain_remarks(self.measured, front)

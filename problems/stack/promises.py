@@ -81,6 +81,11 @@ class Measured:
         return self.law if isinstance(self.law, Law) else linear_sum_of(self.mechanism)
 
     @property
+    def label(self) -> str:
+        """Its name in tables: its key, or the name of the only requirement."""
+        return self.requirement.key or self.requirement.name or "requirement"
+
+    @property
     def partial(self) -> bool:
         """Whether its formula leaves its domain within the widest tolerances."""
         return bool(self.mechanism.undefined)
@@ -132,7 +137,7 @@ class Measured:
             by_output |= {name: self.drawn.centre + side * by_output["worst_case"] for name, side in WINDOW.items()}
         method = self.requirement.method
         if method == "shifted_rss" and not self.rough:
-            by_output["variation"] = self.linear.shifted_rss(t) + self.measured_shift
+            by_output["variation"] = self.shifted_rss(t)
         elif method in by_output:
             by_output["variation"] = by_output[method]
         return {self.name(name): value for name, value in by_output.items()}
@@ -156,6 +161,10 @@ class Measured:
         """Shifts of measured means from the middles of the zones, all in the worst direction."""
         off = np.array([abs(part.mean - part.mid) for part in self.parts])
         return float(np.abs(self.mechanism.sensitivities) @ off[self.mechanism.owners])
+
+    def shifted_rss(self, t: Tolerances) -> Array:
+        """Root sum square with all mean shifts (n,), measured ones included, in the worst direction."""
+        return self.linear.shifted_rss(t) + self.measured_shift
 
     def window(self, t: Tolerances, asked: bool) -> dict[str, Array]:
         """Least and greatest value (n,) of a formula that is not linear, by corners; NaN if not `asked` for."""

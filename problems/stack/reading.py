@@ -16,7 +16,7 @@ from ...section import POSITIVE, Assumption, Range, Section
 from ...units import family
 from ..settings import SAMPLED, process_assumption, read_promise
 from .definition import METHODS, Condition, Correlation, Definition, Part, Process, Requirement
-from .formulas import NAME, mechanisms_of, nominal_sum, sensitivity_faults
+from .formulas import form_complaint, mechanisms_of, nominal_sum, sensitivity_faults
 from .parts import read_parts
 from .promises import WINDOW
 
@@ -92,14 +92,16 @@ def _key(section: Section, place: str) -> str:
         section.fault("name", "is missing: outputs of several requirements are distinguished by their names")
     if name is None:
         return stand_in
-    if not NAME.fullmatch(name):
-        text = f'must be letters, digits and _, and begin with a letter, got "{name}"'
-        section.fault("name", text)
-        return stand_in
-    if name in RESERVED:
-        section.fault("name", f"{name} means something in [limits]; choose another name")
+    if why := output_complaint(name):
+        section.fault("name", why)
         return stand_in
     return name
+
+
+def output_complaint(name: str) -> str:
+    """Why outputs cannot be named after a requirement or condition of that name, empty where they can."""
+    known = f"{name} means something in [limits]; choose another name" if name in RESERVED else ""
+    return form_complaint(name) or known
 
 
 def _repeated_name_faults(requirements: list[Requirement]) -> list[Fault]:

@@ -8,12 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-import tomli_w
 from scipy.optimize import fsolve
 from scipy.stats import norm
 
-from tolevo.configuration.reader import read
-from tolevo.errors import InputError
+from tests.problems.test_stack_let import faults, stack
 from tolevo.problems.stack import Stack
 
 Array = np.ndarray
@@ -36,19 +34,6 @@ def part(name: str, nominal: float, t: float, **more: object) -> dict[str, objec
 def tables(formula: str, loops: list[Any], parts: list[Any], **more: object) -> dict[str, Any]:
     requirement = {"unit": "mm", "formula": formula} | dict(more.pop("requirement", {}))  # type: ignore[call-overload]
     return {"problem": "stack", "requirement": requirement, "loop": loops, "part": parts, **more}
-
-
-def stack(given: dict[str, Any], folder: Path) -> Stack:
-    (folder / "c.toml").write_text(tomli_w.dumps(given), encoding="utf-8")
-    problem = read(folder / "c.toml").problem
-    assert isinstance(problem, Stack)
-    return problem
-
-
-def faults(given: dict[str, Any], folder: Path) -> str:
-    with pytest.raises(InputError) as caught:
-        stack(given, folder)
-    return str(caught.value)
 
 
 def units_of(problem: Stack, seed: int = 0, spread: float = 1.0) -> tuple[dict[str, Array], Array]:

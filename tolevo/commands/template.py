@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ..configuration.reader import read
-from ..errors import Fault, nearest, refuse
+from ..errors import Fault, nearest, raise_all, refuse
 from ..files import csv_text
 from ..models.measurable import Column, MeasurableModel, Role
 from ..problems.tolerance_problem import ToleranceProblem
@@ -113,7 +113,9 @@ def stack_workbook(config: Path | None = None) -> bytes:
 
     faults: list[Fault] = []
     example = Path(str(files("tolevo.configs"))) / STACK
-    return write_sheets(override_source(config or example, (), faults))
+    tables = override_source(config or example, (), faults)
+    raise_all(faults)
+    return write_sheets(tables)
 
 
 def written(kind: str, config: Path | None = None, run: Path | None = None) -> str:

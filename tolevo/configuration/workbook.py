@@ -433,8 +433,7 @@ def _allocation_sheet(sheet: Any, problem: Stack, design: np.ndarray, rows: Mapp
     spread, t = spread_of(problem.parts_as_made(design[None]))[0], problem.tolerances(design[None])[0]
     columns = list(OF_PARTS)
     for measured in problem.measured:
-        label = measured.requirement.key or measured.requirement.name or "requirement"
-        columns += [f"{label}: {what}" for what in COEFFICIENTS]
+        columns += [f"{measured.label}: {what}" for what in COEFFICIENTS]
     lines = []
     for at, part in enumerate(problem.definition.parts):
         row = rows.get(f"{part.name}_t", {})
@@ -487,7 +486,6 @@ def _analysis_sheet(sheet: Any, problem: Stack, design: np.ndarray) -> None:
             ]
             for cells in ("GH", "KL")
         ]
-        label = measured.requirement.key or measured.requirement.name
         formulas = [
             f"=SUMPRODUCT({column(worst)},{column(TOLERANCE)})",
             f"=C{row}-F{row}",
@@ -498,7 +496,7 @@ def _analysis_sheet(sheet: Any, problem: Stack, design: np.ndarray) -> None:
             f"=I{row}+J{row}",
         ]
         lines.append(
-            [label, measured.requirement.unit, float(own.centre), *ends, *map(Live, formulas)]
+            [measured.label, measured.requirement.unit, float(own.centre), *ends, *map(Live, formulas)]
             + [Live(f"=AND({','.join(both)})") if both else None for both in tests]
             + [float(outputs[measured.name(kind)][0]) for kind in ("worst_case", "rss")]
             + [f"{LINEAR}; tolevo takes the formula for the worst case" if own.formula else f"linear: {LINEAR}"]

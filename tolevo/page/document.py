@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from ..records import mechanism_lines, range_text
+from ..records import limits_text, mechanism_lines, range_text
 from ..units import plain_number, split_unit
 from .drawing import as_svg
 
@@ -452,7 +452,7 @@ def requirements_view(requirements: pd.DataFrame) -> pd.DataFrame:
             **tolerances,
             "requirement": [row["requirement"] for row in rows],
             "unit": [row["unit"] for row in rows],
-            "limits": [_limits(row) for row in rows],
+            "limits": [limits_text(row["lower"], row["upper"]) or "none" for row in rows],
             "nominal": [row["nominal"] for row in rows],
             "mean": [row["mean"] for row in rows],
             "standard deviation": [row["std"] for row in rows],
@@ -467,15 +467,6 @@ def requirements_view(requirements: pd.DataFrame) -> pd.DataFrame:
             "ppm outside": [_ppm(row) for row in rows],
         }
     )
-
-
-def _limits(row: dict[str, Any]) -> str:
-    lower, upper = row["lower"], row["upper"]
-    if np.isnan(lower) and np.isnan(upper):
-        return "none"
-    if np.isnan(lower):
-        return f"at most {upper:.6g}"
-    return f"at least {lower:.6g}" if np.isnan(upper) else range_text(lower, upper)
 
 
 def _digits(percent: float) -> str:

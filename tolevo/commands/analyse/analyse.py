@@ -16,10 +16,10 @@ from ...errors import refuse
 from ...files import WORKBOOK, csv_text, write_bytes, write_text
 from ...page_data import as_json
 from ...problems.stack import Stack
-from ...records import AnalysisResult, range_text
+from ...records import AnalysisResult, limits_text, range_text
 from ...section import Assumption
-from ...units import drawing_number, plain_number
-from .page import analysis_page
+from ...units import plain_number
+from .page import analysis_page, ranked
 
 LARGEST = 3
 """Contributions that the terminal names."""
@@ -145,14 +145,9 @@ def _number(value: float, digits: int = 5) -> str:
 
 def verdict_of(row: dict[str, Any]) -> str:
     """Whether a requirement is kept, in a sentence: in the worst case and statistically."""
-    lower, upper = float(row["lower"]), float(row["upper"])
-    name = f"{row['requirement']}"
-    if np.isnan(lower) and np.isnan(upper):
-        return f"{name}: has no limits"
-    if np.isnan(lower):
-        limits = f"at most {drawing_number(upper)}"
-    else:
-        limits = f"at least {drawing_number(lower)}" if np.isnan(upper) else range_text(lower, upper)
+    limits = limits_text(row["lower"], row["upper"])
+    if not limits:
+        return f"{row['requirement']}: has no limits"
     worst, statistical = row["kept_worst_case"], row["kept_statistical"]
     if worst and statistical:
         kept = "kept in the worst case and by mean +- 3 sigma"
@@ -161,11 +156,11 @@ def verdict_of(row: dict[str, Any]) -> str:
         kept = "kept {}, not {}".format(*(ways if worst else ways[::-1]))
     else:
         kept = "kept neither in the worst case nor by mean +- 3 sigma"
-    return f"{name}, {limits} {row['unit']}".rstrip() + f": {kept}"
+    return f"{row['requirement']}, {limits} {row['unit']}".rstrip() + f": {kept}"
 
 
 def _largest_line(result: AnalysisResult, requirement: str) -> str:
     own = result.contributions[result.contributions["requirement"] == requirement]
-    ranked = own.sort_values("variance_percent", ascending=False, kind="stable").head(LARGEST)
-    shares = [f"{part} {share:.3g} %" for part, share in zip(ranked["part"], ranked["variance_percent"], strict=True)]
+    first = ranked(own).head(LARGEST) if len(own) else own
+    shares = [f"{part} {share:.3g} %" for part, share in zip(first["part"], first["variance_percent"], strict=True)]
     return f"largest shares in the variance of {requirement}: {', '.join(shares)}" if shares else ""

@@ -50,7 +50,7 @@ def analysis_page(result: AnalysisResult) -> str:
         if len(result.histograms)
         else "",
         section("What if", f'<p>{escape(WHAT_IF)}</p><div id="whatif"></div>') if quick else "",
-        section("Contributions", described(CONTRIBUTIONS, _ranked(result.contributions))),
+        section("Contributions", described(CONTRIBUTIONS, ranked(result.contributions))),
         section("Notes", bullets(notes)) if notes else "",
         section("Tolerances", described(TOLERANCES, result.tolerances)),
         section("Assumptions", bullets(assumed)) if assumed else "",
@@ -77,9 +77,9 @@ def _verdicts(requirements: pd.DataFrame) -> str:
 
 def _with_largest_share(result: AnalysisResult) -> pd.DataFrame:
     """The requirements with the part that has the largest share in the variance of each."""
-    ranked = _ranked(result.contributions).drop_duplicates("requirement").set_index("requirement")
+    first = ranked(result.contributions).drop_duplicates("requirement").set_index("requirement")
     largest = [
-        f"{ranked['part'][name]}, {ranked['variance_percent'][name]:.3g} %" if name in ranked.index else ""
+        f"{first['part'][name]}, {first['variance_percent'][name]:.3g} %" if name in first.index else ""
         for name in result.requirements["requirement"]
     ]
     return requirements_view(result.requirements).assign(**{"largest share": largest})
@@ -90,7 +90,7 @@ def _caption(result: AnalysisResult) -> str:
     return f"each requirement at the tolerances below; yields of formulas by {units} units"
 
 
-def _ranked(contributions: pd.DataFrame) -> pd.DataFrame:
+def ranked(contributions: pd.DataFrame) -> pd.DataFrame:
     """By requirement, in its order, the largest share first."""
     groups = contributions.groupby("requirement", sort=False)
     return pd.concat(

@@ -618,6 +618,23 @@ def rounded_design(result: RunResult, problem: ToleranceProblem, point: int) -> 
     return np.array(designs_of(problem, row)[0])
 
 
+BEFORE, CHOSEN = "before: as drawn, else loosest", "chosen, rounded"
+"""The tolerances that the requirements of a run are analysed at."""
+
+
+def add_analysis(result: RunResult, problem: ToleranceProblem) -> RunResult:
+    """The result with its requirements as drawn now, else at the loosest tolerances, and at the first
+    choice, as rounded for the drawing; unchanged where the problem has no such table or nothing is chosen.
+    """
+    design = rounded_design(result, problem, chosen_point(result))
+    before = None if design is None else problem.requirements_at()
+    if before is None or (after := problem.requirements_at(design)) is None:
+        return result
+    together = pd.concat([before, after], ignore_index=True)
+    together.insert(0, "tolerances", [BEFORE] * len(before) + [CHOSEN] * len(after))
+    return replace(result, analysis=together)
+
+
 def add_promise(result: RunResult, problem: ToleranceProblem) -> RunResult:
     """The result with its promise at the knee or at the only point, where a promise is made."""
     if not promised_limits(problem):

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ...algorithms.settings import AlgorithmSettings, Budget
-from ...problems.tolerance_problem import ToleranceProblem, designs_frame, designs_of
+from ...problems.tolerance_problem import ToleranceProblem, designs_of
 from ...records import RunResult
 from .choice import ChoiceSettings
 
@@ -50,33 +50,6 @@ def chosen_point(result: RunResult) -> int:
     """Row of the knee of a front, or of its only point."""
     choices = result.choices
     return 0 if choices is None or choices.empty else int(choices["point"].iloc[0])
-
-
-# The requirements of a run at its first choice beside those without any choice.
-
-
-def add_analysis(result: RunResult, problem: ToleranceProblem) -> RunResult:
-    """The result with its requirements as drawn now, else at the loosest tolerances, and at the first
-    choice, as rounded for the drawing; unchanged where the problem has no such table or nothing is chosen.
-    """
-    if result.allocation is None or result.allocation.empty or result.front.empty:
-        return result
-    at = chosen_point(result)
-    own = result.allocation[result.allocation["point"] == at].drop_duplicates("variable")
-    row = designs_frame(problem, designs_of(problem, result.front.iloc[[at]])).astype(object)
-    for name, value in zip(own["variable"], own["rounded"], strict=True):
-        row[name] = value
-    tables = []
-    for label, design in ((BEFORE, None), (CHOSEN, designs_of(problem, row)[0])):
-        if (table := problem.requirements_at(design)) is None:
-            return result
-        tables.append(table.assign(tolerances=label))
-    together = pd.concat(tables, ignore_index=True)
-    return replace(result, analysis=together[["tolerances", *together.columns.drop("tolerances")]])
-
-
-BEFORE, CHOSEN = "before: as drawn, else loosest", "chosen, rounded"
-"""The tolerances that the requirements of a run are analysed at."""
 
 
 # What backlash means in a run, shown on the units of one of its points.

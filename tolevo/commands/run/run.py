@@ -33,7 +33,16 @@ from ...problems.tolerance_problem import ToleranceProblem, designs_frame
 from ...records import Axis, RunResult, mechanism_lines, model_lines
 from ...units import plain_number
 from . import references as effects
-from .answers import TABLES, add_assumptions, add_capability, add_choices, add_promise, answers, rounded_design
+from .answers import (
+    TABLES,
+    add_analysis,
+    add_assumptions,
+    add_capability,
+    add_choices,
+    add_promise,
+    answers,
+    rounded_design,
+)
 from .changes import value_against_limit, words
 from .decide import decide
 from .front import (
@@ -52,7 +61,7 @@ from .front import (
     seconds_before,
     sentences,
 )
-from .plan import RunOutcome, RunPlan, add_analysis, add_units, chosen_point
+from .plan import RunOutcome, RunPlan, add_units, chosen_point
 from .proofs import (
     ProvenFront,
     add_bounds,
