@@ -23,11 +23,6 @@
     });
   }
 
-  function erf(x) { // Abramowitz & Stegun 7.1.26, error below 1.5e-7
-    const t = 1 / (1 + 0.3275911 * Math.abs(x));
-    return Math.sign(x) * (1 - ((((1.061405429 * t - 1.453152027) * t + 1.421413741) * t - 0.284496736) * t + 0.254829592) * t * Math.exp(-x * x));
-  }
-
   // A requirement with the parts as typed: ends, mean, deviation, Cpk, per cent outside.
   function state(one, parts) {
     const pieces = one.owner.map((owner, at) => ({ slope: one.slope[at], ...parts[owner] }));

@@ -3,12 +3,6 @@
 
 const BINS = 41;
 
-function erf(x) { // Abramowitz & Stegun 7.1.26, error below 1.5e-7
-  const t = 1 / (1 + 0.3275911 * Math.abs(x));
-  const rest = ((((1.061405429 * t - 1.453152027) * t + 1.421413741) * t - 0.284496736) * t + 0.254829592) * t * Math.exp(-x * x);
-  return Math.sign(x) * (1 - rest);
-}
-
 function histogram(found, at) {
   const law = found.law;
   if (!law) return null;
