@@ -499,6 +499,9 @@ class Stack(ToleranceProblem):
         if output in self.names and output.endswith("_t"):
             at = [f"{part.name}_t" for part in self._parts].index(output)
             return float(self.ends_of_t[0][at]), float(self.ends_of_t[1][at])
+        if output in self.names and output not in self.fixed:  # a process: neither end need be the tightest
+            variable = self.variables[self.names.index(output)]
+            return variable.low, variable.high
         return super().interval(output)
 
     @cached_property
