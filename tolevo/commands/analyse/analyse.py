@@ -19,13 +19,15 @@ from ...problems.stack import Stack
 from ...records import AnalysisResult, limits_text, range_text
 from ...section import Assumption
 from ...units import plain_number
+from ..run.tolerances import grades_of, notation
+from .costs import costs_of
 from .page import analysis_page, ranked
 
 LARGEST = 3
 """Contributions that the terminal names."""
 OPEN = "it is to be searched: analysed at the loosest tolerance that it may have"
-TABLES = {"requirements": "requirements.csv", "contributions": "contributions.csv", "histograms": "histograms.csv"}
-"""Tables of an analysis and their files."""
+TABLES = ("requirements", "contributions", "histograms", "prices", "budgets", "changes")
+"""Tables of an analysis: files of these names."""
 
 
 def stack_of(configuration: Configuration) -> Stack:
@@ -44,8 +46,9 @@ def analysis_of(configuration: Configuration) -> AnalysisResult:
 
     stack = stack_of(configuration)
     design, loosest = analysed_design(stack)
-    analysis = analyse(stack, design)
+    analysis, costs = analyse(stack, design), costs_of(stack, design, configuration.choice)
     parts = [(part, f"{part.name}_t") for part in stack.definition.parts]
+    variables = {variable.name: variable for variable in stack.variables}
     tolerances = pd.DataFrame(
         {
             "part": [part.name for part, _ in parts],
@@ -55,6 +58,10 @@ def analysis_of(configuration: Configuration) -> AnalysisResult:
             "half_width": [float(design[stack.names.index(name)]) for _, name in parts],
             "distribution": [type(part.distribution).__name__ for part, _ in parts],
             "searched": [name not in stack.fixed for _, name in parts],
+            "on the drawing": [
+                notation(variables[name], *stack.zone(name), float(design[at]), stack.drawn(name).get("class", ""))
+                for name, at in ((name, stack.names.index(name)) for _, name in parts)
+            ],
         }
     )
     at_loosest = [part for part, _ in parts if part.name in loosest]
@@ -69,10 +76,15 @@ def analysis_of(configuration: Configuration) -> AnalysisResult:
         "joint_yield_percent": analysis.joint_yield_percent,
         "analysed_at_loosest": list(loosest),
         "units": stack.yields.reported.size,
-        "notes": list(analysis.notes),
+        "cost": float(stack.cost_of(design[None])[0]) if costs.changes is not None else None,
+        "loosen_first": costs.advice,
+        "notes": [*analysis.notes, *costs.notes],
         "warnings": list(stack.warnings()),
         "assumptions": [asdict(one) for one in assumed],
     }
+    quick = quick_model(stack, design)
+    for one, (_, name) in zip(quick.get("parts", ()), parts, strict=False):
+        one["grades"] = grades_of(stack, variables[name])
     return AnalysisResult(
         stack.title() or "stack",
         analysis.requirements,
@@ -80,8 +92,11 @@ def analysis_of(configuration: Configuration) -> AnalysisResult:
         analysis.histograms,
         tolerances,
         summary,
-        quick_model(stack, design),
+        quick,
         configuration.toml(),
+        costs.prices,
+        costs.budgets,
+        costs.changes,
     )
 
 
@@ -103,8 +118,9 @@ def write_analysis(result: AnalysisResult, folder: Path, overwrite: bool, workbo
     with own_folder(folder, "analyse", False, overwrite) as place:
         place.begin()
         write_text(folder / "config.toml", result.configuration)
-        for field, name in TABLES.items():
-            write_text(folder / name, csv_text(getattr(result, field)))
+        for name in TABLES:
+            if (frame := getattr(result, name)) is not None:
+                write_text(folder / f"{name}.csv", csv_text(frame))
         write_text(folder / page_data.NAME, page_data.dump_result(result))
         write_text(folder / "summary.json", as_json(dict(result.summary)))
         write_text(folder / "report.html", analysis_page(result))

@@ -19,7 +19,7 @@ from ...problems.stack.promises import Measured
 from ...problems.tolerance_problem import designs_frame
 from ...section import Array
 from ...units import converted, fits
-from ..run.changes import changes
+from ..run.changes import advice, changes
 from ..run.choice import ChoiceSettings
 from ..run.tolerances import step_of, values_of
 
@@ -37,12 +37,14 @@ EQUAL_DIGITS = 9
 class SheetCosts:
     """`prices`: per requirement, what its limits `step` farther apart save and nearer together cost;
     `budgets`: least cost at margins, with its tolerances; `changes`: single steps to the next value or
-    process. All are empty where nothing that is searched has a cost, or no requirement has limits.
+    process; `advice` which of them to take first. None, or empty, where nothing that is searched has a
+    cost, or no requirement has limits.
     """
 
-    prices: pd.DataFrame
-    budgets: pd.DataFrame
-    changes: pd.DataFrame
+    prices: pd.DataFrame | None = None
+    budgets: pd.DataFrame | None = None
+    changes: pd.DataFrame | None = None
+    advice: str = ""
     notes: tuple[str, ...] = ()
 
 
@@ -53,9 +55,9 @@ def costs_of(stack: Stack, design: Array, choice: ChoiceSettings) -> SheetCosts:
     free = {variable.name for variable in stack.free}
     priced = any(f"{part.name}_t" in free and not part.free_of_charge for part in stack.definition.parts)
     if not limited or not priced or np.any(room <= 0.0):
-        return SheetCosts(pd.DataFrame(), pd.DataFrame(), pd.DataFrame())
+        return SheetCosts()
     prices, budgets, notes = _least_costs(stack, limited, design, room)
-    return SheetCosts(prices, budgets, _changes(stack, limited, design, room, choice), notes)
+    return SheetCosts(prices, budgets, *_changes(stack, limited, design, room, choice), notes)
 
 
 def rooms(stack: Stack, limited: list[Measured], designs: Array) -> Array:
@@ -84,7 +86,7 @@ def _variations(stack: Stack, limited: list[Measured], designs: Array) -> Array:
 
 def _least_costs(
     stack: Stack, limited: list[Measured], design: Array, room: Array
-) -> tuple[pd.DataFrame, pd.DataFrame, tuple[str, ...]]:
+) -> tuple[pd.DataFrame | None, pd.DataFrame | None, tuple[str, ...]]:
     """The tables of prices and budgets, and why they are empty."""
     from ...algorithms.exact.choices import least_cost, search_vectors
     from ...algorithms.exact.solver import closed_form
@@ -94,7 +96,7 @@ def _least_costs(
     outputs = [measured.name("variation") for measured in limited]
     if form is None or list(form.outputs) != outputs:
         why = "prices and budgets are not on this sheet, for its least cost has no closed form: `tolevo run` has them"
-        return pd.DataFrame(), pd.DataFrame(), (why,)
+        return None, None, (why,)
     steps = np.array([_step(measured, own) for measured, own in zip(limited, room, strict=True)])
     now = float(np.min(room / _variations(problem, limited, design[None])[0]))
     large = len(stack.definition.parts) * len(limited) > LARGE
@@ -119,7 +121,7 @@ def _least_costs(
     )
     kept = np.flatnonzero(solved[len(moves) :]) + len(moves)
     if not len(kept):
-        return prices, pd.DataFrame(), ("no tolerances in their ranges reach a margin that was asked for",)
+        return prices, None, ("no tolerances in their ranges reach a margin that was asked for",)
     designs = problem.complete(search_vectors(problem, form, optimum.at(kept)))
     budgets = pd.DataFrame({"cost": problem.cost_of(designs)}).join(
         _weakest(limited, rooms(problem, limited, designs) / _variations(problem, limited, designs))
@@ -144,8 +146,9 @@ def _step(measured: Measured, room: float) -> float:
 
 def _changes(
     stack: Stack, limited: list[Measured], design: Array, room: Array, choice: ChoiceSettings
-) -> pd.DataFrame:
-    """Every tolerance moved to the next value on either side, or to another process, all others kept.
+) -> tuple[pd.DataFrame | None, str]:
+    """Every tolerance moved to the next value on either side, or to another process, all others kept, and
+    which step to take first.
 
     A step breaks a requirement whose margin falls below 1, or below what it is now where that is less.
     """
@@ -155,8 +158,12 @@ def _changes(
     values = {v.name: values_of(problem, v, step) for v in problem.free if (step := steps[v.name]) is not None}
     tried = changes(problem, {0: design}, values)
     if tried.empty:
-        return pd.DataFrame()
+        return None, ""
     change = tried[[f"change_{measured.name('variation')}" for measured in limited]].to_numpy(dtype=float)
     margins = room / (present + change)
     table = tried[["variable", "to", "value", "cost_change"]].reset_index(drop=True)
-    return table.join(_weakest(limited, margins)).assign(breaks=tried["broken"].to_numpy())
+    table = table.join(_weakest(limited, margins)).assign(breaks=tried["broken"].to_numpy())
+    beyond = [measured.label for measured, out in zip(limited, present > room * (1.0 + LIMIT_ROUNDING), strict=True) if out]
+    if beyond:
+        return table, f"Loosen nothing yet: the margin of {', '.join(beyond)} is below 1."
+    return table, advice(problem, tried, {"cost": float(problem.cost_of(design[None])[0])})

@@ -29,9 +29,23 @@ CONTRIBUTIONS = (
     "the variance, and its share in the worst case."
 )
 WHAT_IF = (
-    "Type a half-width, a shift of the mean, a change of the nominal size or a Cp: the requirements follow at once. "
+    "Type a half-width, a shift of the mean, a change of the nominal size or a Cp, or choose a grade: the requirements "
+    "follow at once. "
     "They are calculated to second order in the deviations and as if the requirement were normal; the table above "
     "is of the full model."
+)
+COSTS = (
+    "A requirement counts by its own method. Its margin is the room from its middle to the nearer limit over its "
+    "variation: 1 just keeps it, and by rss it is Cpk."
+)
+PRICES = (
+    "What it saves when both limits of a requirement lie this step farther apart, and costs when they lie nearer: the "
+    "change of the least cost at which every margin is 1."
+)
+BUDGETS = "The least cost at a weakest margin, over all tolerances and processes together (budgets.csv has these)."
+CHANGES = (
+    "Each tolerance moved to the next value that can be ordered, or to another process, all others kept; a step breaks "
+    "a requirement whose margin falls below 1, or below what it is now."
 )
 TOLERANCES = (
     "The zones that were analysed. A part that is to be searched is analysed at the tolerance that is stated beside "
@@ -50,6 +64,7 @@ def analysis_page(result: AnalysisResult) -> str:
         if len(result.histograms)
         else "",
         section("What if", f'<p>{escape(WHAT_IF)}</p><div id="whatif"></div>') if quick else "",
+        *_costs(result),
         section("Contributions", described(CONTRIBUTIONS, ranked(result.contributions))),
         section("Notes", bullets(notes)) if notes else "",
         section("Tolerances", described(TOLERANCES, result.tolerances)),
@@ -57,6 +72,7 @@ def analysis_page(result: AnalysisResult) -> str:
         section("Configuration", folded_section("config.toml", f"<pre>{escape(result.configuration)}</pre>")),
     ]
     content = {"quick": quick, "requirements": records(result.requirements), "bars": _bars(result)}
+    content |= {"budgets": [] if result.budgets is None else records(result.budgets)}
     head = about(result.summary) + _verdicts(result.requirements)
     scripts = (package_scripts("common.js", "chart.js", "analysis.js"),)
     return document(result.title, [*parts, data(content)], scripts, head)
@@ -73,6 +89,16 @@ def _verdicts(requirements: pd.DataFrame) -> str:
         lines.append(f"{row['requirement']}: {kept if limited else 'has no limits'}")
     body = "".join(f"<li>{escape(line)}</li>" for line in lines)
     return f'<p class="asked">Are the requirements kept?</p>\n<ul class="answers">{body}</ul>'
+
+
+def _costs(result: AnalysisResult) -> tuple[str, ...]:
+    """What changes cost, where the stack has costs."""
+    tables = [(PRICES, result.prices), (CHANGES, result.changes)]
+    if result.budgets is not None:
+        tables.insert(1, (BUDGETS, result.budgets[["cost", "margin", "weakest"]]))
+    shown = [described(text, frame) for text, frame in tables if frame is not None]
+    first = [f'<p id="first">{escape(str(text))}</p>' for text in (result.summary.get("loosen_first"),) if text]
+    return (section("Costs", "\n".join([f"<p>{escape(COSTS)}</p>", *first, *shown])),) if shown else ()
 
 
 def _with_largest_share(result: AnalysisResult) -> pd.DataFrame:

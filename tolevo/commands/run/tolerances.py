@@ -277,7 +277,7 @@ def _record(
         "orderable": [
             [value, name] for value, name in sorted(values.items()) if low * (1 - 1e-9) <= value <= high * (1 + 1e-9)
         ],
-        "grades": _grades(problem, v),
+        "grades": grades_of(problem, v),
         "process": f"{v.name.removesuffix('_t')}_process",
         "costs": [_cost_curve(curve) | {"count": count} for curve, count in problem.curves_of(v.name)],
         **problem.drawn(v.name),
@@ -298,7 +298,7 @@ def _um(v: Variable) -> float | None:
         return None
 
 
-def _grades(problem: ToleranceProblem, v: Variable) -> list[list[Any]]:
+def grades_of(problem: ToleranceProblem, v: Variable) -> list[list[Any]]:
     """ISO 286 grades with their half-widths in the unit of a variable of known nominal size."""
     size = size_mm(problem, v)
     return [] if size is None else [[grade, half] for grade, half in half_widths(v, size).items()]
