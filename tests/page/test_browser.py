@@ -637,7 +637,7 @@ def test_six_questions_are_answered_on_a_sheet(browser: Browser, tmp_path: Path,
     t = 0.1 * b ** (1 / 3) / np.sqrt(np.sum(b ** (2 / 3)))
     assert [field(f"half-width of {name}") for name in "abc"] == pytest.approx(list(t), rel=1e-4)
     assert float(cells("#whatif")[4]) == pytest.approx(1.0, abs=5e-3)
-    assert "reaches a weakest margin of 1 (gap)" in seen.page.locator("#whatif").inner_text()
+    assert "reaches a least ratio of room to variation of 1 (gap)" in seen.page.locator("#whatif").inner_text()
     # the shift of a process: a tenth of the room takes a tenth of Cpk
     seen.page.get_by_label("mean shift of a", exact=True).fill("0,01")
     assert float(cells("#whatif")[4]) == pytest.approx(0.9, abs=5e-3)

@@ -1,8 +1,8 @@
 """What a sheet costs: prices of the requirements, what a budget reaches, single steps of a tolerance.
 
 The requirement counts by its own method: its variation must fit in the room between its middle (the
-mean of the units; of a worst case and of shifts the mid-limits) and the nearer limit. Their ratio is
-the margin: 1 just keeps the requirement; by `rss` it is Cpk.
+mean of the units; of a worst case and of shifts the mid-limits) and the nearer limit. A ratio of room to
+variation of 1 just keeps the requirement; by `rss` it is Cpk.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ MARGINS, MARGINS_OF_LARGE = (0.67, 0.8, 0.9, 1.0, 1.1, 1.2, 1.33, 1.5, 1.67, 2.0
 LARGE = 60
 """Parts times requirements from which on a stack is large: a single least cost takes some 0.04 s of it."""
 EQUAL_DIGITS = 9
-"""Digits to which two margins are compared."""
+"""Digits to which two ratios are compared."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SheetCosts:
     """`prices`: per requirement, what its limits `step` farther apart save and nearer together cost;
-    `budgets`: least cost at margins, with its tolerances; `changes`: single steps to the next value or
+    `budgets`: least cost at ratios of room to variation, with its tolerances; `changes`: single steps to the next value or
     process; `advice` which of them to take first. None, or empty, where nothing that is searched has a
     cost, or no requirement has limits.
     """
@@ -100,10 +100,10 @@ def _least_costs(
     steps = np.array([_step(measured, own) for measured, own in zip(limited, room, strict=True)])
     now = float(np.min(room / _variations(problem, limited, design[None])[0]))
     large = len(stack.definition.parts) * len(limited) > LARGE
-    margins = np.array(sorted({*(MARGINS_OF_LARGE if large else MARGINS), *([now] if np.isfinite(now) else [])}))
+    ratios = np.array(sorted({*(MARGINS_OF_LARGE if large else MARGINS), *([now] if np.isfinite(now) else [])}))
     nothing = np.zeros((1, len(room)))
     moves = nothing if large else np.concatenate([nothing, np.diag(steps), -np.diag(steps)])
-    asked = np.concatenate([room + moves, room / margins[:, None]])
+    asked = np.concatenate([room + moves, room / ratios[:, None]])
     optimum = least_cost(form, asked * (1.0 + LIMIT_ROUNDING))
     solved = np.isfinite(optimum.cost) & np.all(asked > 0.0, axis=1)
     cost = np.where(solved, optimum.cost, np.nan)
@@ -121,7 +121,7 @@ def _least_costs(
     )
     kept = np.flatnonzero(solved[len(moves) :]) + len(moves)
     if not len(kept):
-        return prices, None, ("no tolerances in their ranges reach a margin that was asked for",)
+        return prices, None, ("no tolerances in their ranges reach a ratio of room to variation that was asked for",)
     designs = problem.complete(search_vectors(problem, form, optimum.at(kept)))
     budgets = pd.DataFrame({"cost": problem.cost_of(designs)}).join(
         _weakest(limited, rooms(problem, limited, designs) / _variations(problem, limited, designs))
@@ -130,10 +130,10 @@ def _least_costs(
     return prices, table.drop_duplicates("cost").sort_values("cost", ignore_index=True), ()
 
 
-def _weakest(limited: list[Measured], margins: Array) -> pd.DataFrame:
-    """The least of the margins (n, requirements) of designs, and the first requirement that has it."""
-    first = np.round(margins, EQUAL_DIGITS).argmin(axis=1)
-    return pd.DataFrame({"margin": margins.min(axis=1), "weakest": [limited[at].label for at in first]})
+def _weakest(limited: list[Measured], ratios: Array) -> pd.DataFrame:
+    """The least of the ratios (n, requirements) of designs, and the first requirement that has it."""
+    first = np.round(ratios, EQUAL_DIGITS).argmin(axis=1)
+    return pd.DataFrame({"room_over_variation": ratios.min(axis=1), "weakest": [limited[at].label for at in first]})
 
 
 def _step(measured: Measured, room: float) -> float:
@@ -150,7 +150,7 @@ def _changes(
     """Every tolerance moved to the next value on either side, or to another process, all others kept, and
     which step to take first.
 
-    A step breaks a requirement whose margin falls below 1, or below what it is now where that is less.
+    A step breaks a requirement whose ratio falls below 1, or below what it is now where that is less.
     """
     present = _variations(_bounded(stack, limited, room), limited, design[None])[0]
     problem = _bounded(stack, limited, np.maximum(room, present))
@@ -160,10 +160,10 @@ def _changes(
     if tried.empty:
         return None, ""
     change = tried[[f"change_{measured.name('variation')}" for measured in limited]].to_numpy(dtype=float)
-    margins = room / (present + change)
+    ratios = room / (present + change)
     table = tried[["variable", "to", "value", "cost_change"]].reset_index(drop=True)
-    table = table.join(_weakest(limited, margins)).assign(breaks=tried["broken"].to_numpy())
+    table = table.join(_weakest(limited, ratios)).assign(breaks=tried["broken"].to_numpy())
     beyond = [measured.label for measured, out in zip(limited, present > room * (1.0 + LIMIT_ROUNDING), strict=True) if out]
     if beyond:
-        return table, f"Loosen nothing yet: the margin of {', '.join(beyond)} is below 1."
+        return table, f"Loosen nothing yet: the ratio of room to variation of {', '.join(beyond)} is below 1."
     return table, advice(problem, tried, {"cost": float(problem.cost_of(design[None])[0])})

@@ -35,17 +35,17 @@ WHAT_IF = (
     "is of the full model."
 )
 COSTS = (
-    "A requirement counts by its own method. Its margin is the room from its middle to the nearer limit over its "
+    "A requirement counts by its own method. Its ratio is that of the room from its middle to the nearer limit to its "
     "variation: 1 just keeps it, and by rss it is Cpk."
 )
 PRICES = (
     "What it saves when both limits of a requirement lie this step farther apart, and costs when they lie nearer: the "
-    "change of the least cost at which every margin is 1."
+    "change of the least cost at which every ratio is 1."
 )
-BUDGETS = "The least cost at a weakest margin, over all tolerances and processes together (budgets.csv has these)."
+BUDGETS = "The least cost at a least ratio, over all tolerances and processes together (budgets.csv has these)."
 CHANGES = (
     "Each tolerance moved to the next value that can be ordered, or to another process, all others kept; a step breaks "
-    "a requirement whose margin falls below 1, or below what it is now."
+    "a requirement whose ratio falls below 1, or below what it is now."
 )
 TOLERANCES = (
     "The zones that were analysed. A part that is to be searched is analysed at the tolerance that is stated beside "
@@ -95,7 +95,7 @@ def _costs(result: AnalysisResult) -> tuple[str, ...]:
     """What changes cost, where the stack has costs."""
     tables = [(PRICES, result.prices), (CHANGES, result.changes)]
     if result.budgets is not None:
-        tables.insert(1, (BUDGETS, result.budgets[["cost", "margin", "weakest"]]))
+        tables.insert(1, (BUDGETS, result.budgets[["cost", "room_over_variation", "weakest"]]))
     shown = [described(text, frame) for text, frame in tables if frame is not None]
     first = [f'<p id="first">{escape(str(text))}</p>' for text in (result.summary.get("loosen_first"),) if text]
     return (section("Costs", "\n".join([f"<p>{escape(COSTS)}</p>", *first, *shown])),) if shown else ()
