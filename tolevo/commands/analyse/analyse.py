@@ -59,8 +59,13 @@ def analysis_of(configuration: Configuration) -> AnalysisResult:
             "distribution": [type(part.distribution).__name__ for part, _ in parts],
             "searched": [name not in stack.fixed for _, name in parts],
             "on the drawing": [
-                notation(variables[name], *stack.zone(name), float(design[at]), stack.drawn(name).get("class", ""))
-                for name, at in ((name, stack.names.index(name)) for _, name in parts)
+                notation(
+                    variables[name],
+                    *stack.zone(name),
+                    float(design[stack.names.index(name)]),
+                    *(stack.drawn(name).get(key, "") for key in ("class", "shape")),
+                )
+                for _, name in parts
             ],
         }
     )

@@ -36,9 +36,9 @@ EQUAL_DIGITS = 9
 @dataclass(frozen=True, slots=True, eq=False)
 class SheetCosts:
     """`prices`: per requirement, what its limits `step` farther apart save and nearer together cost;
-    `budgets`: least cost at ratios of room to variation, with its tolerances; `changes`: single steps to the next value or
-    process; `advice` which of them to take first. None, or empty, where nothing that is searched has a
-    cost, or no requirement has limits.
+    `budgets`: least cost at ratios of room to variation, with its tolerances; `changes`: single steps to
+    the next value or process; `advice` which of them to take first. None, or empty, where nothing that is
+    searched has a cost, or no requirement has limits.
     """
 
     prices: pd.DataFrame | None = None
@@ -163,7 +163,7 @@ def _changes(
     ratios = room / (present + change)
     table = tried[["variable", "to", "value", "cost_change"]].reset_index(drop=True)
     table = table.join(_weakest(limited, ratios)).assign(breaks=tried["broken"].to_numpy())
-    beyond = [measured.label for measured, out in zip(limited, present > room * (1.0 + LIMIT_ROUNDING), strict=True) if out]
+    beyond = [limited[at].label for at in np.flatnonzero(present > room * (1.0 + LIMIT_ROUNDING))]
     if beyond:
         return table, f"Loosen nothing yet: the ratio of room to variation of {', '.join(beyond)} is below 1."
     return table, advice(problem, tried, {"cost": float(problem.cost_of(design[None])[0])})
