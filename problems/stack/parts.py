@@ -79,7 +79,7 @@ def _check(section: Section, names: list[str], known: list[str], by_part: dict[s
 # Zones of parts by standards: grades and fits (ISO 286), general tolerances (ISO 2768).
 
 
-SHAPES = ("diameter", "radius")
+DRAWN_AS = ("diameter", "radius")
 """What a size is, so that a drawing shows a diameter as one."""
 EXTRA_ZONE_KEYS = ("geometry", "price", "feature", "leg")
 """Keys other than that of the zone: prices of grades, the geometrical characteristic of ISO 1101,
@@ -570,7 +570,7 @@ def _read(section: Section, length_unit: str, requirements: Sequence[Requirement
         sample=sample,
         present=zone.present,
         geometry=labels["geometry"],
-        shape=labels["shape"],
+        drawn_as=labels["drawn_as"],
         drawing=labels["drawing"],
         characteristic=labels["characteristic"],
         source=labels["source"],
@@ -612,7 +612,8 @@ def _labels(section: Section) -> dict[str, str]:
     on it, and where the tolerance comes from.
     """
     numbers = {key: drawing_number(section, key) for key in ("drawing", "characteristic")}
-    texts = {key: section.text(key, known) for key, known in (("geometry", SYMBOLS), ("shape", SHAPES), ("source", ()))}
+    known = (("geometry", SYMBOLS), ("drawn_as", DRAWN_AS), ("source", ()))
+    texts = {key: section.text(key, choices) for key, choices in known}
     return numbers | {key: text or "" for key, text in texts.items()}
 
 
@@ -674,7 +675,7 @@ def drawn(part: Part) -> dict[str, str]:
     stated is left out.
     """
     labels = {"class": _class(part)}
-    labels |= {key: getattr(part, key) for key in ("drawing", "characteristic", "source", "shape")}
+    labels |= {key: getattr(part, key) for key in ("drawing", "characteristic", "source", "drawn_as")}
     if part.geometry:
         labels["symbol"] = f"{SYMBOLS[part.geometry]} {part.geometry.replace('_', ' ')}"
     capability = part.stated.get("cpk") or getattr(part.distribution, "cp", None)

@@ -50,6 +50,7 @@ KINDS: Mapping[str, Kind] = {
             "requirements.csv",
             "contributions.csv",
             "histograms.csv",
+            "tolerances.csv",
             "prices.csv",
             "budgets.csv",
             "changes.csv",

@@ -26,7 +26,7 @@ from .page import analysis_page, ranked
 LARGEST = 3
 """Contributions that the terminal names."""
 OPEN = "it is to be searched: analysed at the loosest tolerance that it may have"
-TABLES = ("requirements", "contributions", "histograms", "prices", "budgets", "changes")
+TABLES = ("requirements", "contributions", "histograms", "tolerances", "prices", "budgets", "changes")
 """Tables of an analysis: files of these names."""
 
 
@@ -58,12 +58,13 @@ def analysis_of(configuration: Configuration) -> AnalysisResult:
             "half_width": [float(design[stack.names.index(name)]) for _, name in parts],
             "distribution": [type(part.distribution).__name__ for part, _ in parts],
             "searched": [name not in stack.fixed for _, name in parts],
-            "on the drawing": [
+            "source": [part.source for part, _ in parts],
+            "on_the_drawing": [
                 notation(
                     variables[name],
                     *stack.zone(name),
                     float(design[stack.names.index(name)]),
-                    *(stack.drawn(name).get(key, "") for key in ("class", "shape")),
+                    *(stack.drawn(name).get(key, "") for key in ("class", "drawn_as")),
                 )
                 for _, name in parts
             ],

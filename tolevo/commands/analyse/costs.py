@@ -30,7 +30,7 @@ MARGINS, MARGINS_OF_LARGE = (0.67, 0.8, 0.9, 1.0, 1.1, 1.2, 1.33, 1.5, 1.67, 2.0
 LARGE = 60
 """Parts times requirements from which on a stack is large: a single least cost takes some 0.04 s of it."""
 EQUAL_DIGITS = 9
-"""Digits to which two ratios are compared."""
+"""Digits to which two ratios are compared, of costs as well."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,11 +104,12 @@ def _least_costs(
     nothing = np.zeros((1, len(room)))
     moves = nothing if large else np.concatenate([nothing, np.diag(steps), -np.diag(steps)])
     asked = np.concatenate([room + moves, room / ratios[:, None]])
-    optimum = least_cost(form, asked * (1.0 + LIMIT_ROUNDING))
+    optimum = least_cost(form, asked)
     solved = np.isfinite(optimum.cost) & np.all(asked > 0.0, axis=1)
     cost = np.where(solved, optimum.cost, np.nan)
     priced = optimum.multiplier[0] * steps if solved[0] else np.full(len(room), np.nan)
-    wider, narrower = (priced, priced) if large else np.abs(cost[1 : len(moves)] - cost[0]).reshape(2, -1)
+    change = np.round(np.abs(cost[1 : len(moves)] / cost[0] - 1.0), EQUAL_DIGITS) * cost[0]
+    wider, narrower = (priced, priced) if large else change.reshape(2, -1)
     prices = pd.DataFrame(
         {
             "requirement": [measured.label for measured in limited],

@@ -167,7 +167,9 @@ def rounding_faults(problem: ToleranceProblem, settings: ChoiceSettings) -> list
 # A tolerance as a drawing states it.
 
 
-def notation(variable: Variable, nominal: float | None, mid: float, t: float, grade: str = "", shape: str = "") -> str:
+def notation(
+    variable: Variable, nominal: float | None, mid: float, t: float, grade: str = "", drawn_as: str = ""
+) -> str:
     """Like "36.05 +0.012/-0.013 mm", "⌀25 ±0.0065 mm (IT6)", "-3 to 1 um" where no nominal size is known,
     "R3 0/-0.002 mm (⌀6 0/-0.004 mm)", "0 to 5 um", "±1.5 mrad (±309.4″)", "grade 5". None begins with + or a
     hyphen (a minus sign is another character), which a spreadsheet would compute.
@@ -192,10 +194,10 @@ def notation(variable: Variable, nominal: float | None, mid: float, t: float, gr
         nominal, mid, t, unit = 1e-3 * nominal, 1e-3 * mid, 1e-3 * t, " mm"
     if nominal is None and mid != 0.0:
         return f"{_minus(mid - t)} to {_minus(mid + t)}{unit}{more}"
-    if nominal is not None and (shape == "radius" or ("_radius" in variable.name and variable.unit == "um")):
+    if nominal is not None and (drawn_as == "radius" or ("_radius" in variable.name and variable.unit == "um")):
         return f"R{_zone(nominal, mid, t)}{unit} (⌀{_zone(2.0 * nominal, 2.0 * mid, 2.0 * t)}{unit})"
     angle = f" (±{drawing_number(_seconds(t, variable.unit))}″)" if _is_small_angle(variable) else ""
-    return f"{'⌀' if shape == 'diameter' else ''}{_zone(nominal, mid, t)}{unit}{more}{angle}"
+    return f"{'⌀' if drawn_as == 'diameter' else ''}{_zone(nominal, mid, t)}{unit}{more}{angle}"
 
 
 def _zone(nominal: float | None, mid: float, t: float) -> str:
@@ -463,7 +465,7 @@ def _drawing_notes(
     cpk = float(stated) if stated else _capability(law)
     process, half = process_of(problem, variable, design), variable.kind is Kind.HALF_WIDTH
     rough = roughness(process, 2.0 * new, variable.unit, roughness_share) if half else None
-    written = notation(variable, nominal, mid, new, drawn.get("class", grade), drawn.get("shape", ""))
+    written = notation(variable, nominal, mid, new, drawn.get("class", grade), drawn.get("drawn_as", ""))
     return {
         "notation": written if rough is None else f"{written}; Ra {drawing_number(rough)}",
         "process": process,
