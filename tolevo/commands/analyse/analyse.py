@@ -16,12 +16,12 @@ from ...errors import refuse
 from ...files import WORKBOOK, csv_text, write_bytes, write_text
 from ...page_data import as_json
 from ...problems.stack import Stack
-from ...records import AnalysisResult, limits_text, range_text
+from ...records import AnalysisResult, range_text
 from ...section import Assumption
 from ...units import plain_number
 from ..run.tolerances import grades_of, notation
 from .costs import costs_of
-from .page import analysis_page, ranked
+from .page import analysis_page, ranked, verdict_of
 
 LARGEST = 3
 """Contributions that the terminal names."""
@@ -163,22 +163,6 @@ def _short_row(row: dict[str, Any]) -> dict[str, str]:
 
 def _number(value: float, digits: int = 5) -> str:
     return "-" if np.isnan(value) else f"{value:.{digits}g}"
-
-
-def verdict_of(row: dict[str, Any]) -> str:
-    """Whether a requirement is kept, in a sentence: in the worst case and statistically."""
-    limits = limits_text(row["lower"], row["upper"])
-    if not limits:
-        return f"{row['requirement']}: has no limits"
-    worst, statistical = row["kept_worst_case"], row["kept_statistical"]
-    if worst and statistical:
-        kept = "kept in the worst case and by mean +- 3 sigma"
-    elif worst or statistical:
-        ways = ("in the worst case", "by mean +- 3 sigma")
-        kept = "kept {}, not {}".format(*(ways if worst else ways[::-1]))
-    else:
-        kept = "kept neither in the worst case nor by mean +- 3 sigma"
-    return f"{row['requirement']}, {limits} {row['unit']}".rstrip() + f": {kept}"
 
 
 def _largest_line(result: AnalysisResult, requirement: str) -> str:

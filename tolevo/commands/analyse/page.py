@@ -21,7 +21,7 @@ from ...page.document import (
     table,
 )
 from ...page_data import records
-from ...records import AnalysisResult
+from ...records import AnalysisResult, limits_text
 from ...units import plain_number
 
 CONTRIBUTIONS = (
@@ -78,16 +78,29 @@ def analysis_page(result: AnalysisResult) -> str:
     return document(result.title, [*parts, data(content)], scripts, head)
 
 
+def verdict_of(row: dict[str, Any]) -> str:
+    """Whether a requirement is kept, in a sentence: in the worst case and statistically."""
+    limits = limits_text(row["lower"], row["upper"])
+    if not limits:
+        return f"{row['requirement']}: has no limits"
+    worst, statistical = row["kept_worst_case"], row["kept_statistical"]
+    if worst and statistical:
+        kept = "kept in the worst case and by mean +- 3 sigma"
+    elif worst or statistical:
+        ways = ("in the worst case", "by mean +- 3 sigma")
+        kept = "kept {}, not {}".format(*(ways if worst else ways[::-1]))
+    else:
+        kept = "kept neither in the worst case nor by mean +- 3 sigma"
+    return f"{row['requirement']}, {limits} {row['unit']}".rstrip() + f": {kept}"
+
+
 def _verdicts(requirements: pd.DataFrame) -> str:
     """Which requirements are kept, a sentence each."""
     lines = []
     for row in records(requirements):
-        limited = not (np.isnan(row["lower"]) and np.isnan(row["upper"]))
-        worst, spread = ("kept" if row[f"kept_{how}"] else "not kept" for how in ("worst_case", "statistical"))
         outside = f"; {plain_number(row['ppm'])} units in a million are outside" if not np.isnan(row["ppm"]) else ""
-        kept = f"{worst} in the worst case, {spread} by mean ± 3 standard deviations{outside}"
-        lines.append(f"{row['requirement']}: {kept if limited else 'has no limits'}")
-    body = "".join(f"<li>{escape(line)}</li>" for line in lines)
+        lines.append(escape(verdict_of(row).replace("+-", "±") + outside))
+    body = "".join(f"<li>{line}</li>" for line in lines)
     return f'<p class="asked">Are the requirements kept?</p>\n<ul class="answers">{body}</ul>'
 
 
