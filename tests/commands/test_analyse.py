@@ -406,4 +406,34 @@ def test_a_sheet_without_a_closed_form_says_where_prices_are() -> None:
         part |= {"distribution": "skew_normal", "skew": 4}
     result = tolevo.analyse(skewed)
     assert result.record.prices is None
-    assert any("`tolevo run` has them" in note for note in result.summary["notes"])
+    assert any("see `tolevo run`" in note for note in result.summary["notes"])
+
+
+@pytest.mark.parametrize("limits", [{}, {"lower": 9.0, "upper": 10.0}])
+def test_a_sheet_without_limits_or_with_its_middle_beyond_them_has_no_costs(limits: dict[str, float]) -> None:
+    requirement = {"unit": "mm", "formula": "a - b - c"} | limits
+    result = tolevo.analyse(priced(requirement=requirement))
+    assert result.record.prices is result.record.changes is None
+    assert 'id="first"' not in result.page
+
+
+def test_prices_of_a_condition_are_those_of_its_own_limits() -> None:
+    """A gap of 8 mm between steel and aluminium, both +- 0.1 mm at 20 deg C: at 60 its room is less by what the
+    lengths grow apart, 40 (20 a_steel - 12 a_aluminium), and 0.01 mm is worth the slope of b/t."""
+    steel, aluminium = 11.5e-6, 23e-6
+    cost = {"model": "reciprocal", "a": 1.0, "b": 0.1}
+    source = {
+        "problem": "stack",
+        "requirement": {"name": "gap", "unit": "mm", "formula": "a - b", "lower": 7.9, "upper": 8.1},
+        "part": [
+            {"name": "a", "nominal": 20.0, "t_min": 0.01, "t_max": 0.2, "cost": cost, "expansion": steel},
+            {"name": "b", "nominal": 12.0, "tolerance": 0.02, "expansion": aluminium},
+        ],
+        "condition": [{"name": "cold", "temperature_C": 20.0}, {"name": "warm", "temperature_C": 60.0}],
+    }
+    prices = tolevo.analyse(source).record.prices
+    assert prices is not None
+    room = 0.1 - abs(40.0 * (20.0 * steel - 12.0 * aluminium))
+    t = np.sqrt(np.array([room, room - 0.01]) ** 2 - 0.02**2)
+    own = prices.set_index("requirement").loc["warm"]
+    assert own["narrower_costs"] == pytest.approx(0.1 / t[1] - 0.1 / t[0], rel=1e-3)

@@ -25,10 +25,11 @@ from ..run.tolerances import step_of, values_of
 
 LENGTH_STEP_MM, SHARE_STEP = 0.01, 0.01
 """By how much the limits of a requirement move for its price: a length, or else this share of its room."""
-MARGINS, MARGINS_OF_LARGE = (0.67, 0.8, 0.9, 1.0, 1.1, 1.2, 1.33, 1.5, 1.67, 2.0), (1.0, 1.33)
-"""Margins at which least costs are solved; of stacks of many parts and requirements."""
+RATIOS, RATIOS_OF_LARGE = (0.67, 0.8, 0.9, 1.0, 1.1, 1.2, 1.33, 1.5, 1.67, 2.0), (1.0, 1.33)
+"""Ratios at which least costs are solved; of stacks of many parts and requirements."""
 LARGE = 60
 """Parts times requirements from which on a stack is large: a single least cost takes some 0.04 s of it."""
+ELSEWHERE = "prices and budgets are not on the sheet (no closed form of the least cost, or a promise): see `tolevo run`"
 EQUAL_DIGITS = 9
 """Digits to which two ratios are compared, of costs as well."""
 
@@ -51,11 +52,12 @@ class SheetCosts:
 def costs_of(stack: Stack, design: Array, choice: ChoiceSettings) -> SheetCosts:
     """What the sheet of a stack says of costs at one full design (all variables,)."""
     limited = [measured for measured in stack.measured if measured.mechanism.bounded]
-    room = rooms(stack, limited, design[None])[0]
     free = {variable.name for variable in stack.free}
     priced = any(f"{part.name}_t" in free and not part.free_of_charge for part in stack.definition.parts)
-    if not limited or not priced or np.any(room <= 0.0):
+    if not limited or not priced or np.any((room := rooms(stack, limited, design[None])[0]) <= 0.0):
         return SheetCosts()
+    if stack.promises is not None or any(measured.rough for measured in limited):
+        return SheetCosts(notes=(ELSEWHERE,))
     prices, budgets, notes = _least_costs(stack, limited, design, room)
     return SheetCosts(prices, budgets, *_changes(stack, limited, design, room, choice), notes)
 
@@ -95,12 +97,11 @@ def _least_costs(
     form = closed_form(problem)
     outputs = [measured.name("variation") for measured in limited]
     if form is None or list(form.outputs) != outputs:
-        why = "prices and budgets are not on this sheet, for its least cost has no closed form: `tolevo run` has them"
-        return None, None, (why,)
+        return None, None, (ELSEWHERE,)
     steps = np.array([_step(measured, own) for measured, own in zip(limited, room, strict=True)])
     now = float(np.min(room / _variations(problem, limited, design[None])[0]))
     large = len(stack.definition.parts) * len(limited) > LARGE
-    ratios = np.array(sorted({*(MARGINS_OF_LARGE if large else MARGINS), *([now] if np.isfinite(now) else [])}))
+    ratios = np.array(sorted({*(RATIOS_OF_LARGE if large else RATIOS), *([now] if np.isfinite(now) else [])}))
     nothing = np.zeros((1, len(room)))
     moves = nothing if large else np.concatenate([nothing, np.diag(steps), -np.diag(steps)])
     asked = np.concatenate([room + moves, room / ratios[:, None]])

@@ -92,13 +92,13 @@
 
     // The best allocation that was solved at no more than a budget goes into the fields.
     function spend(most) {
-      const best = found.budgets.filter((one) => one.cost <= most).pop();
+      const best = found.budgets.filter((one) => one.cost <= most * (1 + 5e-4)).pop(); // a cost as it is shown, of four digits, is one
       const cheapest = found.budgets[0];
       if (!best) {
         told.textContent = `No allocation costs so little: the cheapest that was solved costs ${number(cheapest.cost, 5)}, with a least ratio of room to variation of ${number(cheapest.room_over_variation, 3)}.`;
         return;
       }
-      found.quick.parts.forEach((part, at) => { if (`${part.name}_t` in best) asked[at].t = best[`${part.name}_t`]; });
+      found.quick.parts.forEach((part, at) => { if (`${part.name}_t` in best) asked[at].t = best[`${part.name}_t`]; if (part.mean) asked[at].shift = part.mean * asked[at].t; });
       refill();
       const ways = Object.entries(best).filter(([key]) => key.endsWith("_process")).map(([key, way]) => `${key.slice(0, -8)} ${way}`);
       told.textContent = `${number(best.cost, 5)} reaches a least ratio of room to variation of ${number(best.room_over_variation, 3)} (${best.weakest}): its half-widths are in the fields${ways.length ? `, its processes are ${ways.join(", ")}` : ""}. Tolerances for the drawing are rounded by tolevo run.`;
