@@ -437,5 +437,5 @@ def test_prices_of_a_condition_are_those_of_its_own_limits() -> None:
     assert prices is not None
     room = 0.1 - abs(40.0 * (20.0 * steel - 12.0 * aluminium))
     t = np.sqrt(np.array([room, room - 0.01]) ** 2 - 0.02**2)
-    own = prices.set_index("requirement").loc["warm"]
+    (own,) = (row for row in prices.to_dict("records") if row["requirement"] == "warm")
     assert own["narrower_costs"] == pytest.approx(0.1 / t[1] - 0.1 / t[0], rel=1e-3)
