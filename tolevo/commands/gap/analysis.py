@@ -222,12 +222,14 @@ class Settling:
         return self._first_that_holds([alone], excluded)
 
     def _effects_are_minor(self, fit: Fit) -> bool:
-        """Whether a fit has effects, and they explain almost nothing compared with its terms."""
+        """Whether a fit has effects, and with equal weights they explain almost nothing compared with
+        its terms.
+        """
         if not (fit.terms and fit.effects):
             return False
-        without, only = self.search.fitter.fit(fit.terms).rss, self.search.fitter.fit(fit.effects).rss
-        explained = max(without - fit.rss, self.null_fit.rss - only)
-        return explained < MINOR * (only - fit.rss)
+        sets = (), fit.effects, fit.terms, fit.members
+        null, only, without, whole = (self.search.plain_fit(members).rss for members in sets)
+        return max(without - whole, null - only) < MINOR * (only - whole)
 
     def holds(self, fit: Fit) -> bool:
         """Whether held-out rows are predicted as well as by every accepted step, up to its standard
@@ -270,7 +272,7 @@ class Settling:
             after = self._weaker(fit, excluded) or self._larger(fit, excluded)
             if after is None:
                 return fit
-            fit = after
+            fit = self.search.fitter.refined(after.members)
         return fit
 
     def _weaker(self, fit: Fit, excluded: set[str]) -> Fit | None:

@@ -133,10 +133,13 @@ class Search:
         """
         if not fit.terms:
             return False
-        fitter = self.plain or self.fitter
-        effects = fitter.fit(fit.effects)
-        without = fitter.fit([member for k, member in enumerate(fit.members) if k != at and not is_term(member)])
-        return MIN_EXTRA_FRACTION * (without.rss - effects.rss) > effects.rss - fitter.fit(fit.members).rss
+        effects = self.plain_fit(fit.effects)
+        without = self.plain_fit([member for k, member in enumerate(fit.members) if k != at and not is_term(member)])
+        return MIN_EXTRA_FRACTION * (without.rss - effects.rss) > effects.rss - self.plain_fit(fit.members).rss
+
+    def plain_fit(self, members: Sequence[Member]) -> Fit:
+        """The fit in which all measurements have the same weight."""
+        return (self.plain or self.fitter).fit(members)
 
     @cached_property
     def _training(self) -> Training:
