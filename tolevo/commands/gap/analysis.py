@@ -6,7 +6,6 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.effects.measurements import changes_of, effect_actions
 from ...models.effects.unresolved import Term, Unresolved
@@ -172,7 +171,6 @@ class Settling:
     search: Search
     generic: Remaining
     data: GapData
-    null_fit: Fit
     accepted: Sequence[tuple[Fit, HeldOut]]
     trusted: frozenset[str] = frozenset()
 
@@ -215,13 +213,8 @@ class Settling:
         return max(without - whole, null - only) < MINOR * (only - whole)
 
     def holds(self, fit: Fit) -> bool:
-        """Whether held-out rows are predicted as well as by every accepted step, up to its standard
-        error, and no worse than by the null fit.
-        """
-        return self._predicts_as_well(self.search.tested(fit))
-
-    def _predicts_as_well(self, tested: HeldOut) -> bool:
-        return predicts_as_well(tested, [held_out for _, held_out in self.accepted], self.search.labels)
+        """Whether held-out rows are predicted as well as by every accepted step."""
+        return self.search.predicts_as_well(self.search.tested(fit), self.accepted)
 
     def _first_that_holds(self, answers: Sequence[Fit], excluded: frozenset[str]) -> Fit:
         """The first answer that holds, effects first, then terms, perhaps with forms that were not
@@ -232,19 +225,18 @@ class Settling:
         for answer in answers:
             fit = self.search.fitter.refined(sorted(answer.members, key=is_term))
             for _ in range(FORMS_MORE + 1):
-                tested = self.search.tested(fit)
-                if self._predicts_as_well(tested):
+                if self.holds(fit):
                     return fit
-                attempts.append((fit, tested))
-                fit = self._with_best_form(fit, tested, excluded) or fit
+                attempts.append((fit, self.search.tested(fit)))
+                fit = self._with_best_form(fit, excluded) or fit
         return min(attempts, key=lambda attempt: attempt[1].rss)[0]
 
-    def _with_best_form(self, fit: Fit, tested: HeldOut, excluded: frozenset[str]) -> Fit | None:
+    def _with_best_form(self, fit: Fit, excluded: frozenset[str]) -> Fit | None:
         """The fit with the additional form that predicts best; None where none predicts better."""
         remaining = generic_residual(fit, self.search.fitter, self.generic)
         larger_fits = list(self._with_forms(fit, excluded, remaining, remaining.best.tolist()))
         best = min(larger_fits, key=lambda larger: self.search.tested(larger).rss, default=fit)
-        return best if self.search.tested(best).rss < tested.rss else None
+        return best if self.search.tested(best).rss < self.search.tested(fit).rss else None
 
     def grown(self, fit: Fit, never: frozenset[str]) -> Fit:
         """The fit with all that is significant in addition: an effect where one fits as well as any
@@ -354,14 +346,6 @@ class Settling:
                 count += 1
             if count >= TRIED or (count < 2 and term.shape == LEVELS):
                 return  # any other form would only imitate the offsets of sessions
-
-
-def predicts_as_well(tested: HeldOut, steps: Sequence[HeldOut], labels: NDArray[np.int64]) -> bool:
-    """Whether an answer is no worse on held-out rows than the null fit, the first of the steps, and
-    than every other step up to its standard error.
-    """
-    first, *others = (improvement(step, tested, labels) for step in steps)
-    return first.gain >= 0.0 and all(better.gain >= -better.error for better in others)
 
 
 AUTOCORRELATED = 0.4
@@ -517,8 +501,7 @@ def _settle_rows(selection: Selection, null_model: NullModel) -> Analysis:
 
 
 def _initial_settling(null_model: NullModel, selection: Selection, trusted: frozenset[str] = frozenset()) -> Settling:
-    data, null_fit = null_model.setup.data, null_model.null_fit
-    return Settling(null_model.search, null_model.generic, data, null_fit, selection.accepted, trusted)
+    return Settling(null_model.search, null_model.generic, null_model.setup.data, selection.accepted, trusted)
 
 
 def analysis_without_effect(analysis: Analysis, name: str, trusted: str = "") -> Analysis:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...models.effects import EffectParameter
 from ...section import Array
-from .analysis import Analysis, analysis_without_effect, predicts_as_well, with_curves
+from .analysis import Analysis, analysis_without_effect, with_curves
 from .blocks import HeldOut
 from .close import Corrected, corrected
 from .fit import Fit, Fitter, Member, is_term
@@ -221,8 +221,7 @@ def _weakest_effect(end: Ending, needed: Collection[str]) -> tuple[str, str] | N
 
 def _predicts_as_well(end: Ending) -> bool:
     """Whether held-out rows are predicted as well as by each accepted step."""
-    steps = [held_out for _, held_out in end.analysis.selection.accepted]
-    return predicts_as_well(end.after, steps, end.analysis.search.labels)
+    return end.analysis.search.predicts_as_well(end.after, end.analysis.selection.accepted)
 
 
 def _is_renamed(end: Ending, name: str, reduced: Ending) -> bool:

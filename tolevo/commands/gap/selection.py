@@ -164,6 +164,13 @@ class Search:
         """
         return self.thresholds.library * max(1.0, fit.rss / max(self.fitter.space.count, 1))
 
+    def predicts_as_well(self, tested: HeldOut, accepted: Sequence[tuple[Fit, HeldOut]]) -> bool:
+        """Whether an answer is no worse on held-out rows than the null fit, the first of the accepted
+        steps, and than every other step up to its standard error.
+        """
+        first, *others = (improvement(step, tested, self.labels) for _, step in accepted)
+        return first.gain >= 0.0 and all(better.gain >= -better.error for better in others)
+
     def worse(self, fit: Fit, than: Fit) -> float:
         """By how much a fit is worse than another: squared residual in units of the noise, or of what the
         better fit leaves where that is more, and the price of the parameters.
