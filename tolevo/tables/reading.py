@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from ..errors import Fault, InputError, nearest, raise_all, refuse
@@ -22,7 +23,7 @@ from ..files import clear_parts, csv_text, restore_cell, write_bytes, write_text
 from ..section import is_forced
 from ..units import converted, fits, shorten_text
 from .header import Layout, Row, find_layout, names_of, split_header, unit_of_cell
-from .lines import Bulk, prove_column, rows_of, rows_of_text
+from .lines import ENDS, NEAR, Bulk, probed, prove_column, rows_near, rows_of, rows_of_text
 from .record import AQDEF_SUFFIXES, AS_DETECTED, LONG, Columns, Dialect, ReadOptions, Table, empty_cells
 from .shapes import role_of, specifications_of_rows, transposed_rows, wide_of_long
 from .signs import Evidence, Exact, canonical, canonical_number, decide, evidence, is_label, is_missing, numbers_in
@@ -50,26 +51,38 @@ def assemble_table(
     turned = transposed_rows(rows, options.shape, place)
     layout = find_layout(rows if turned is None else turned, place)
     line = layout.header[0]
-    if bulk is not None and (turned is not None or bulk.lines[line - 1] in bulk.lines[line:]):
+    if bulk is not None and (turned is not None or len(heads := bulk.repeated(line)) * 4 * NEAR > len(bulk.lines)):
         return cell_by_cell()
+    if bulk is not None and len(heads) > 1:
+        rows = rows_near(bulk, heads)
+        layout = find_layout(rows, place)
     layout.notes += notes
     if turned is not None:
         layout.notes.append("read as: a column per part; the number of a row is that of its column")
     header, body = _trim_layout(layout)
-    if layout.blocks and len(set(layout.blocks)) > 1 and "block" not in header:
+    titled = len(set(layout.blocks)) > 1 and "block" not in header
+    if titled:
         header = [*header, "block"]
         body = [(at, [*row, title]) for (at, row), title in zip(body, layout.blocks, strict=True)]
     if dialect.kind == "csv" and dialect.delimiter != " ":
         body = _fill_short_rows(header, body, layout)
     faults = [*layout.faults, *_form_faults(header, body, place)]
     whole = [row for row in body if len(row[1]) == len(header)] if faults else body
-    lines = [at for at, _ in whole]
+    lines: Sequence[int] = [at for at, _ in whole]
     columns: list[Any] = [list(cells) for cells in zip(*(row for _, row in whole), strict=True)]
     if bulk is not None:
-        arrays = None if faults else bulk.columns(lines[0], lines[-1], len(header))
+        known, lines = lines, range(lines[0], lines[-1] + 1)
+        if layout.blocks:
+            seen = {at for at, _ in rows}.difference(known)
+            lines = [at for at in lines if at not in seen and bulk.lines[at - 1].strip()]
+        arrays = None if faults else bulk.columns(lines, len(header) - titled)
         if arrays is None:
             return cell_by_cell()
-        columns, lines = arrays, list(range(lines[0], lines[-1] + 1))
+        if titled:
+            arrays.append(pa.array(columns[-1]).take(np.searchsorted(known, lines, "right") - 1))
+        columns = arrays
+    elif dialect.kind != "xlsx" and len(lines) > 3 * ENDS:  # cells of a workbook are exact
+        columns = [pa.array(cells, pa.string()) for cells in columns]
     names, units = names_of(header), _units(layout, header)
     headers = {names[name]: name for name in header}
     cells_of: dict[str, Any] = {}
@@ -183,13 +196,14 @@ _PERCENT = re.compile(r"[+\-−]?[\d.,]+ ?%")
 
 def _strip_percent_signs(cells_of: dict[str, Any]) -> list[str]:
     """Take percent signs off the numbers of columns; the names of those that had them."""
-    named = [
-        name
-        for name, cells in cells_of.items()
-        if isinstance(cells, list)
-        and any("%" in cell for cell in cells)
-        and all(is_missing(cell) or _PERCENT.fullmatch(cell) for cell in cells)
-    ]
+    named = []
+    for name, cells in cells_of.items():
+        if isinstance(cells, list):
+            holds = any("%" in cell for cell in cells)
+        elif holds := any("%" in cell for cell in probed(cells)):
+            cells_of[name] = cells.to_pylist()
+        if holds and all(is_missing(cell) or _PERCENT.fullmatch(cell) for cell in cells_of[name]):
+            named.append(name)
     cells_of |= {name: [cell.rstrip("% ") for cell in cells_of[name]] for name in named}
     return named
 

@@ -56,6 +56,10 @@ SUMMARY = frozenset(
 """Names of rows at the top or the bottom of a table that are not measurements, in lower case."""
 
 
+PLAIN = re.compile(r"[+-]?\d+(?:[.,]\d*)?").fullmatch
+"""Matches what is a number at a glance, as most cells of long tables are."""
+
+
 def is_missing(cell: str) -> bool:
     """Whether a cell is empty or a mark for a value that is missing or invalid."""
     return cell.lower() in MISSING
@@ -68,6 +72,8 @@ def is_date(cell: str) -> bool:
 
 def is_summary(cell: str) -> bool:
     """Whether a cell names a row that is not a measurement: a mean, a limit, the end."""
+    if PLAIN(cell):
+        return False
     word = re.sub(r"[\s._/]", "", cell.casefold())
     return word.rstrip(":") in SUMMARY or (":" in word and word.partition(":")[0] in SUMMARY)
 
