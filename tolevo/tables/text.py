@@ -52,7 +52,7 @@ def content_of(path: Path, place: str, empty: str = "is empty") -> bytes:
         content = files.content(path)
     except ValueError as error:
         raise refuse(place, str(error)) from None
-    if not content.strip():
+    if not content or content.isspace():
         raise refuse(place, empty)
     return content
 
