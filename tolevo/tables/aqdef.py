@@ -446,7 +446,8 @@ def table_of_aqdef(path: Path, place: str, options: ReadOptions) -> tuple[Table 
         if None in characteristic.values
     )
     cells, headers = Columns(columns, range(1, rows + 1)), {name: name for name in columns}
-    return Table(cells, Dialect("aqdef", header=0), units, notes, tuple(names), headers), faults
+    stated = {name: c.specification for name, c in named.items()}
+    return Table(cells, Dialect("aqdef", header=0), units, notes, tuple(names), headers, {}, stated), faults
 
 
 def names_of_characteristics(measured: list[Characteristic]) -> list[str]:

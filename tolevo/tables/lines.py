@@ -365,6 +365,8 @@ def _decimals(number: str) -> int:
 _WORDS = re.compile(r"\S+(?: \S+)*")
 """Words with single spaces between them: a heading of a table of fixed width."""
 _WORD = re.compile(r"\S+")
+_NUMBER_IN_LINE = re.compile(r"(?<!\S)(?:[+-]?[\d.,:]*\d\S*|[-.*#?]+)(?!\S)").search
+"""Finds a number, a date or a mark in a line; the title of a block has none."""
 Span = tuple[int, int]
 
 
@@ -388,8 +390,15 @@ def rows_of_fixed_width(text: str) -> list[Row] | None:
     every = [(at, line.rstrip()) for at, line in enumerate(text.split("\n"), 1) if line.strip()]
     heads, below = every[: first + 1], every[first + 1 :]
     rows = [(at, [token[0] for token in _WORDS.finditer(line)]) for at, line in heads]
-    cells = _cells_between([line for _, line in below], spans)
-    return rows + [(at, [*row]) for (at, _), row in zip(below, cells, strict=True)]
+    rows[-1][1][:0] = [""] * (len(spans) - len(rows[-1][1]))
+    names, titles = rows[-1][1], {at for at, line in below if not _NUMBER_IN_LINE(line)}
+    cells = iter(_cells_between([line for at, line in below if at not in titles], spans))
+    for at, line in below:
+        if at not in titles:
+            rows.append((at, [*next(cells)]))
+        else:
+            rows.append((at, [*names] if line.split() == heads[-1][1].split() else [" ".join(line.split())]))
+    return rows
 
 
 def _cells_between(lines: list[str], spans: list[Span]) -> Iterable[Sequence[str]]:
@@ -427,6 +436,8 @@ def _occupied(lines: list[str]) -> list[Span]:
 
 def _headed_fields(headings: list[Span], fields: list[Span]) -> list[Span] | None:
     """The stretch of each heading: that of the fields below it; None where that is not clear."""
+    if headings and fields and fields[0][1] <= headings[0][0]:
+        headings = [fields[0], *headings]  # a first column without a name
     below: list[list[Span]] = [[] for _ in headings]
     for field in fields:
         below[_nearest_span(field, headings)].append(field)

@@ -26,7 +26,18 @@ from .header import Layout, Row, find_layout, names_of, split_header, unit_of_ce
 from .lines import ENDS, NEAR, Bulk, probed, prove_column, rows_near, rows_of, rows_of_text
 from .record import AQDEF_SUFFIXES, AS_DETECTED, LONG, Columns, Dialect, ReadOptions, Table, empty_cells
 from .shapes import role_of, specifications_of_rows, transposed_rows, wide_of_long
-from .signs import Evidence, Exact, canonical, canonical_number, decide, evidence, is_label, is_missing, numbers_in
+from .signs import (
+    Evidence,
+    Exact,
+    canonical,
+    canonical_number,
+    decide,
+    evidence,
+    is_label,
+    is_missing,
+    notation,
+    numbers_in,
+)
 from .text import content_of
 
 SHOWN = 100
@@ -167,6 +178,9 @@ def _fill_short_rows(header: list[str], body: list[Row], layout: Layout) -> list
     count = len(header)
     whole = [row for _, row in body if len(row) == count]
     short = [(at, row) for at, row in body if 1 < len(row) < count]
+    if not whole and len({len(row) for _, row in body}) == 1 and _are_measured(header, body[0][1]):
+        layout.notes.append(f"no row has the last {count - len(body[0][1])} cells: empty")
+        return [(at, row + [""] * (count - len(row))) for at, row in body]
     if not short or len(whole) < 2 or any(not row[-1] for row in whole) or short[-1][0] == body[-1][0]:
         return body
     columns = list(zip(*whole, strict=True))
@@ -180,6 +194,13 @@ def _fill_short_rows(header: list[str], body: list[Row], layout: Layout) -> list
                 return body
     layout.notes.append(f"{len(short)} short rows have no cells at their end: empty (the first is row {short[0][0]})")
     return [(at, row + [""] * (count - len(row)) if 1 < len(row) < count else row) for at, row in body]
+
+
+def _are_measured(header: list[str], row: list[str]) -> bool:
+    """Whether a row that is shorter than the names has numbers where measurements and nominal sizes are named."""
+    cells = {role_of(name): cell for name, cell in zip(header, row, strict=False)}
+    numbers = [cells[role] for role in ("value", "nominal") if role in cells]
+    return len(row) < len(header) and "characteristic" in cells and len(numbers) == 2 and all(map(notation, numbers))
 
 
 def _range(cells: Sequence[str]) -> tuple[float, float] | None:

@@ -20,14 +20,16 @@ from .signs import LIMITS, is_missing, is_summary
 
 _WORDS = {
     "characteristic": "id feature featurename characteristic characteristicname dimension dim dimensionname merkmal "
-    "merkmalname merkmalsname merkmalsbezeichnung bezeichnung name element elementname prüfmerkmal messgröße label",
-    "property": "property axis ax achse eigenschaft",
-    "value": "actual ist istwert istmaß istmass measured meas messwert value wert measuredvalue actualvalue "
-    "measurement",
+    "merkmalname merkmalsname merkmalsbezeichnung bezeichnung name element elementname prüfmerkmal messgröße label "
+    "charid 特性 特征 特性名称 尺寸 项目 測定項目",
+    "property": "property axis ax achse eigenschaft item",
+    "value": "actual act ist istwert istmaß istmass measured meas messwert value wert measuredvalue actualvalue "
+    "measurement 测量值 实测值 实际值 測定値 実測値",
     **LIMITS,
     "deviation": "deviation dev abw abweichung",
     "part": "part partnb partno partnumber partid teil teilnr teilenr teilnummer teilenummer serial serialnumber "
-    "serialno sn serialnr seriennr seriennummer werkstück werkstücknr piece sample stück stücknr bauteil probe",
+    "serialno sn serialnr seriennr seriennummer werkstück werkstücknr piece sample stück stücknr bauteil probe "
+    "零件 工件",
     "unit": "unit units einheit einheiten",
 }
 """What columns and rows of measuring machines are called, by what they are, without blanks and points."""
@@ -42,6 +44,7 @@ _GROUP_WORDS = {
 }
 _GROUPS = {word.casefold(): kind for kind, words in _GROUP_WORDS.items() for word in words.split()}
 ROLES = {word.casefold(): role for role, words in _WORDS.items() for word in words.split()}
+ROLES |= {"upper": "upper", "hi": "upper", "lower": "lower", "lo": "lower"}  # parts can be called so, columns not
 SPECIFIED = tuple(LIMITS)
 _NUMBERED = re.compile(r"(?P<stem>.*?)[ _#.\-]*(?P<number>\d+)")
 MAGNITUDE = "-"
@@ -104,6 +107,8 @@ def _heads_parts(row: list[str]) -> bool:
 
 _Long: TypeAlias = dict[str, str]
 """The columns of a long table by what they are."""
+_Names: TypeAlias = tuple[NDArray[np.int64], list[str]]
+"""The characteristic of each row by its place in the list of them."""
 
 
 def long_columns(table: Table) -> _Long | None:
@@ -128,6 +133,8 @@ def is_long(table: Table, long: _Long) -> bool:
         return False
     if "upper" in long or "usl" in long:
         return True
+    if {"nominal", "deviation"} <= set(long):
+        return True
     return "nominal" in long and len(table.columns.factorised(long["characteristic"])[1]) < len(table.columns)
 
 
@@ -148,6 +155,8 @@ def wide_of_long(table: Table, place: str, shape: str | None) -> tuple[Table, li
         of_property = columns.factorised(long["property"])
         codes, first = _numbered(names[0] * len(of_property[1]) + of_property[0])
         names = codes, [f"{names[1][names[0][at]]} {of_property[1][of_property[0][at]]}" for at in first]
+    if "block" in columns.cells and "part" not in long and "nominal" in long:
+        names = _of_blocks(names, columns.factorised("block"), columns.numbers(long["nominal"], table.values))
     part = columns.factorised(long["part"]) if "part" in long else (np.zeros(len(columns), dtype=np.int64), [""])
     counts = np.bincount(names[0])
     faults: list[Fault] = []
@@ -200,6 +209,18 @@ def wide_of_long(table: Table, place: str, shape: str | None) -> tuple[Table, li
     return turned, faults + of_units + of_limits
 
 
+def _of_blocks(names: _Names, block: _Names, nominal: NDArray[np.float64]) -> _Names:
+    """The characteristics with the titles of their blocks, where these are of features: where one name
+    has other nominal sizes in other blocks.
+    """
+    codes, first = _numbered(names[0] * len(block[1]) + block[0])
+    sizes = pd.Series(nominal)
+    one, one_each = ((sizes.groupby(keys).transform("first") == sizes).all() for keys in (names[0], codes))
+    if one or not one_each:
+        return names
+    return codes, [f"{block[1][block[0][at]]} {names[1][names[0][at]]}" for at in first]
+
+
 def _numbered(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """The places of keys among the different ones, in the order in which they come, and where each
     comes first.
@@ -216,10 +237,6 @@ def _turns(names: NDArray[np.int64], parts: NDArray[np.int64]) -> NDArray[np.int
     if len(first) == len(pairs):
         return np.zeros(len(pairs), dtype=np.int64)
     return pd.Series(pairs).groupby(pairs).cumcount().to_numpy()
-
-
-_Names: TypeAlias = tuple[NDArray[np.int64], list[str]]
-"""The characteristic of each row by its place in the list of them."""
 
 
 def _units_of(table: Table, long: _Long, names: _Names, place: str) -> tuple[dict[str, str], list[Fault]]:
@@ -250,6 +267,7 @@ def _specifications(
     numbers = {role: table.columns.numbers(long[role], table.values) for role in SPECIFIED if role in long}
     faults = _wrong_deviations(table, long, numbers, place)
     stated: dict[str, dict[str, float]] = {}
+    doubted: set[str] = set()
     first = _numbered(names[0])[1]
     for role, column in numbers.items():
         lows = highs = column[first]
@@ -258,12 +276,15 @@ def _specifications(
             lows, highs = ends["min"].to_numpy(), ends["max"].to_numpy()
         for name, low, high in zip(names[1], lows.tolist(), highs.tolist(), strict=True):
             if low != high and not np.isnan(low):
+                doubted |= {name} if role == "nominal" else set()
                 what = {"nominal": "nominal sizes", "lower": "lower limits", "lsl": "lower limits"}.get(role)
                 text = f"has two {what or 'upper limits'}: {low:.10g} and {high:.10g}"
                 text += "; give a file for each, or state --shape wide"
                 faults.append(Fault(f"{place}: {name}", text))
             elif not np.isnan(low):
                 stated.setdefault(name, {})[role] = low
+    for name in doubted & set(stated):  # its tolerances are of either nominal size
+        stated[name] = {role: limit for role, limit in stated[name].items() if role in ("usl", "lsl")}
     for name in stated:
         own = units.get(name, "")
         for column_name in (long[role] for role in stated[name]):
@@ -301,6 +322,8 @@ def _of_stated(
     below = any(lower < 0.0 for lower, _ in lowers)
     magnitudes = heading.startswith(MAGNITUDE)
     doubt = magnitudes and below
+    if doubt and any(lower < 0.0 and -lower >= upper for lower, upper in lowers):
+        doubt = magnitudes = False  # without their signs, the lower limits of some would be above the upper ones
     if not (magnitudes or below or plus) and any(lower > 0.0 for lower, _ in lowers):
         # As signs, the limits of one would be the wrong way round.
         magnitudes = any(0.0 < lower >= upper for lower, upper in lowers)

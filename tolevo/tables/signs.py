@@ -36,13 +36,16 @@ _DATE = re.compile(
     re.IGNORECASE,
 )
 LIMITS = {
-    "nominal": "nominal nom nominalvalue soll sollwert sollmaß sollmass nennmaß nennmass nennwert target theo",
+    "nominal": "nominal nom nominalvalue soll sollwert sollmaß sollmass nennmaß nennmass nennwert target theo "
+    "nominale 名义值 标准值 理论值 設計値 基準値",
     "upper": "uppertol uppertolerance upperdeviation tol+ +tol tolerance+ ot oberetoleranz obtol oberesabmaß "
-    "obereabweichung plustol otol",
+    "obereabweichung plustol otol tolplus tolsup 上公差",
     "lower": "lowertol lowertolerance lowerdeviation tol- -tol tolerance- ut unteretoleranz untol unteresabmaß "
-    "untereabweichung minustol utol",
-    "usl": "usl upperlimit upperspec upperspecificationlimit og ogw otg obergrenze oberergrenzwert obereregrenze",
-    "lsl": "lsl lowerlimit lowerspec lowerspecificationlimit ug ugw utg untergrenze unterergrenzwert untereregrenze",
+    "untereabweichung minustol utol tolminus tolinf 下公差",
+    "usl": "usl upperlimit upperspec upperspecificationlimit og ogw otg obergrenze oberergrenzwert obereregrenze "
+    "上限 规格上限",
+    "lsl": "lsl lowerlimit lowerspec lowerspecificationlimit ug ugw utg untergrenze unterergrenzwert untereregrenze "
+    "下限 规格下限",
 }
 """What nominal sizes, tolerances and limits are called, without blanks and points."""
 SUMMARY = frozenset(
