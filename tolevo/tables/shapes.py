@@ -147,8 +147,9 @@ def wide_of_long(table: Table, place: str, shape: str | None) -> tuple[Table, li
     long = long_columns(table) if shape in (None, LONG) else None
     if long is None or (shape is None and not is_long(table, long)):
         needed = "a column of characteristics (feature, Merkmal) and one of values (actual, Istwert)"
-        wrong = [] if shape != LONG else [Fault("shape", f"{place} is no long table: it needs {needed}")]
-        return table, wrong
+        if shape == LONG:
+            return table, [Fault("shape", f"{place} is no long table: it needs {needed}")]
+        return _with_unit_column(table, place)
     columns = table.columns
     names = columns.factorised(long["characteristic"])
     if "property" in long:
@@ -219,6 +220,24 @@ def _of_blocks(names: _Names, block: _Names, nominal: NDArray[np.float64]) -> _N
     if one or not one_each:
         return names
     return codes, [f"{block[1][block[0][at]]} {names[1][names[0][at]]}" for at in first]
+
+
+def _with_unit_column(table: Table, place: str) -> tuple[Table, list[Fault]]:
+    """A wide table with the unit that a column of units states of its only column of measurements."""
+    names = table.columns.names
+    column = next((name for name in names if role_of(name) == "unit" and name not in table.numeric), None)
+    stated = {} if column is None else {text: known_unit(text) for text in table.columns.factorised(column)[1] if text}
+    if not stated or None in stated.values():
+        return table, []
+    measured = [n for n in table.numeric if role_of(n) in ("", "value") and not group_of(n)]
+    units = set(map(str, stated.values()))
+    if len(measured) != 1:
+        return replace(table, notes=(*table.notes, f"the units in column {column} are not used")), []
+    of_name = table.units.get(measured[0], "")
+    if len(units) > 1 or (of_name and not is_same_unit(of_name, min(units))):
+        listed = " and ".join([*([of_name] if of_name else []), *stated])
+        return table, [Fault(f"{place}: {measured[0]}", f"has several units: {listed}")]
+    return replace(table, units={measured[0]: min(units)} | dict(table.units)), []
 
 
 def _numbered(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

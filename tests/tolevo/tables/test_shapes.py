@@ -324,3 +324,10 @@ def test_long_tables_of_fixed_width_are_read_like_short_ones(tmp_path: Path) -> 
     table = read(tmp_path, "\n".join([head, *rows, ""]))
     assert table.frame["Bore Dia"].tolist() == pytest.approx([round(at * 0.001, 4) for at in range(3_000)])
     assert table.frame["Name of it"].iloc[7] == "part 2"
+
+
+def test_a_column_of_units_beside_measurements(tmp_path: Path) -> None:
+    assert read(tmp_path, "part,d,unit\n1,10.5,um\n2,10.6,um\n", "t.csv").units == {"d": "um"}
+    for text in ("part,d [mm],unit\n1,10.5,um\n2,10.6,um\n", "part,d,unit\n1,10.5,um\n2,10.6,mm\n"):
+        with pytest.raises(tolevo.ConfigurationError, match=r"d: has several units: .*um"):
+            read(tmp_path, text, "t.csv")
