@@ -116,17 +116,16 @@ class Columns:
     def factorised(self, name: str) -> tuple[NDArray[np.int64], list[str]]:
         """The text of each row by its place among the different ones, in the order in which they come."""
         cells = self.cells[name]
+        codes: NDArray[np.int64]
         if isinstance(cells, list | np.ndarray):
-            codes, texts = pd.factorize(objects_of(cells).astype(str))
-            texts = texts.tolist()
+            places, different = pd.factorize(objects_of(cells).astype(str))
+            codes, texts = places.astype(np.int64), different.tolist()
         else:
             encoded = cells.dictionary_encode()
             codes, texts = encoded.indices.to_numpy().astype(np.int64), encoded.dictionary.to_pylist()
         plain = [str(restore_cell(text)).strip() for text in texts]
-        if len(set(plain)) < len(plain):
-            places, plain = pd.factorize(np.array(plain, dtype=object))
-            return places[codes], plain.tolist()
-        return codes, plain
+        at = {text: place for place, text in enumerate(dict.fromkeys(plain))}
+        return codes if len(at) == len(plain) else np.array([at[text] for text in plain])[codes], list(at)
 
     def numbers(self, name: str, values: Mapping[str, NDArray[Any]]) -> NDArray[np.float64]:
         """The numbers of a column, NaN where a cell is none."""

@@ -244,7 +244,8 @@ def _numbered(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.in
     """The places of keys among the different ones, in the order in which they come, and where each
     comes first.
     """
-    codes, different = pd.factorize(keys)
+    places, different = pd.factorize(keys)
+    codes = places.astype(np.int64)
     first = np.empty(len(different), dtype=np.int64)
     first[codes[::-1]] = np.arange(len(keys))[::-1]
     return codes, first
