@@ -455,14 +455,12 @@ class Path:
         roots = bracketed_roots(self._excess, self.ends, limit)
         prices = tuple(np.exp(np.asarray(end)) for end in roots.bracket)
         outside, inside = (self.at(price) for price in prices)
+        multipliers = [self._multiplier(price, t) for price, t in zip(prices, (outside, inside), strict=True)]
+        bounds = [self.combination.dual(m, limits, t) for m, t in zip(multipliers, (outside, inside), strict=True)]
         met = self.value(outside) <= limit  # a root to the last digit
+        multiplier = np.where(met[:, None], *multipliers)  # of the price at the limit, whichever point keeps it
         inside = np.where(met[:, None], outside, inside)
         inside = np.where((self.value(inside) <= limit)[:, None], inside, self.tightest)
-        multiplier = self._multiplier(prices[1], inside)
-        bounds = [
-            self.combination.dual(self._multiplier(price, t), limits, t)
-            for price, t in zip(prices, (outside, inside), strict=True)
-        ]
         return self._between(inside, outside, limit), np.maximum(*bounds), multiplier
 
     def _excess(self, x: Array, upper: Array) -> Array:

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner, Result
 
-from tolevo.cli import app
+from tests.small_jobs import tolevo
 from tolevo.commands.run import references as overlay
 from tolevo.commands.run.proofs import searchable
 from tolevo.configuration.reader import read
@@ -40,10 +39,6 @@ interference_probability = 0.05
 """
 EVOLVED = 'name = "nsga2"\npopulation = 20\ngenerations = 3\n'
 EXACT = 'name = "exact"\npoints = 4\n'
-
-
-def tolevo(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def written(folder: Path, text: str) -> Path:

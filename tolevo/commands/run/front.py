@@ -51,20 +51,20 @@ MAX_CANDIDATES = 20_000
 """Designs recomputed at full accuracy at most."""
 
 
-def reported_front(problem: ToleranceProblem, result: SearchResult) -> pd.DataFrame:
-    """The non-dominated feasible points of the archive, every value at full accuracy.
+def reported_front(problem: ToleranceProblem, result: SearchResult, searching: bool = False) -> pd.DataFrame:
+    """The non-dominated feasible points of the archive, every value at full accuracy, or as `searching` sees it.
 
     The search may have ranked by a coarser propagation, so the best ranks are recomputed and
     filtered again; only the remaining designs are verified. Sorted by the objectives; empty where
     no point is feasible.
     """
     candidates = result.chosen if len(result.chosen) else result.x[_candidates(problem, result)]
-    whole, designs = problem.reported(), problem.complete(candidates)
-    values = whole.outputs_of(designs, errors=False) if len(designs) else {}
+    whole, designs = problem if searching else problem.reported(), problem.complete(candidates)
+    values = whole.outputs_of(designs, searching, errors=False) if len(designs) else {}
     rows = _nondominated_rows(whole, designs, values) if len(designs) else np.arange(0)
     if not len(rows):
         return pd.DataFrame(columns=[*problem.names, *(o.name for o in problem.outputs)])
-    frame = whole.frame(designs[rows], {name: column[rows] for name, column in values.items()})
+    frame = whole.frame(designs[rows], {name: column[rows] for name, column in values.items()}, searching)
     names = list(problem.objectives)
     frame = frame.drop(columns="feasible").sort_values(names, kind="stable")
     frame = frame.reset_index(drop=True)

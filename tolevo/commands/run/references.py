@@ -30,9 +30,8 @@ DISTANCE = "distance_to_front"
 OBJECTIVE_TOLERANCE = 1e-6
 """Difference, in sides of the box, below which values count as equal: an optimiser's last digits.
 """
-RELAXED_POINTS, COMPARED = 5, 8
-"""Points of a front with relaxed limits, where each is solved on a sample of units, and points of a
-front that are compared with another solver."""
+COMPARED = 6
+"""Points of a front that are compared with another solver."""
 MULTI_START = "multi-start"
 """Label of that solver: SLSQP from random designs, at the backlash of the point."""
 GA_BUDGET = Budget(generations=120)
@@ -109,9 +108,8 @@ def _continues_front(plan: RunPlan) -> bool:
 def searches_from_front(plan: RunPlan, printed: pd.DataFrame, x: Array) -> tuple[SideSearch, ...]:
     """The searches that begin from the points (n, variables) of an exact front on a sample.
 
-    With the limits that a document breaks: least cost at the values of some of the points and at that of
-    the document, and the least of the other objective at its cost. The second is the other solver, at
-    the values of some of the points.
+    With the limits that a document breaks: least cost at its value of the other objective, and the least of
+    that at its cost. The second is the other solver, at the values of some of the points.
     """
     if not _continues_front(plan) or not len(x):
         return ()
@@ -141,9 +139,6 @@ def _spread(count: int, most: int) -> list[int]:
 
 def _cases(problem: ToleranceProblem, row: Mapping[Hashable, object], x: Array, f: Array) -> Iterator[Case]:
     """What is solved with the limits that a row breaks, from points (n, variables) with objectives (n, 2)."""
-    cost = problem.objectives.index("cost")
-    for at in _spread(len(x), RELAXED_POINTS - 2):
-        yield cost, tuple(x[at].tolist()), float(f[at, 1 - cost])
     for objective in range(2):
         level = float(str(row[problem.objectives[1 - objective]]))
         nearest = int(np.argmin(np.abs(f[:, 1 - objective] - level)))

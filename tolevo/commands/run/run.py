@@ -419,17 +419,17 @@ def _conclude_run(
 def _write_interrupted(
     plan: RunPlan, out: Path, search_result: SearchResult, printed: pd.DataFrame, start: float
 ) -> RunOutcome:
-    """Write the front so far, without what takes long: proofs, decisions, page and figures."""
+    """Write the front so far as the search sees it, without what takes long: fresh units, proofs, page."""
     best = nondominated(search_result.f) if len(search_result.f) else slice(0)
     few = replace(search_result, x=search_result.x[best], f=search_result.f[best])
-    front = reported_front(plan.problem, few).assign(bound=np.nan, gap_percent=np.nan)
+    front = reported_front(plan.problem, few, searching=True).assign(bound=np.nan, gap_percent=np.nan)
     references = table(replace(plan, references=False), printed, {}, None)
     summary = _summary(plan, search_result, front, "interrupted", (), time.monotonic() - start)
     result = _result(plan, search_result, front, references, summary, (), None)
     write_tables(result, out)
     line = (
-        f"interrupted: {len(front)} Pareto points of {search_result.evaluations} evaluations, and the search as it was "
-        f"saved last, are in {out}; run the same command with --resume to continue"
+        f"interrupted: {len(front)} Pareto points of {search_result.evaluations} evaluations, with values as the "
+        f"search sees them, and its state as saved last are in {out}; run the same command with --resume to continue"
     )
     return RunOutcome("interrupted", out, (line,), result)
 
