@@ -355,8 +355,9 @@ def test_a_joint_yield_of_skewed_parts_is_least_in_cost_by_another_search(tmp_pa
         {"name": f"r{at}", "unit": "mm", "formula": text, "lower": middles[at] - 0.2, "upper": middles[at] + 0.2}
         for at, text in enumerate(formulas)
     ]
-    source = {"problem": "stack", "objectives": {"minimise": ["cost"]}, "algorithm": {"name": "exact"}}
-    source |= {"limits": {"yield_percent": 99.0}, "requirement": requirements, "part": parts}
+    source: dict[str, Any] = {"problem": "stack", "algorithm": {"name": "exact"}}
+    source |= {"objectives": {"minimise": ["cost"]}, "limits": {"yield_percent": 99.0}}
+    source |= {"requirement": requirements, "part": parts}
     run = tolevo.run(source)
     found = float(run.front["cost"].iloc[0])
 
