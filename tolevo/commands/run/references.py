@@ -274,8 +274,9 @@ def gains(reference: Array, front: Array, alike: Array) -> list[float]:
 
 ABOVE = "above_best_known_percent"
 """Column: how much more a point costs than the best known front at its other objective."""
-EQUAL = 2e-3
-"""Relative difference of levels that count as equal: that of a limit which is used up on fresh units."""
+EQUAL, USED_UP = 2e-3, 0.01
+"""Relative differences by which a point that was solved at a level may lie above it, as a limit that is used up does on
+fresh units, and below it, where the level costs next to nothing."""
 ROUNDING = 1e-9
 """Distance [percent] below which a point counts as being on the best known front."""
 POINTS = 30
@@ -305,8 +306,8 @@ def add_distance(front: pd.DataFrame, other: pd.DataFrame, names: list[str], bet
     """The front with the distance of its points from the best known front, in percent of cost.
 
     It is empty at levels that the other front does not reach, where nothing is compared, unless a
-    point of it is better outright; without `between` wherever the other has no point within `EQUAL` of
-    the level.
+    point of it is better outright; without `between` wherever the other has no point from `USED_UP` below
+    the level to `EQUAL` above it.
     """
     if "cost" not in names or front.empty:
         return front
@@ -317,8 +318,8 @@ def add_distance(front: pd.DataFrame, other: pd.DataFrame, names: list[str], bet
     distance = np.array([above(row, best) for row in points])
     compared = front[second].between(levels.min(), levels.max()).to_numpy()
     if not between:
-        apart = np.abs(levels.to_numpy(dtype=float)[None, :] / points[:, 1:] - 1.0)
-        compared = np.any(apart <= EQUAL, axis=1)
+        apart = levels.to_numpy(dtype=float)[None, :] / points[:, 1:] - 1.0
+        compared = np.any((apart <= EQUAL) & (apart >= -USED_UP), axis=1)
     return front.assign(**{ABOVE: np.where(compared | (distance > 0.0), distance, np.nan)})
 
 
