@@ -50,12 +50,9 @@ lint: $(READY)  ## style, licences, types and the arrows between the rooms
 	$(BIN)/ruff format --check .
 	$(BIN)/python tools/licences.py --check
 	$(BIN)/python tools/link_packages.py
-	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target lint-pyright lint-mypy lint-imports
+	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target lint-mypy lint-imports
 
-.PHONY: lint-pyright lint-mypy lint-imports
-lint-pyright:
-	$(BIN)/pyright --project .links --pythonpath $(BIN)/python
-
+.PHONY: lint-mypy lint-imports
 lint-mypy:
 	$(BIN)/mypy
 

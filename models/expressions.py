@@ -700,7 +700,7 @@ class Let(Intermediate):
 
     name: str
     formula: Formula
-    place: str = "let"  # pyright: ignore[reportIncompatibleMethodOverride]
+    place: str = "let"
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -92,6 +92,8 @@ def _build_distribution(
         section.fault(key, f"is missing: {name_of(kind)} needs {' and '.join(needed)}")
     if "cpk" in stated and "cpk" in taken:
         cp = parameters["cp"].default if default is None else getattr(default, "cp", None)
+        if cp is not None and stated["cpk"] is not None:
+            cp = max(cp, stated["cpk"])  # a Cpk alone, as suppliers state it, above the usual Cp: centred
         stated = _apply_cpk_shift(section, {"cp": cp} | stated)
     if unsuited or missing or None in stated.values():
         return None

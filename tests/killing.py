@@ -17,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from typer.testing import CliRunner, Result
 
-from tolevo.cli import app
+from tests.small_jobs import CLAIMS as ONE_CLAIM
+from tests.small_jobs import GAP, STACK, tolevo
 
 SECRETS = {"manifest.json", "unfinished.json", "checkpoint.npz"}
 """Files with the names of processes, of computers or the time of day in them."""
@@ -61,25 +61,6 @@ def counted(action):
 os.replace = counted(os.replace)
 pathlib.Path.unlink = counted(pathlib.Path.unlink)
 """
-STACK = """
-problem = "stack"
-seed = 1
-[requirement]
-name = "gap"
-unit = "mm"
-[[part]]
-name = "a"
-nominal = 20.0
-unit = "mm"
-sensitivity = 1.0
-t_min = 0.01
-t_max = 0.25
-cost = { model = "reciprocal", a = 1.0, b = 0.75 }
-[algorithm]
-name = "random"
-population = 20
-generations = 6
-"""
 STUDY = """
 run = "run.toml"
 seeds = 6
@@ -89,30 +70,9 @@ kind = "factorial"
 [vary]
 "algorithm.population" = [8, 10]
 """
-GAP = """
-model = "table"
-[columns]
-"torque" = { role = "torque", unit = "N m" }
-"te" = { role = "measured", unit = "arcsec" }
-"te_predicted" = { role = "predicted", unit = "arcsec" }
-[effects]
-consider = ["torsional_compliance", "lost_motion"]
-[settings]
-simulations = 200
-bootstrap = 8
-"""
-CLAIMS = """
-document = "X"
-title = "A paper"
-seed = 3
-[[claim]]
-id = "k1"
-place = "page 1"
-quantity = "k1"
-printed = "0.8125"
-unit = "1"
-[[claim.reading]]
-formula = "1.3 * 40 / 64"
+CLAIMS = (
+    ONE_CLAIM
+    + """
 [[claim]]
 id = "k2"
 place = "page 2"
@@ -122,11 +82,7 @@ unit = "1"
 [[claim.reading]]
 formula = "32 / 64"
 """
-
-
-def tolevo(*words: object) -> Result:
-    """The command in this process."""
-    return CliRunner().invoke(app, [str(word) for word in words])
+)
 
 
 @dataclass

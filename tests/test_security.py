@@ -15,10 +15,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
 
+from tests.small_jobs import tolevo
 from tolevo.algorithms.checkpoint import Checkpoint
-from tolevo.cli import app
 from tolevo.errors import InputError
 from tolevo.files import seal_content as sealed
 
@@ -73,10 +72,6 @@ name = "nsga2"
 population = 8
 generations = 3
 """
-
-
-def tolevo(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def sources() -> Iterator[tuple[str, str]]:

@@ -255,7 +255,7 @@ class AnalysisResult:
     `requirements`, `contributions` and `histograms` are the tables of the files of these names,
     `tolerances` has a row for each part: unit, nominal, middle and half-width of its zone. `summary` is
     `summary.json`; `quick` the model of second order that the page calculates with, empty where no
-    requirement has one.
+    requirement has one. `prices`, `budgets` and `changes` are what it costs, None where that is not known.
     """
 
     title: str
@@ -266,6 +266,9 @@ class AnalysisResult:
     summary: Mapping[str, Any]
     quick: Mapping[str, Any]
     configuration: str = field(default="", repr=False)
+    prices: pd.DataFrame | None = None
+    budgets: pd.DataFrame | None = None
+    changes: pd.DataFrame | None = None
 
 
 def limits_text(low: float | None, high: float | None) -> str:

@@ -1,7 +1,7 @@
 """Lay the mapped folders out as one import tree, ``.links/tolevo``, for tools that read files.
 
-The folders ``tolevo``, ``models``, ... become one package only when they are installed; mypy, pyright
-and the import linter do not follow an editable install. Every Python file is linked on its own:
+The folders ``tolevo``, ``models``, ... become one package only when they are installed; mypy and the
+import linter do not follow an editable install. Every Python file is linked on its own:
 not every tool walks through a linked folder. What stands beside the package is linked too, so that
 ``.links`` is a project of its own.
 """

@@ -35,7 +35,7 @@ PARTS = [
                                         "setup": {"price": 9.0, "lot": 9},
                                         "inspection": {"price": 0.3}},
                                        {"name": "q", "tolerance": 0.01, "price": 4.0}],
-     "material": "steel", "source": "guess"},
+     "material": "steel", "source": "guess", "drawn_as": "diameter"},
     {**PART, "name": "e", "grade": ["IT5", "IT8"], "price": {"IT5": 4.0, "IT8": 1.0}},
     {**PART, "name": "f", "fit": "25 g6"},
     {**PART, "name": "g", "general": "m", "feature": "radius", "leg": 10.0},

@@ -46,16 +46,30 @@ MAX_RESTORATION_STEP = 0.5
 """Fraction of a limit by which it is moved at most."""
 
 
-def submit_retested_points(run: Run, points: Sequence[tuple[Branch, int]], levels: Sequence[float] = ()) -> None:
-    """Hand points, each by its branch and index, to the run as its result, at the levels of the second
-    objective where there are some.
+def submit_retested_points(
+    run: Run, points: Sequence[Sequence[tuple[Branch, int]]], levels: Sequence[float] = ()
+) -> None:
+    """Hand the best of each of the `points`, candidates by branch and index, to the run as its result, at the levels
+    of the second objective where there are some.
 
     A point that breaks a limit on fresh units is solved again with the limit moved by the excess.
     """
-    for done, (branch, at) in enumerate(points):
+    for done, candidates in enumerate(points):
         run.phase("fresh units", 0.9 + 0.1 * done / len(points))
-        level = branch.at_most(1, levels[done]) if len(levels) else np.full(1, np.inf)
-        run.choose(feasible_afresh(run, branch, branch.y[at], level, search=not run.spent))
+        solved = []
+        for branch, at in candidates:
+            level = branch.at_most(1, levels[done]) if len(levels) else np.full(1, np.inf)
+            solved.append(feasible_afresh(run, branch, branch.y[at], level, search=not run.spent))
+        run.choose(solved[0] if len(solved) == 1 else _cheapest(run, np.vstack(solved), levels[done]))
+
+
+def _cheapest(run: Run, x: Array, level: float) -> Array:
+    """The search vector (1, variables) of the least first objective of those (n, variables) that keep the limits and
+    the level of the second one on fresh units.
+    """
+    f, g = run.problem.tested(x)
+    beyond = (f[:, 1] > level + HELD * scale_of(run.problem)[1]) | np.any(g > 0.0, axis=1)
+    return x[np.lexsort([f[:, 0], beyond])[:1]]
 
 
 def feasible_afresh(run: Run, branch: Branch, y: Array, level: Array, search: bool, objective: int = 0) -> Array:
@@ -142,6 +156,8 @@ RATIO = 0.75
 """Ratio of neighbouring levels of the coarse front."""
 BEATEN = 0.02
 """Fraction of the least value by which a set of integers is worse where it is not tried between."""
+CLOSE = 0.007
+"""Fraction within which the next set of integers may be the better one on more units."""
 STEPS = 3
 """Steps to a level that is not reached at once."""
 SWEEPS, SAGGING = 2, 1e-3
@@ -160,10 +176,10 @@ def sampled_front(run: Run, branches: list[Branch], points: int) -> None:
             run.phase("least value", 0.8 * at / len(branches))
             branch.begin(run)
         alive = [branch for branch in branches if branch.f]
-        submit_retested_points(run, joint_front_points(alive)[:1] if alive else [])
+        submit_retested_points(run, [joint_front_points(alive)[:1]] if alive else [])
     else:
         levels = _fill_between_levels(run, branches, points)
-        submit_retested_points(run, [_best_branch_point(branches, level) for level in sorted(levels)], sorted(levels))
+        submit_retested_points(run, [_best_branch_points(branches, level) for level in sorted(levels)], sorted(levels))
         run.chosen = nondominated_feasible_designs(run.problem, run.chosen)
 
 
@@ -276,12 +292,14 @@ def _attained_objectives(branch: Branch, level: float) -> list[float]:
     return [float(f[0]) for f in branch.f if f[1] <= level + NEARLY * branch.unit[1]]
 
 
-def _best_branch_point(branches: list[Branch], level: float) -> tuple[Branch, int]:
-    """Branch and index of the least first objective at a level: other points there are not part of
-    the front, though some are tighter by less than the accuracy of a solution.
+def _best_branch_points(branches: list[Branch], level: float) -> list[tuple[Branch, int]]:
+    """Branch and index of the least first objective at a level, and of the next set of integers where that may be
+    better on more units: other points there are not part of the front, though some are tighter by less than the
+    accuracy of a solution.
     """
-    branch = min(branches, key=lambda candidate: _value(candidate, level))
-    return branch, int(np.argmin(_attained_objectives(branch, level)))
+    first, *others = sorted(branches, key=lambda candidate: _value(candidate, level))
+    close = [other for other in others[:1] if _value(other, level) <= (1.0 + CLOSE) * _value(first, level)]
+    return [(branch, int(np.argmin(_attained_objectives(branch, level)))) for branch in (first, *close)]
 
 
 def _solve_level(branch: Branch, level: float) -> float:

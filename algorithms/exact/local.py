@@ -166,7 +166,7 @@ SETTLED = 1e-5
 """Fraction of a value by which a restart gains at least, to be followed by another."""
 VIOLATION_TOLERANCE = 1e-6
 """Violation of a limit that counts as none."""
-ANALYTIC, NUMERIC, SAMPLED = (1e-7, 40), (1e-5, 15), (1e-5, 40, 50)
+ANALYTIC, NUMERIC, SAMPLED = (1e-7, 40), (1e-5, 15), (1e-5, 40, 25)
 """Tolerance and most steps of SLSQP, with derivatives of the model, with differences, and on the
 average of a sample, which has kinks: there most evaluations as well."""
 

@@ -25,7 +25,7 @@ class MultiStart(Solver):
     """
 
     one_objective: ClassVar[bool] = True
-    starts: int = 10
+    starts: int = 5
 
     def solve(self, run: Run) -> None:
         problem, none, ends = run.problem, np.full(1, np.inf), []

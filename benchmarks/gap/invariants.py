@@ -1,6 +1,6 @@
 """What holds of every answer, whatever hides: `python -m benchmarks.gap.invariants`.
 
-Asks the records of the benchmark of naming and prints the answers that break one of the four
+Asks the records of the benchmark of naming and prints the answers that break one of the
 invariants below. They are tested on the final answer, numbers from all rows, by the numbers that it
 was chosen with; what is kept in the file is not asked again by the same code.
 """
@@ -26,6 +26,7 @@ from benchmarks.gap.namers.workflow import SIMULATORS, read_as_files
 from benchmarks.gap.trial import WORKFLOW
 from benchmarks.kept import keep, kept
 from tolevo.commands.gap.blocks import HeldOut
+from tolevo.commands.gap.ending_records import gaps
 from tolevo.commands.gap.gap import ending, lines_of, result_of
 from tolevo.commands.gap.result import Ending
 
@@ -33,6 +34,9 @@ RECALIBRATED = "held-out error above that of the model as recalibrated"
 STEP = "held-out error above that of an accepted step by more than its standard error"
 NOTHING = "an effect whose joint interval holds 0"
 BOUND = "a number at its bound that is not said"
+UNKNOWN = "an effect of which every interval holds 0"
+CANCELS = "an effect that contributes more than 3 times what it takes away"
+WITHIN = "a gap within the noise floor that is not `no_gap`"
 
 
 def broken(group: str, number: int) -> list[str]:
@@ -45,7 +49,8 @@ def broken(group: str, number: int) -> list[str]:
 
 def violated(end: Ending, said: str) -> list[str]:
     """The invariants that do not hold of an answer, of which the terminal says `said`."""
-    return [*_predicts_worse(end), *_may_be_nothing(end), *_silent_bounds(end, said)]
+    rows = [*_unknown(end), *_cancels(end), *_within_floor(end)] if end.rows else []
+    return [*_predicts_worse(end), *_may_be_nothing(end), *_silent_bounds(end, said), *rows]
 
 
 def _predicts_worse(end: Ending) -> Iterator[str]:
@@ -108,6 +113,37 @@ def _silent_bounds(end: Ending, said: str) -> Iterator[str]:
                 continue
             if f"at its physical bound: {one.name} of {member.name}" not in said:
                 yield f"{BOUND}: {one.name} of {member.name} is {value:.6g}"
+
+
+def _unknown(end: Ending) -> Iterator[str]:
+    """Effects of which no number is known to differ from 0."""
+    for name in (end.fit.names[at] for at in end.identified):
+        ends = [end.model.interval(name, one.name) for one in end.model.numbers if one.owner == name]
+        if ends and all(low <= 0.0 <= high for low, high in ends):
+            yield f"{UNKNOWN}: {name}"
+
+
+def _cancels(end: Ending) -> Iterator[str]:
+    """The part of each effect that the free parameters cannot make, and by how much the residual of
+    all effects falls when it is added last.
+    """
+    fitter = end.analysis.search.fitter
+    whole = fitter.fit(end.fit.effects)
+    free = np.linalg.qr(fitter.base)[0] if fitter.base.size else np.zeros((len(fitter.y), 0))
+    for at, member in enumerate(whole.members):
+        added = fitter.white(member) @ whole.coefficients[at]
+        contributed = float(np.linalg.norm(added - free @ (free.T @ added)))
+        taken = float(np.sqrt(max(fitter.fit(whole.without(at)).rss - whole.rss, 0.0)))
+        if contributed > 3.0 * taken:
+            yield f"{CANCELS}: {member.name}, {contributed:.4g} against {taken:.4g} noise levels"
+
+
+def _within_floor(end: Ending) -> Iterator[str]:
+    """A gap before any effect that no output has beyond its floor."""
+    found = gaps(end)
+    outputs = [one.name for one in end.setup.data.outputs]
+    if end.verdict != "no_gap" and all(found.before[name] < found.floor[name] for name in outputs):
+        yield f"{WITHIN}: {end.verdict}, {found.before} below {found.floor}"
 
 
 def _answer(group: str, number: int) -> dict[str, Any]:

@@ -1,4 +1,3 @@
-# pyright: reportMissingImports=false
 """NSGA-II of DEAP: the loop of its example, with batches evaluated at once."""
 
 from __future__ import annotations

@@ -1,4 +1,3 @@
-# pyright: reportMissingImports=false
 """SPEA2 of DEAP in the loop of its NSGA-II: the other selection it ships for two objectives."""
 
 from __future__ import annotations

@@ -1,4 +1,3 @@
-# pyright: reportMissingImports=false
 """GDE3 of jMetalPy, with a crossover rate of 0.9 as for all GDE3 here."""
 
 from __future__ import annotations

@@ -1,4 +1,3 @@
-# pyright: reportMissingImports=false
 """NSGA-II of jMetalPy, with the operators of its example."""
 
 from __future__ import annotations

@@ -1,4 +1,3 @@
-# pyright: reportMissingImports=false
 """SMPSO of jMetalPy, with the settings of its example."""
 
 from __future__ import annotations

@@ -1,4 +1,3 @@
-# pyright: reportMissingImports=false
 """NSGA-II of Platypus, with its defaults."""
 
 from __future__ import annotations

@@ -1,4 +1,3 @@
-# pyright: reportMissingImports=false
 """MOEA/D of pygmo (differential evolution, Tchebycheff), evaluated one by one as it does."""
 
 from __future__ import annotations

@@ -1,4 +1,3 @@
-# pyright: reportMissingImports=false
 """NSGA-II of pygmo, evaluated in batches; its default mutation rate of 0.01 would stall here."""
 
 from __future__ import annotations

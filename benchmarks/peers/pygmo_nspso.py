@@ -1,4 +1,3 @@
-# pyright: reportMissingImports=false
 """NSPSO of pygmo (swarm with non-dominated sorting), evaluated in batches."""
 
 from __future__ import annotations

@@ -1,4 +1,3 @@
-# pyright: reportMissingImports=false
 """NSGA-II of VAMOS on its compiled engine."""
 
 from __future__ import annotations

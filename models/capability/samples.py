@@ -16,7 +16,7 @@ from ...section import ANY, POSITIVE, Array, Range, Section
 from ...units import converted, fits, unit_hint
 from ..inputs import Distribution, Mixture, Normal
 from .knowledge import MIN_SAMPLE_PARTS, Gauge, Knowledge, Prior, knowledge_of
-from .subpopulations import RANDOM, Subpopulations, subpopulations
+from .subpopulations import RANDOM, Scatter, Subpopulations, subpopulations
 
 # Capability and performance indices of a characteristic, with confidence limits.
 
@@ -271,27 +271,41 @@ class PartSample:
         groups = self.subpopulations
         if groups is None or "Cpk" not in self.indices:
             return ""
-        at, off = groups.furthest()
-        one = self.deviations - off * (groups.group == at)
         now, then, every = (
             capability(values, *self.limits)["Cpk"].value
-            for values in (self.deviations, one, groups.centred(self.deviations))
+            for values in (self.deviations, groups.furthest_moved(self.deviations), groups.centred(self.deviations))
         )
-        name = f"{groups.kind} {groups.names[at]}"
-        text = f"{name} is {abs(off):.3g} {self.unit} {'high' if off > 0.0 else 'low'}: correcting it gives"
+        text = f"{self.furthest_text()}: correcting it gives"
         more = f" (all {groups.plural}: {every:.2f})" if every > then else ""
         return f"{text} Cpk {then:.2f}{more} instead of {now:.2f}"
 
-    def corrected(self) -> PartSample:
-        """The sample with all groups set to one mean; as it is where none differ."""
+    def furthest_text(self) -> str:
+        """The group that is furthest off, and by how much."""
+        assert self.subpopulations is not None
+        groups, (at, off) = self.subpopulations, self.subpopulations.furthest()
+        return f"{groups.kind} {groups.names[at]} is {abs(off):.3g} {self.unit} {'high' if off > 0.0 else 'low'}"
+
+    @property
+    def stands_out(self) -> bool:
+        """Whether one group is off, and the others do not differ beyond chance."""
+        return self.subpopulations is not None and self.subpopulations.stands_out(LEVEL)
+
+    def corrected(self, one: bool = False) -> PartSample:
+        """The sample with all groups set to one mean, or with the `one` that stands out set to that of the
+        others; as it is where none differ.
+        """
         groups, known = self.subpopulations, self.knowledge
         if groups is None:
             return self
-        scatter = groups.corrected()
+        scatter, deviations, mean = groups.corrected(), groups.centred(self.deviations), known.mean
+        if one:
+            deviations = groups.furthest_moved(self.deviations)
+            n, mean = len(deviations), float(np.mean(deviations))
+            scatter = Scatter(float(np.var(deviations, ddof=2)), n - 2.0, float(n))
         gauge = 0.0 if known.difference is None else known.difference.gauge
         std = float(np.sqrt(max(scatter.variance - gauge, 1e-3 * scatter.variance)))
-        process = Knowledge(known.mean, std, scatter.n, scatter.df + known.prior_parts, known.prior_parts)
-        return replace(self, knowledge=process, subpopulations=None, deviations=groups.centred(self.deviations))
+        process = Knowledge(mean, std, scatter.n, scatter.df + known.prior_parts, known.prior_parts)
+        return replace(self, knowledge=process, subpopulations=None, deviations=deviations)
 
     def statement(self, unit: str) -> str:
         """The sample and its capability, in one line."""

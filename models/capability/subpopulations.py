@@ -114,6 +114,21 @@ class Subpopulations:
         at = int(np.argmax(np.abs(self.means - others)))
         return at, float(self.means[at] - others[at])
 
+    def stands_out(self, level: float) -> bool:
+        """Whether the furthest of three groups or more is what differs: the others do not beyond `level`."""
+        far = self.furthest()[0]
+        counts, means = np.delete(self.counts, far), np.delete(self.means, far)
+        df = len(counts) - 1, self.df[1]
+        if not df[0]:
+            return False
+        square = float(np.sum(counts * (means - counts @ means / counts.sum()) ** 2)) / df[0]
+        return float(scipy.stats.f.sf(square / self.within, *df)) >= level
+
+    def furthest_moved(self, values: Array) -> Array:
+        """The values (n,) with the furthest group moved to the mean of the others."""
+        at, off = self.furthest()
+        return np.asarray(values - off * (self.group == at))
+
     def mixture(self) -> tuple[tuple[float, ...], tuple[float, ...], float]:
         """Fractions and centres of the groups about the mean of all, and the scatter within them."""
         shares = self.counts / len(self.group)

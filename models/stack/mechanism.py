@@ -607,9 +607,14 @@ def mean_and_deviation(mechanism: Mechanism, t: Tolerances, sample: Sample) -> t
     """Mean and standard deviation of y (n,), of the units for which it has a value; NaN where none has."""
     moments = np.empty((2, len(t)))
     for rows, y in sample.blocks(mechanism, t):
-        units = np.ma.masked_invalid(y.reshape(len(y), -1))
-        moments[:, rows] = units.mean(axis=1).filled(np.nan), units.std(axis=1).filled(np.nan)
+        moments[:, rows] = moments_of(y.reshape(len(y), -1))
     return moments[0], moments[1]
+
+
+def moments_of(y: Array) -> tuple[Array, Array]:
+    """Mean and standard deviation (n,) of units y (n, m) that have a value; NaN where none has."""
+    units = np.ma.masked_invalid(y)
+    return units.mean(axis=1).filled(np.nan), units.std(axis=1).filled(np.nan)
 
 
 def half_width(mechanism: Mechanism, t: Tolerances, sample: Sample, coverage: float) -> Array:

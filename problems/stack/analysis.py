@@ -15,7 +15,7 @@ import pandas as pd
 
 from ...models.stack import AsMade, Mechanism, Tolerances, limit_of
 from ...models.stack.extremes import extremes
-from ...models.stack.mechanism import SIGMAS
+from ...models.stack.mechanism import SIGMAS, moments_of
 from ...section import Array, Integers
 from ..limits import keeps
 from .definition import Part
@@ -189,8 +189,8 @@ def _mean_and_deviation(measured: Measured, made: Tolerances, sample: Array) -> 
     if measured.straight:
         mean = measured.mechanism.centre + float(measured.linear.mean_shift(made)[0])
         return mean, float(np.sqrt(max(measured.linear.variance(made)[0], 0.0)))
-    known = sample[np.isfinite(sample)]
-    return (float(known.mean()), float(known.std())) if known.size else (np.nan, np.nan)
+    mean_of_units, deviation = moments_of(sample[None])
+    return float(mean_of_units[0]), float(deviation[0])
 
 
 def _sampled_values(stack: Stack, measured: Measured, made: Tolerances) -> Array:

@@ -17,7 +17,7 @@ from ..forms import Feature, Form, Way
 from ..limits import Limit, narrow_range, overlap
 from .definition import Part, Process, limits_of, process_by_spread, spread_and_mean
 from .promises import LEAST
-from .rows import YIELD, Row, quantile_of, rows_of, surplus_of
+from .rows import BOTH, YIELD, Row, quantile_of, rows_of, surplus_of
 
 if TYPE_CHECKING:
     from .problem import Stack
@@ -277,7 +277,9 @@ def _statement(stack: Stack, rows: list[Row], left_out: tuple[str, ...]) -> str:
     more = f"; limits left out: {', '.join(left_out)}" if left_out else ""
     outputs = [row.output for row in rows if row.most < np.inf and not row.promised]
     for name in dict.fromkeys(name for name in outputs if outputs.count(name) > 1):
-        more += f"; each limit of {name} kept at the whole yield, which bounds both together"
+        even = any(row.output == name and row.limit == BOTH for row in rows)
+        more += f"; each limit of {name} kept at the whole yield{', and two as if even about the mean' if even else ''}"
+        more += ", which bounds all together"
     for measured in stack.measured:
         if measured.name(YIELD) in left_out and isinstance(measured.law, str):
             more += f" ({measured.law})"

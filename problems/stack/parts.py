@@ -79,6 +79,8 @@ def _check(section: Section, names: list[str], known: list[str], by_part: dict[s
 # Zones of parts by standards: grades and fits (ISO 286), general tolerances (ISO 2768).
 
 
+DRAWN_AS = ("diameter", "radius")
+"""What a size is, so that a drawing shows a diameter as one."""
 EXTRA_ZONE_KEYS = ("geometry", "price", "feature", "leg")
 """Keys other than that of the zone: prices of grades, the geometrical characteristic of ISO 1101,
 and what a general tolerance is of.
@@ -568,6 +570,7 @@ def _read(section: Section, length_unit: str, requirements: Sequence[Requirement
         sample=sample,
         present=zone.present,
         geometry=labels["geometry"],
+        drawn_as=labels["drawn_as"],
         drawing=labels["drawing"],
         characteristic=labels["characteristic"],
         source=labels["source"],
@@ -605,11 +608,13 @@ def _sample(
 
 
 def _labels(section: Section) -> dict[str, str]:
-    """Geometrical characteristic, number of the drawing, number of the characteristic on it, and
-    where the tolerance comes from.
+    """Geometrical characteristic, diameter or radius, number of the drawing, number of the characteristic
+    on it, and where the tolerance comes from.
     """
     numbers = {key: drawing_number(section, key) for key in ("drawing", "characteristic")}
-    return {"geometry": section.text("geometry", SYMBOLS) or "", **numbers, "source": section.text("source") or ""}
+    known = (("geometry", SYMBOLS), ("drawn_as", DRAWN_AS), ("source", ()))
+    texts = {key: section.text(key, choices) for key, choices in known}
+    return numbers | {key: text or "" for key, text in texts.items()}
 
 
 def drawing_number(section: Section, key: str) -> str:
@@ -670,7 +675,7 @@ def drawn(part: Part) -> dict[str, str]:
     stated is left out.
     """
     labels = {"class": _class(part)}
-    labels |= {key: getattr(part, key) for key in ("drawing", "characteristic", "source")}
+    labels |= {key: getattr(part, key) for key in ("drawing", "characteristic", "source", "drawn_as")}
     if part.geometry:
         labels["symbol"] = f"{SYMBOLS[part.geometry]} {part.geometry.replace('_', ' ')}"
     capability = part.stated.get("cpk") or getattr(part.distribution, "cp", None)

@@ -48,6 +48,8 @@ from .rows import shortfall
 # Linear against nonlinear spread: whether the root sum square is exceeded as rarely as stated.
 
 
+JOINT = "yield_percent"
+"""The units that keep all of several requirements, in per cent."""
 VARIED = ("variation", "rss", "std")
 """Outputs of a requirement that leave out means, but for `variation` by `shifted_rss`."""
 MIN_YIELD_DIFFERENCE = 0.01
@@ -120,6 +122,11 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
         sentences += departures_from_normality(part.machines, f"part {part.name}")
     every = len(stack.definition.stated)  # a note on the first condition is one on all
     sentences += filter(None, [_ignored_means_note(stack, values) for values in stack.measured[:every]])
+    if JOINT in stack.required_outputs and len(stack.measured) > 1 and stack.definition.requirement.key:
+        sentences.append(
+            f"{JOINT} counts the units of a sample that keep all requirements together: `exact` solves it by SLSQP on "
+            "the sample, and no bound counts them together"
+        )
     for values in stack.measured:
         if text := values.off_nominal:
             most = "fewer than half of the units conform whatever the tolerances" if values.off_limits else ""
@@ -499,6 +506,9 @@ class Stack(ToleranceProblem):
         if output in self.names and output.endswith("_t"):
             at = [f"{part.name}_t" for part in self._parts].index(output)
             return float(self.ends_of_t[0][at]), float(self.ends_of_t[1][at])
+        if output in self.names and output not in self.fixed:  # a process: neither end need be the tightest
+            variable = self.variables[self.names.index(output)]
+            return variable.low, variable.high
         return super().interval(output)
 
     @cached_property

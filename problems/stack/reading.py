@@ -298,7 +298,7 @@ def _part(part: Part) -> dict[str, Any]:
     if part.sensitivities:
         table["sensitivity"] = part.sensitivities.get("", dict(part.sensitivities))
     table |= written(part.distribution) if part.sample is None else {"measured": dict(part.sample.stated)}
-    labels = {key: getattr(part, key) for key in ("drawing", "characteristic", "geometry", "source")}
+    labels = {key: getattr(part, key) for key in ("drawing", "characteristic", "geometry", "drawn_as", "source")}
     table |= {key: value for key, value in labels.items() if value}
     if part.expansion is not None:
         table |= {"material": part.material} if part.material else {"expansion": part.expansion}

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from scipy.special import ndtr, ndtri
 
 from ...models.capability.knowledge import Surplus, divide_or_default
@@ -69,12 +70,21 @@ def _curve(p: float, delta: Array) -> tuple[Array, Array, Array]:
     return delta / k, 1.0 / k, slope
 
 
+def _largest_deviation(p: float, d: float) -> float:
+    """The same curve at one mean d < 1, by a root for its inverse."""
+    least = float(ndtri(0.5 * (1.0 + p)))
+    found = scipy.optimize.brentq(
+        lambda k: float(ndtr(k * (1.0 - d)) + ndtr(k * (1.0 + d))) - 1.0 - p, least, least / (1.0 - d), xtol=1e-13
+    )
+    return 1.0 / float(found)
+
+
 CENTRED = 1e-7
 """Relative difference of two limits' distances from the mean that counts as none: a yield changes by
 its square. Limits about a nominal a million times as large are rounded to less."""
 YIELD, WHOLE = "yield_percent", 100.0
-ENDS = {1.0: "upper limit", -1.0: "lower limit"}
-"""The limit that a row keeps, by its side."""
+ENDS, BOTH = {1.0: "upper limit", -1.0: "lower limit"}, "both limits"
+"""The limit that a row keeps, by its side, and the words for both."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -272,7 +282,7 @@ def _promise_rows(stack: Stack, gaussian: bool) -> list[Row]:
         wider = np.array([np.sqrt(divide_or_default(norm.even, norms[0].even, 1.0)) for norm in norms])
         sides, names = promised.sides, ENDS
         if not np.any(linear.mean) and not _is_off_centre(promised.measured):
-            names = {1.0: "both limits" if len(sides) > 1 else ENDS[sides[0][0]]}
+            names = {1.0: BOTH if len(sides) > 1 else ENDS[sides[0][0]]}
             sides = [(1.0, min(room for _, room in sides))]
         rows += [
             Row(
@@ -330,9 +340,9 @@ def least_yield(stack: Stack, name: str) -> float:
 def _kept_limits(measured: Measured, output: str, p: float) -> list[Row]:
     """The limits of a requirement at a fraction p of the units.
 
-    Exact for one limit, and for two about a mean that does not move with the tolerances; else rows
-    that are necessary to keep both limits: each at the whole fraction, both about the mean, and,
-    where all deviations are normal, the tangents between (`two_sided`).
+    Exact for one limit, and for two about a mean that does not move with the tolerances where they are even about it
+    or all deviations are normal; else rows that are necessary to keep both limits: each at the whole fraction, both
+    about the mean, and, where all deviations are normal, the tangents between (`two_sided`).
     """
     law = measured.law
     if not isinstance(law, Law) or not 0.5 <= p < 1.0:
@@ -346,10 +356,13 @@ def _kept_limits(measured: Measured, output: str, p: float) -> list[Row]:
             for side, room in sides
         ]
     half, off = 0.5 * (above + below), 0.5 * (above - below)
-    middle = replace(_row_at_fraction(output, measured, 0.5 * (1.0 + p), most=half), limit="both limits")
+    middle = replace(_row_at_fraction(output, measured, 0.5 * (1.0 + p), most=half), limit=BOTH)
     moves = bool(np.any(law.mean)) or _is_off_centre(measured)
     if not moves and abs(off) <= CENTRED * half:
         return [middle]
+    if not moves and law.covariance is not None and abs(off) < half:
+        most = half * _largest_deviation(p, abs(off) / half)
+        return [replace(_row_at_fraction(output, measured, p, most=most, z=1.0), limit=BOTH)]
     lines = tangents(p) if moves and law.covariance is not None else ()
     rows = [
         replace(
@@ -359,7 +372,7 @@ def _kept_limits(measured: Measured, output: str, p: float) -> list[Row]:
         for at, (z, room) in enumerate(((None, 1.0), *lines))
         for side in (1.0, -1.0)
     ]
-    return [middle, *rows] if moves else rows
+    return [middle, *rows]
 
 
 def quantile_of(row: Row, kept: list[int], settled: Flags, t: Array) -> Quantile | None:

@@ -116,7 +116,7 @@ def settling(
     which = np.zeros(len(pairs), dtype=np.int64)
     left = Remaining(white, tuple(form for form, _ in pairs), which, {})
     empty = search.fitter.fit(())
-    return Settling(search, left, data, empty, [(empty, search.tested(empty))])
+    return Settling(search, left, data, [(empty, search.tested(empty))])
 
 
 def of_names(one: Settling, names: str, *more: Member) -> Fit:

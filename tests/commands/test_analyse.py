@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.optimize import minimize
 from scipy.stats import norm
 from typer.testing import CliRunner
 
@@ -252,3 +253,187 @@ def test_a_run_shows_the_requirements_before_and_after(tmp_path: Path) -> None:
     assert bool(table["kept_statistical"].iloc[1])
     run.write(tmp_path / "o")
     assert "chosen, rounded" in (tmp_path / "o" / "report.html").read_text(encoding="utf-8")
+
+
+def test_the_bearing_assembly_of_chase_and_greenwood() -> None:
+    """Chase & Greenwood (1988), Manufacturing Review 1(1): shaft, bearings and retaining ring, in inches. Their
+    clearance of 0.020 has a worst case of 0.0245 and a root sum square of 0.0111: sums of the tolerances by hand.
+    """
+    sizes = {"ring": (0.0505, 0.0015), "shaft": (8.0, 0.008), "inner": (0.5093, 0.0025), "spacer": (0.4, 0.002)}
+    sizes |= {"housing": (7.711, 0.006), "cover": (0.4, 0.002), "outer": (0.5093, 0.0025)}
+    row = only(
+        {
+            "problem": "stack",
+            "requirement": {
+                "unit": "in",
+                "formula": "-ring + shaft - inner + spacer - housing + cover - outer",
+                "lower": 0.005,
+                "upper": 0.035,
+            },
+            "part": [{"name": name, "nominal": size, "tolerance": t} for name, (size, t) in sizes.items()],
+        }
+    )
+    assert row["nominal"] == pytest.approx(0.0199, abs=1e-12)  # printed as 0.020
+    assert 0.5 * (row["worst_case_greatest"] - row["worst_case_least"]) == pytest.approx(0.0245, abs=1e-12)
+    assert 0.5 * (row["rss_greatest"] - row["rss_least"]) == pytest.approx(0.0111, abs=5e-5)
+
+
+def test_preload_of_a_bearing_pair() -> None:
+    """A spacer difference d presses two angular contact bearings together with F = k max(d, 0)^(3/2) (Hertz):
+    the yield of a normal d is that of the differences at the limits, the worst case that of the corners.
+    """
+    k, t = 1.2, np.array([2.0, 2.0, 3.0])  # N/um^1.5, um
+    row = only(
+        {
+            "problem": "stack",
+            "propagation": {"samples": 2**20},
+            "requirement": {
+                "name": "preload",
+                "unit": "N",
+                "formula": "k * max(offset + outer - inner, 0)**1.5",
+                "lower": 3.0,
+                "upper": 20.0,
+            },
+            "part": [
+                {"name": "k", "unit": "", "nominal": k, "tolerance": 0.0},
+                {"name": "offset", "unit": "um", "nominal": 4.0, "tolerance": 2.0},
+                {"name": "outer", "unit": "um", "nominal": 0.0, "tolerance": 2.0},
+                {"name": "inner", "unit": "um", "nominal": 0.0, "tolerance": 3.0},
+            ],
+        }
+    )
+    sigma = np.linalg.norm(t) / 3.0
+    at = [(limit / k) ** (2.0 / 3.0) for limit in (row["lower"], row["upper"])]
+    expected = 100.0 * float(np.diff(norm.cdf((np.array(at) - 4.0) / sigma))[0])
+    assert row["yield_percent"] == pytest.approx(expected, abs=4.0 * row["ppm_error"] / 1e4 + 1e-9)
+    assert row["worst_case_least"] == 0.0
+    assert row["worst_case_greatest"] == pytest.approx(k * 11.0**1.5, rel=1e-9)
+
+
+def priced(**more: Any) -> dict[str, Any]:
+    """Two requirements on three parts, one of which is made in two ways: the cheap one is stated first."""
+    ways = [
+        {"name": "turned", "t_min": 0.03, "t_max": 0.2, "cost": {"model": "reciprocal", "a": 0.5, "b": 0.06}},
+        {"name": "ground", "t_min": 0.005, "t_max": 0.06, "cost": {"model": "reciprocal", "a": 2.0, "b": 0.02}},
+    ]
+    free = {"t_min": 0.005, "t_max": 0.2, "tolerance": 0.05}
+    return {
+        "problem": "stack",
+        "requirement": [
+            {"name": "gap", "unit": "mm", "formula": "a - b - c", "lower": 0.0, "upper": 0.2},
+            {"name": "reach", "unit": "mm", "formula": "a + c", "lower": 27.8, "method": "worst_case"},
+        ],
+        "part": [
+            {"name": "a", "nominal": 20.0, "cost": {"model": "reciprocal", "a": 1.0, "b": 0.1}, "drawn_as": "diameter"}
+            | free,
+            {"name": "b", "nominal": 12.0, "cost": {"model": "reciprocal", "a": 1.0, "b": 0.3}, "source": "guess"}
+            | free,
+            {"name": "c", "nominal": 7.9, "process": ways},
+        ],
+    } | more
+
+
+def least(gap: float, reach: float) -> float:
+    """Least cost at a root sum square of the gap and a worst case of the reach, by both ways, from three starts."""
+    costs = []
+    for a, b, low, high in ((0.5, 0.06, 0.03, 0.2), (2.0, 0.02, 0.005, 0.06)):
+        rates, bounds = np.array([0.1, 0.3, b]), np.log([(0.005, 0.2), (0.005, 0.2), (low, high)])
+        ends = [
+            minimize(
+                lambda x, a=a, rates=rates: 2.0 + a + np.sum(rates / np.exp(x)),
+                start,
+                bounds=bounds,
+                constraints=[
+                    {"type": "ineq", "fun": lambda x: 1.0 - np.sum(np.exp(2.0 * x)) / gap**2},
+                    {"type": "ineq", "fun": lambda x: 1.0 - (np.exp(x[0]) + np.exp(x[2])) / reach},
+                ],
+                method="SLSQP",
+                options={"ftol": 1e-13, "maxiter": 500},
+            )
+            for start in (bounds.mean(axis=1), bounds @ [0.8, 0.2], bounds @ [0.65, 0.35])
+        ]
+        costs += [found.fun for found in ends if found.success]
+    return float(min(costs))
+
+
+def test_prices_and_budgets_of_a_sheet_are_least_costs() -> None:
+    """By SLSQP for each way of making a part: 0.01 mm more of room and less, and every budget."""
+    result = tolevo.analyse(priced())
+    prices, budgets = result.record.prices, result.record.budgets
+    assert prices is not None and budgets is not None
+    whole = least(0.1, 0.1)
+    moved = {"gap": (least(0.11, 0.1), least(0.09, 0.1)), "reach": (least(0.1, 0.11), least(0.1, 0.09))}
+    for row in prices.to_dict("records"):
+        wider, narrower = moved[row["requirement"]]
+        assert row["step"] == 0.01
+        assert row["wider_saves"] == pytest.approx(whole - wider, abs=1e-4)
+        assert row["narrower_costs"] == pytest.approx(narrower - whole, abs=1e-4)
+    for row in budgets.to_dict("records"):
+        ratio = row["room_over_variation"]
+        assert row["cost"] == pytest.approx(least(0.1 / ratio, 0.1 / ratio), rel=1e-5)
+    assert (budgets["cost"].diff().dropna() > 0.0).all()
+
+
+def test_single_steps_are_tried_against_every_requirement() -> None:
+    """Both neighbours of each tolerance and the other process, whichever is stated first; what each breaks."""
+    changes = tolevo.analyse(priced()).record.changes
+    assert changes is not None
+    assert set(changes["variable"]) == {"a_t", "b_t", "c_t", "c_process"}
+    process = changes[changes["variable"] == "c_process"].iloc[0]
+    assert process["to"] == "ground"  # as it stands, c is turned to 0.2 mm, which the other process holds to 0.06
+    assert process["cost_change"] == pytest.approx(2.0 + 0.02 / 0.06 - 0.5 - 0.06 / 0.2)
+    gap, reach = 0.1 / np.sqrt(2 * 0.05**2 + 0.06**2), 0.1 / (0.05 + 0.06)
+    assert process["room_over_variation"] == pytest.approx(min(gap, reach))
+    assert process["weakest"] == "reach"
+    looser = changes[(changes["variable"] == "b_t") & (changes["value"] > 0.05)].iloc[0]
+    assert "gap variation" in looser["breaks"]
+    assert "reach" not in looser["breaks"]
+
+
+def test_the_files_carry_the_source_and_what_to_write_on_the_drawing(tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["analyse", str(write(tmp_path, priced())), "--out", str(tmp_path / "o")])
+    assert done.exit_code == 0, done.output
+    table = pd.read_csv(tmp_path / "o" / "tolerances.csv").set_index("part")
+    assert table["on_the_drawing"].to_dict() == {"a": "⌀20 ±0.05 mm", "b": "12 ±0.05 mm", "c": "7.9 ±0.2 mm"}
+    assert table["source"]["b"] == "guess"
+    assert {"prices.csv", "budgets.csv", "changes.csv"} <= {path.name for path in (tmp_path / "o").iterdir()}
+
+
+def test_a_sheet_without_a_closed_form_says_where_prices_are() -> None:
+    skewed = priced()
+    skewed["requirement"] = skewed["requirement"][0] | {"method": "monte_carlo"}
+    for part in skewed["part"]:
+        part |= {"distribution": "skew_normal", "skew": 4}
+    result = tolevo.analyse(skewed)
+    assert result.record.prices is None
+    assert any("see `tolevo run`" in note for note in result.summary["notes"])
+
+
+@pytest.mark.parametrize("limits", [{}, {"lower": 9.0, "upper": 10.0}])
+def test_a_sheet_without_limits_or_with_its_middle_beyond_them_has_no_costs(limits: dict[str, float]) -> None:
+    requirement = {"unit": "mm", "formula": "a - b - c"} | limits
+    result = tolevo.analyse(priced(requirement=requirement))
+    assert result.record.prices is result.record.changes is None
+    assert 'id="first"' not in result.page
+
+
+def test_prices_of_a_condition_are_those_of_its_own_limits() -> None:
+    """A gap of 8 mm between steel and aluminium, both +- 0.1 mm at 20 deg C: at 60 its room is less by what the
+    lengths grow apart, 40 (20 a_steel - 12 a_aluminium), and 0.01 mm is worth the slope of b/t."""
+    steel, aluminium = 11.5e-6, 23e-6
+    cost = {"model": "reciprocal", "a": 1.0, "b": 0.1}
+    source = {
+        "problem": "stack",
+        "requirement": {"name": "gap", "unit": "mm", "formula": "a - b", "lower": 7.9, "upper": 8.1},
+        "part": [
+            {"name": "a", "nominal": 20.0, "t_min": 0.01, "t_max": 0.2, "cost": cost, "expansion": steel},
+            {"name": "b", "nominal": 12.0, "tolerance": 0.02, "expansion": aluminium},
+        ],
+        "condition": [{"name": "cold", "temperature_C": 20.0}, {"name": "warm", "temperature_C": 60.0}],
+    }
+    prices = tolevo.analyse(source).record.prices
+    assert prices is not None
+    room = 0.1 - abs(40.0 * (20.0 * steel - 12.0 * aluminium))
+    t = np.sqrt(np.array([room, room - 0.01]) ** 2 - 0.02**2)
+    own = prices.set_index("requirement").loc["warm"]
+    assert own["narrower_costs"] == pytest.approx(0.1 / t[1] - 0.1 / t[0], rel=1e-3)

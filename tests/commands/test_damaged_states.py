@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
 from tests.fuzzing import share
-from tolevo.cli import app
+from tests.small_jobs import CLAIMS, tolevo
+from tests.small_jobs import GAP as SMALL_GAP
 from tolevo.commands.reproduce.calculations.manipulator import GaSettings
 from tolevo.commands.study.configuration import read_study
 from tolevo.commands.study.study import study
@@ -26,30 +27,7 @@ from tolevo.execution import InProcess
 pytestmark = pytest.mark.usefixtures("unrendered")
 
 TRIALS = share(2)
-GAP = """model = "table"
-[columns]
-"torque" = { role = "torque", unit = "N m" }
-"te" = { role = "measured", unit = "arcsec" }
-"te_predicted" = { role = "predicted", unit = "arcsec" }
-[effects]
-consider = ["torsional_compliance", "lost_motion"]
-[settings]
-simulations = 200
-bootstrap = 4
-"""
-CLAIMS = """
-document = "X"
-title = "A paper"
-seed = 3
-[[claim]]
-id = "k1"
-place = "page 1"
-quantity = "k1"
-printed = "0.8125"
-unit = "1"
-[[claim.reading]]
-formula = "1.3 * 40 / 64"
-"""
+GAP = SMALL_GAP.replace("bootstrap = 8", "bootstrap = 4")
 STUDY = """
 seeds = 4
 [design]
@@ -64,10 +42,6 @@ limits = { squareness_mrad = 0.6 }
 algorithm = { name = "ga", population = 8, generations = 10 }
 """
 Spoilt = tuple[Path, Callable[[], Result]]
-
-
-def tolevo(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.fixture(scope="module")

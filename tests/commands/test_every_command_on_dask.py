@@ -12,6 +12,8 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner, Result
 
+from tests.small_jobs import CLAIMS as ONE_CLAIM
+from tests.small_jobs import GAP
 from tolevo import dask_cluster
 from tolevo.algorithms.checkpoint import Checkpoint
 from tolevo.algorithms.nsga2 import NSGA2
@@ -41,30 +43,9 @@ name = "nsga2"
 population = 12
 generations = 3
 """
-GAP = """
-model = "table"
-[columns]
-"torque" = { role = "torque", unit = "N m" }
-"te" = { role = "measured", unit = "arcsec" }
-"te_predicted" = { role = "predicted", unit = "arcsec" }
-[effects]
-consider = ["torsional_compliance", "lost_motion"]
-[settings]
-simulations = 200
-bootstrap = 8
-"""
-CLAIMS = """
-document = "X"
-title = "A paper"
-seed = 3
-[[claim]]
-id = "k1"
-place = "page 1"
-quantity = "k1"
-printed = "0.8125"
-unit = "1"
-[[claim.reading]]
-formula = "1.3 * 40 / 64"
+CLAIMS = (
+    ONE_CLAIM
+    + """
 [[claim]]
 id = "exceed"
 place = "page 2"
@@ -81,6 +62,7 @@ output = "backlash_arcmin"
 statistic = "fraction_above"
 threshold = 1.0
 """
+)
 
 
 @pytest.fixture(scope="module")

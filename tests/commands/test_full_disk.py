@@ -10,30 +10,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
-from tolevo.cli import app
+from tests.small_jobs import STACK as CONFIG
+from tests.small_jobs import tolevo
 from tolevo.directory import standing
 
-CONFIG = """
-problem = "stack"
-seed = 1
-[requirement]
-name = "gap"
-unit = "mm"
-[[part]]
-name = "a"
-nominal = 20.0
-unit = "mm"
-sensitivity = 1.0
-t_min = 0.01
-t_max = 0.25
-cost = { model = "reciprocal", a = 1.0, b = 0.75 }
-[algorithm]
-name = "random"
-population = 20
-generations = 6
-"""
 STUDY = """
 run = "c.toml"
 seeds = 40
@@ -50,10 +32,6 @@ WORDS = {
 }
 SIZE = 400
 """Size [kB] of the small disk."""
-
-
-def tolevo(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def run(config: Path, out: Path, *more: object) -> Result:

@@ -23,7 +23,6 @@ from tolevo.commands.gap.selection import (
     UNITS,
     VISITED,
     Other,
-    _next,
     concluding,
     correlation,
     first_of_confounded,
@@ -99,12 +98,10 @@ def test_a_name_that_failed_is_passed_over() -> None:
     y = 12.0 * a + 30.0 * spike - 3.0 * d
     search = toy([member("spike"), member("a")], columns, y)
     empty = search.fitter.fit(())
-    first = _next(search, empty, set())
-    assert first is not None and first.names == ("spike",)
-    second = _next(search, empty, {frozenset({"spike"})})
-    assert second is not None and second.names == ("a",)
-    third = _next(search, empty, {frozenset({"spike", "a"})})  # as a pair, not alone
-    assert third is not None and third.names == ("spike",)
+    first, second = (next(search.additions(empty, barred, empty)) for barred in (set[str](), {"spike"}))
+    assert first.names == ("spike",) and second.names == ("a",)
+    assert not list(search.additions(empty, {"spike", "a"}, empty))
+    assert not list(search.additions(empty, {"spike"}, first))  # which fits better
     found = select(toy([member("spike")], columns, y))
     assert [(one.action, one.name) for one in found.steps] == [("start", ""), ("reject", "spike")]
     assert found.steps[1].gain > 1000.0 and found.steps[1].held_out_gain < 0.0

@@ -19,41 +19,14 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
 
+from tests.small_jobs import TWO_PARTS as CONFIG
+from tests.small_jobs import tolevo
 from tolevo.algorithms.checkpoint import Checkpoint
-from tolevo.cli import app
 from tolevo.directory import LOCK, MANIFEST, UNFINISHED, holders, standing
 from tolevo.directory import own_folder as owned
 
 TRIALS = int(os.environ.get("TOLEVO_TRIALS", "3"))
-CONFIG = """
-problem = "stack"
-seed = 1
-[requirement]
-name = "gap"
-unit = "mm"
-[[part]]
-name = "a"
-nominal = 20.0
-unit = "mm"
-sensitivity = 1.0
-t_min = 0.01
-t_max = 0.25
-cost = { model = "reciprocal", a = 1.0, b = 0.75 }
-[[part]]
-name = "b"
-nominal = 30.0
-unit = "mm"
-sensitivity = -2.0
-t_min = 0.01
-t_max = 0.25
-cost = { model = "reciprocal", a = 1.0, b = 0.2 }
-[algorithm]
-name = "random"
-population = 20
-generations = 6
-"""
 NEW = ("--set", "seed=2")
 """What the run that replaces the old one is told, so that no file of one equals the other's."""
 RESULT = ("front.csv", "front.json", "choices.csv", "allocation.csv", "config.toml")
@@ -101,10 +74,6 @@ def together(*arguments):
 ownership._take_folder = together
 """
 """Begun only when the other one is about to take the directory as well."""
-
-
-def tolevo(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 @dataclass(frozen=True)

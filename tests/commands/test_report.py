@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner, Result
 
+from tests.small_jobs import TWO_PARTS, tolevo
 from tolevo.algorithms.archive import CURVE
-from tolevo.cli import app
 from tolevo.commands.comparison import compare_runs as compared
 from tolevo.commands.study.storage import DATABASE, Database
 from tolevo.commands.study.trial import RunRecord
@@ -21,36 +20,7 @@ from tolevo.directory import MANIFEST
 from tolevo.directory.standing import write_unfinished
 from tolevo.records import Axis, RunResult
 
-CONFIG = """
-problem = "stack"
-seed = 1
-[requirement]
-name = "<script>alert(1)</script>"
-unit = "mm"
-[[part]]
-name = "a"
-nominal = 20.0
-unit = "mm"
-sensitivity = 1.0
-t_min = 0.01
-t_max = 0.25
-cost = { model = "reciprocal", a = 1.0, b = 0.75 }
-[[part]]
-name = "b"
-nominal = 30.0
-unit = "mm"
-sensitivity = -2.0
-t_min = 0.01
-t_max = 0.25
-cost = { model = "reciprocal", a = 1.0, b = 0.2 }
-[algorithm]
-population = 20
-generations = 8
-"""
-
-
-def tolevo(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+CONFIG = TWO_PARTS.replace('"gap"', '"<script>alert(1)</script>"').replace('name = "random"\n', "")
 
 
 @pytest.fixture(scope="module")

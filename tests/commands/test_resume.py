@@ -18,6 +18,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 import tolevo
+from tests.small_jobs import PART_A, PART_B, REQUIREMENT
 from tolevo.algorithms.checkpoint import Checkpoint
 from tolevo.algorithms.exact import choices
 from tolevo.algorithms.exact.solver import Exact
@@ -45,26 +46,7 @@ CONFIG = f"""
 problem = "stack"
 references = "none"
 {SEARCH}
-[requirement]
-name = "gap"
-unit = "mm"
-[[part]]
-name = "a"
-nominal = 20.0
-unit = "mm"
-sensitivity = 1.0
-t_min = 0.01
-t_max = 0.25
-cost = {{ model = "reciprocal", a = 1.0, b = 0.75 }}
-[[part]]
-name = "b"
-nominal = 30.0
-unit = "mm"
-sensitivity = -2.0
-t_min = 0.01
-t_max = 0.25
-cost = {{ model = "reciprocal", a = 1.0, b = 0.2 }}
-"""
+{REQUIREMENT}{PART_A}{PART_B}"""
 DRIVE = f"""
 problem = "rv_backlash"
 references = "none"

@@ -8,18 +8,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
-from tolevo.cli import app
+from tests.small_jobs import output_of as tolevo
 
 CONFIG = Path(__file__).resolve().parents[2] / "configs" / "robot_arm.toml"
 pytestmark = [pytest.mark.source_tree, pytest.mark.usefixtures("unrendered")]
-
-
-def tolevo(*words: object) -> str:
-    ended = CliRunner().invoke(app, [str(word) for word in words])
-    assert ended.exit_code == 0, ended.output
-    return ended.output
 
 
 @pytest.fixture(scope="module")

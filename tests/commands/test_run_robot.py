@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
-from tolevo.cli import app
+from tests.small_jobs import output_of as tolevo
 from tolevo.configuration.reader import read
 from tolevo.problems.nested_reducers import Nested, documents_reducer
 from tolevo.problems.robot_joint import RobotJoint
@@ -19,12 +18,6 @@ ROOT = Path(__file__).resolve().parents[2]
 CONFIG = ROOT / "configs" / "robot_manipulator.toml"
 pytestmark = [pytest.mark.source_tree, pytest.mark.usefixtures("unrendered")]
 FEW = ("--set", "algorithm.points=4", "--set", "propagation.samples=8192", "--quiet")
-
-
-def tolevo(*words: object) -> str:
-    ended = CliRunner().invoke(app, [str(word) for word in words])
-    assert ended.exit_code == 0, ended.output
-    return ended.output
 
 
 @pytest.fixture(scope="module")

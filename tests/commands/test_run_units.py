@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner, Result
 
-from tolevo.cli import app
+from tests.small_jobs import tolevo
 from tolevo.commands.run.answers import assumptions_cost
 from tolevo.commands.run.plan import shown_point
 from tolevo.page.document import shown
@@ -52,10 +51,6 @@ interference_probability = 0.05
 name = "exact"
 """
 FILES = ("unit_turn.csv", "population.csv", "assumptions_cost.csv")
-
-
-def tolevo(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.fixture(scope="module")

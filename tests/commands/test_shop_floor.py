@@ -85,6 +85,20 @@ def test_what_a_correction_gives_and_is_worth(tmp_path: Path) -> None:
     assert worth > 0.1
 
 
+def test_one_cavity_that_stands_out_has_a_worth_of_its_own(tmp_path: Path) -> None:
+    """The worth of setting one cavity right is that of the run on the parts with that cavity set right."""
+    run = tolevo.run(config(tmp_path))
+    text = run.summary["answers"]["corrections"]
+    assert text.startswith(
+        "Of insert, cavity 2 is 0.0301 mm high: correcting it gives Cpk 4.61 instead of 1.06, and is"
+    )
+    moved = CAVITIES.round(5) - 0.0301 * (np.arange(80) % 4 == 1)
+    path = config(tmp_path)
+    pd.DataFrame({"d [mm]": moved}).to_csv(tmp_path / "parts.csv", index=False)
+    saved = float(run.front["cost"].iloc[0] - tolevo.run(path).front["cost"].iloc[0])
+    assert float(text.split("is worth ")[1].split()[0]) == pytest.approx(saved, rel=0.03)
+
+
 def test_a_mixture_has_the_yield_of_its_cavities(tmp_path: Path) -> None:
     """The yield of a given tolerance by the exact sum over the cavities, not by one normal law."""
     from scipy import stats
@@ -112,6 +126,42 @@ def test_a_mixture_has_the_yield_of_its_cavities(tmp_path: Path) -> None:
 def test_faults_of_subgroups(tmp_path: Path, subgroups: object, words: str) -> None:
     with pytest.raises(tolevo.ConfigurationError, match=words):
         tolevo.check(config(tmp_path, subgroups=subgroups))
+
+
+def study_of(folder: Path, kind: int, operators: int, trials: int, values: np.ndarray) -> Path:
+    """A configuration whose gauge is a Q-DAS study with values in the order of operators, parts, trials."""
+    keys = {"K0100": 1, "K2002": "d", "K2142": "mm", "K2202": kind, "K2205": 10, "K2220": operators, "K2221": trials}
+    lines = [f"{key} {value}" for key, value in keys.items()] + [f"K0001/1 {value:.5f}" for value in values.ravel()]
+    (folder / "study.dfq").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return config(folder, gauge={"file": "study.dfq"}, subgroups="corrected")
+
+
+def test_a_study_of_qdas_counts_its_operators_parts_and_trials(tmp_path: Path) -> None:
+    """Parts that differ by far more than the gauge scatters leave its scatter as it is."""
+    rng = np.random.default_rng(12)
+    values = 10.0 + 0.01 * np.arange(10)[None, :, None] + rng.normal(0.0, 0.002, (3, 10, 3))
+    within = np.sqrt(values.var(axis=2, ddof=1).mean())
+    text = tolevo.check(study_of(tmp_path, 2, 3, 3, values))
+    assert "gauge study of type 2" in text
+    assert float(text.split("repeatability ")[1].split(",")[0]) == pytest.approx(within, rel=0.1)
+    assert "gauge study of type 3" in tolevo.check(study_of(tmp_path, 3, 1, 9, values.swapaxes(0, 1)))
+    with pytest.raises(tolevo.ConfigurationError, match=r"3 operators \(K2220\), 10 parts .* and has 60 values"):
+        tolevo.check(study_of(tmp_path, 2, 3, 3, values[:2]))
+    study_of(tmp_path, 2, 3, 3, values)
+    with pytest.raises(tolevo.ConfigurationError, match="is a gauge study"):
+        tolevo.check(config(tmp_path, file="study.dfq"))
+
+
+def test_trials_in_columns_are_one_study(tmp_path: Path) -> None:
+    rng = np.random.default_rng(13)
+    values = 10.0 + 0.01 * np.repeat(np.arange(10), 2)[:, None] + rng.normal(0.0, 0.002, (20, 3)).round(5)
+    table = pd.DataFrame(values, columns=["Trial1 [mm]", "Trial2 [mm]", "Trial3 [mm]"])
+    table.insert(0, "Part", np.repeat(np.arange(10), 2))
+    table.insert(1, "Operator", ["A", "B"] * 10)
+    table.to_csv(tmp_path / "study.csv", index=False)
+    text = tolevo.check(config(tmp_path, gauge={"file": "study.csv"}, subgroups="corrected"))
+    repeatability = float(text.split("repeatability ")[1].split(",")[0])
+    assert repeatability == pytest.approx(np.sqrt(values.var(axis=1, ddof=1).mean()), rel=0.1)
 
 
 def test_a_gauge_study_is_the_gauge_of_measured_parts(tmp_path: Path) -> None:

@@ -584,3 +584,72 @@ def test_what_if_of_a_sheet_follows_what_is_typed(browser: Browser, tmp_path: Pa
     assert float(cells()[1]) == pytest.approx(0.1, abs=1e-6)
     assert seen.page.evaluate("document.querySelectorAll('script:not([type])').length") == 1
     assert seen.wrong == []
+
+
+PRICED = {
+    "problem": "stack",
+    "requirement": {"name": "gap", "unit": "mm", "formula": "a - b - c", "lower": 0.0, "upper": 0.2},
+    "part": [
+        {"name": name, "nominal": size, "t_min": 0.005, "t_max": 0.2, "tolerance": t,
+         "cost": {"model": "reciprocal", "a": 1.0, "b": b}}
+        for name, size, t, b in (("a", 20.0, 0.05, 0.1), ("b", 12.0, 0.04, 0.3), ("c", 7.9, 0.055, 0.02))
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("width", [1400, 390])
+def test_six_questions_are_answered_on_a_sheet(browser: Browser, tmp_path: Path, width: int) -> None:
+    """What to loosen first, the price of 0.01 mm, a budget, the shift of a process, a capped grade, the drawing.
+
+    Costs b/t have the closed form t = T b^(1/3) / sqrt(sum b^(2/3)) at a root sum square of T, and the least
+    cost sum a + (sum b^(2/3))^(3/2) / T.
+    """
+    import tolevo
+
+    path = tmp_path / "sheet.html"
+    path.write_text(tolevo.analyse(PRICED).page, encoding="utf-8")
+    seen = Watched(browser, path, width)
+    b = np.array([0.1, 0.3, 0.02])
+    size = np.sum(b ** (2 / 3)) ** 1.5
+
+    def field(what: str) -> float:
+        return float(seen.page.get_by_label(what, exact=True).input_value())
+
+    def cells(table: str) -> list[str]:
+        return [cell.replace("\u2212", "-") for cell in seen.page.locator(f"{table} tbody td").all_inner_texts()]
+
+    # what to loosen first: the step that saves most and keeps 0.1 mm as root sum square
+    first = seen.page.locator("#first").inner_text()
+    now = np.array([0.05, 0.04, 0.055])
+    steps = {"a": 0.055, "b": 0.042, "c": 0.06}
+    saves = {name: b[at] * (1 / now[at] - 1 / t) for at, (name, t) in enumerate(steps.items())}
+    best = max(saves, key=lambda name: saves[name])
+    assert np.hypot(np.hypot(*np.delete(now, "abc".index(best))), steps[best]) < 0.1
+    assert first.startswith(f"Loosen first: {best}, to {steps[best]:g} mm: saves {saves[best]:.3g}")
+    # the price of 0.01 mm
+    prices = seen.page.locator("section", has=seen.page.get_by_role("heading", name="Costs", exact=True))
+    row = prices.locator("table").first.locator("tbody tr").first.locator("th, td").all_inner_texts()
+    assert float(row[2]) == 0.01
+    assert float(row[3]) == pytest.approx(size * (1 / 0.1 - 1 / 0.11), rel=1e-3)
+    assert float(row[4]) == pytest.approx(size * (1 / 0.09 - 1 / 0.1), rel=1e-3)
+    # a budget: the best allocation at no more than it
+    seen.page.get_by_label("budget", exact=True).fill(f"{3.0 + size / 0.1 + 0.01:.4f}".replace(".", ","))
+    t = 0.1 * b ** (1 / 3) / np.sqrt(np.sum(b ** (2 / 3)))
+    assert [field(f"half-width of {name}") for name in "abc"] == pytest.approx(list(t), rel=1e-4)
+    assert float(cells("#whatif")[4]) == pytest.approx(1.0, abs=5e-3)
+    assert "reaches a least ratio of room to variation of 1 (gap)" in seen.page.locator("#whatif").inner_text()
+    # the shift of a process: a tenth of the room takes a tenth of Cpk
+    seen.page.get_by_label("mean shift of a", exact=True).fill("0,01")
+    assert float(cells("#whatif")[4]) == pytest.approx(0.9, abs=5e-3)
+    # a capped grade: half of IT8 of ISO 286-1, where that is wider
+    seen.page.get_by_role("button", name="as analysed").click()
+    seen.page.get_by_label("grade of a", exact=True).select_option("IT7")
+    assert field("half-width of a") == pytest.approx(0.0105)
+    seen.page.get_by_label("no grade finer than IT", exact=True).fill("8")
+    assert field("half-width of a") == pytest.approx(0.0165)
+    assert [field(f"half-width of {name}") for name in "bc"] == [0.04, 0.055]
+    # what to write on the drawing
+    tolerances = seen.page.locator("section", has=seen.page.get_by_role("heading", name="Tolerances", exact=True))
+    assert "20 \u00b10.05 mm" in tolerances.inner_text()
+    assert seen.page.evaluate(SCROLLED) == width
+    assert seen.wrong == []

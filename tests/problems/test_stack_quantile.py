@@ -6,6 +6,7 @@ import tomllib
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.stats import norm
 
 from tolevo.algorithms.exact.bounds import least_bounds, proof
@@ -140,10 +141,45 @@ def test_limits_off_the_middle_give_a_bound_and_a_design_near_it() -> None:
     problem = stack("yield_percent = 99.0", "lower = -0.25", "upper = 0.3")
     form = problem.form()
     assert form is not None
-    assert "each limit of yield_percent kept at the whole yield" in form.statement
+    assert "each limit of yield_percent kept at the whole yield, and two as if even about the mean" in form.statement
     _, gap, out = solved(problem)
     assert 0.0 < gap < 2.0
     assert out["yield_percent"][0] == pytest.approx(99.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("off", [1e-9, 1e-7, 1e-5, 1e-3, 0.02, 0.08, 0.2])
+@pytest.mark.parametrize("share", [90.0, 99.73])
+def test_two_limits_off_the_middle_of_normal_parts_have_the_bound_of_their_exact_probability(
+    off: float, share: float
+) -> None:
+    """Two equal parts: the least cost by the deviation s at which both limits keep the share, by a root of its own."""
+    part = PART.replace("{s}", "1.0").replace("{b}", "0.1").replace("{law}", "normal")
+    text = f"""
+problem = "stack"
+objectives = {{ minimise = ["cost"] }}
+limits = {{ yield_percent = {share} }}
+[requirement]
+name = "gap"
+unit = "mm"
+nominal = 0.0
+lower = {off - 0.3!r}
+upper = {off + 0.3!r}
+{part.format(at=0)}{part.format(at=1)}"""
+    problem = read_table(tomllib.loads(text), []).problem
+    s = brentq(lambda s: norm.cdf((0.3 + off) / s) - norm.cdf((off - 0.3) / s) - 0.01 * share, 0.01, 1.0)
+    least = 2.0 * (1.0 + 0.1 / (3.0 * s / np.sqrt(2.0)))
+    assert isinstance(problem, Stack)
+    cost, gap, _ = solved(problem)
+    assert cost == pytest.approx(least, rel=1e-6)
+    assert gap < 1e-4
+
+
+@pytest.mark.parametrize("off", [1e-7, 1e-5, 1e-3])
+def test_a_hair_off_the_middle_the_bound_of_other_laws_stays(off: float) -> None:
+    middle = solved(stack("yield_percent = 99.73", "lower = -0.3", "upper = 0.3"))
+    beside = solved(stack("yield_percent = 99.73", f"lower = {off - 0.3}", f"upper = {off + 0.3}"))
+    assert beside[0] == pytest.approx(middle[0], rel=2e-3)
+    assert beside[1] < middle[1] + 0.05
 
 
 def test_gradients_of_yield_and_half_width_by_differences() -> None:

@@ -13,10 +13,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner, Result
 
+from tests.small_jobs import tolevo
 from tolevo.algorithms.run import Progress
-from tolevo.cli import app, describe, fraction
+from tolevo.cli import describe, fraction
 from tolevo.errors import RunError
 
 CONFIG = """
@@ -35,10 +35,6 @@ def config(tmp_path: Path) -> Path:
     path = tmp_path / "c.toml"
     path.write_text(CONFIG, encoding="utf-8")
     return path
-
-
-def tolevo(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def fake_run(monkeypatch: pytest.MonkeyPatch, status: str) -> list[Any]:

@@ -103,6 +103,7 @@ def test_keys_without_a_distribution_change_the_default() -> None:
     default = Normal(1.5, 0.2)
     assert taken("cp = 2", default) == (Normal(2.0, 0.2), [])
     assert taken("cpk = 1.2", default)[0] == Normal(1.5, 1.0 - 1.2 / 1.5)
+    assert taken("cpk = 1.67", default)[0] == Normal(1.67, 0.0)  # a Cpk alone, above the usual Cp
     assert taken("skew = 3", SkewNormal(1.0, 2.0, 0.1)) == (SkewNormal(3.0, 2.0, 0.1), [])
     assert taken('distribution = "normal"', default) == (Normal(), [])
     assert taken("values = [0, 1]", Empirical((3.0, 4.0))) == (Empirical((0.0, 1.0)), [])
@@ -150,7 +151,7 @@ FAULTS: dict[str, list[str]] = {
         ["values: need at least two distinct deviations, in half-widths"],
     'distribution = "empirical"\nvalues = [0, 1e7]':
         ["values: must lie in [-1000000, 1000000], got 10000000"],
-    'distribution = "normal"\ncpk = 1.2':
+    'distribution = "normal"\ncp = 1\ncpk = 1.2':
         [f"cpk: must not be above cp (1), got 1.2: raise cp, {EQUATION}"],
     'distribution = "skew_normal"\nskew = 1\ncp = 1.5\ncpk = 1.6':
         [f"cpk: must not be above cp (1.5), got 1.6: raise cp, {EQUATION}"],
@@ -261,6 +262,7 @@ distribution = "beta"
 alpha = 0
 [variables.shift_um]
 distribution = "normal"
+cp = 1
 cpk = 3
 [variables.pitch_um]
 values = [1]

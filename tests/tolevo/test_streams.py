@@ -10,27 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.small_jobs import STACK
 from tolevo.interrupts import warn_in_a_line
 
-RUN = """
-problem = "stack"
-references = "none"
-[requirement]
-name = "gap"
-unit = "mm"
-[[part]]
-name = "a"
-nominal = 20.0
-unit = "mm"
-sensitivity = 1.0
-t_min = 0.01
-t_max = 0.25
-cost = { model = "reciprocal", a = 1.0, b = 0.75 }
-[algorithm]
-name = "random"
-population = 20
-generations = 4
-"""
+RUN = STACK.replace("seed = 1", 'references = "none"')
 COMMAND = (sys.executable, "-m", "tolevo")
 CLOSED = 'exec "$@" >&- 2>&- <&-'
 """A shell that starts its arguments without any standard stream."""

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
-from tolevo.cli import app
+from tests.small_jobs import tolevo
 from tolevo.commands.template import KINDS
 
 EXPORT = (
@@ -21,10 +21,6 @@ model = "rv_lost_motion"
 Drehrichtung = "direction"
 Spiel = { role = "measured", unit = "arcsec" }
 """
-
-
-def tolevo(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def simulated(folder: Path, config: str, table: bytes, *options: str) -> Result:

@@ -379,6 +379,7 @@ def _curve(rows: list[Raw], prices: Prices, unit: str, name: str, faults: list[F
 # `measured` tables of parts, variables and machines, filled in from their files.
 
 
+_TRIAL = re.compile(r"[ _#.\-]*\d+$")
 LISTED = 40
 """Characteristics of a file that a fault lists."""
 REVISED = {"nominal": "nominal sizes", "made_to": "limits", "lower": "limits", "upper": "limits", "unit": "units"}
@@ -423,6 +424,10 @@ def fill_measured(filled: Filled, folder: Path, faults: list[Fault]) -> None:
             read = [(values, name) for values, name in zip(contents, names, strict=True) if values is not None]
             filled.notes += [note for values, _ in read for note in values.pop("notes", ())]
             samples = [values for values, _ in read]
+            for values, name in read:
+                if values.pop("study", {}).get("parts"):
+                    text = f"{name} is a gauge study (K2202 is 2 or 3): its parts are measured again and again: gauge"
+                    faults.append(Fault(place, f"{text} = {{ file = ... }} reads it"))
             if "made_to" in measured:  # limits of the drawing may have changed since
                 samples = [{k: v for k, v in one.items() if k not in ("made_to", "lower", "upper")} for one in samples]
             sample = join_characteristics(samples, [name for _, name in read], place, faults)
@@ -438,9 +443,13 @@ def _gauge_study(gauge: Raw, measured: Raw, part: Raw, folder: Path, place: str,
     wanted = gauge.get("characteristic", measured.get("characteristic"))
     if not isinstance(name, str):
         faults.append(Fault(place, f"must be the name of a file, got {name}"))
-    elif (read := _read(folder / name, wanted, options, place, faults)) is not None:
+    elif (read := _read(folder / name, wanted, options, place, faults, "characteristic" not in gauge)) is not None:
         operators = read.get("groups", {}).get("operator", [])
         study = {"values": read["values"], "parts": read.get("parts", []), "operators": operators}
+        study |= read.get("study", {})
+        if "fault" in study:
+            faults.append(Fault(place, study["fault"]))
+            return {**gauge, "values": None}
         return study | ({"unit": read["unit"]} if "unit" in read else {}) | gauge
     return {**gauge, "values": None}
 
@@ -473,9 +482,21 @@ def _owners(table: Raw) -> Iterator[tuple[str, Raw, Raw]]:
             yield f"variables.{name}.machine[{number}]", machine, {}
 
 
-def _read(path: Path, wanted: Any, options: tables.ReadOptions, place: str, faults: list[Fault]) -> Raw | None:
+def _read(
+    path: Path, wanted: Any, options: tables.ReadOptions, place: str, faults: list[Fault], trials: bool = False
+) -> Raw | None:
+    """A characteristic of a file; of a gauge study, all columns of its `trials` ("Trial1", "Trial2") together."""
     try:
-        return opened_parts(path, options).characteristic(wanted)
+        opened = opened_parts(path, options)
+        if trials and str(wanted) not in opened.names:
+            wanted = None  # that of the measured parts
+        stems = {_TRIAL.sub("", label) for label in opened.labels}
+        if not trials or wanted is not None or len(opened.labels) < 2 or len(stems) > 1:
+            return opened.characteristic(wanted)
+        every = [opened.values(label) for label in opened.labels]
+        operators = [name for one in every for name in one.get("groups", {}).get("operator", ())]
+        together = {key: [x for one in every for x in one.get(key, ())] for key in ("values", "parts")}
+        return every[0] | together | ({"groups": {"operator": operators}} if operators else {})
     except InputError as error:
         faults += [Fault(place, f"{fault.place} {fault.message}") for fault in error.faults]
         return None
@@ -634,6 +655,15 @@ def _values(characteristic: tables.Characteristic, place: str) -> Raw:
     if missing := len(characteristic.values) - len(kept):
         what = f"values of {characteristic.label} are missing or not valid (K0002), and left out"
         values["notes"] = [f"{place}: {missing} of {len(characteristic.values)} {what}"]
+    try:
+        if (study := characteristic.study) is not None:
+            named = zip(("parts", "operators"), study, strict=True)
+            values["study"] = {key: [labels[at] for at in kept] for key, labels in named}
+    except ValueError as error:
+        values["study"] = {"fault": f"{place}: {characteristic.label} {error}"}
+    reference = tables.number_in(characteristic.keys.get("K2213", "").replace(",", "."))
+    if characteristic.keys.get("K2202") == "1" and reference > 0.0:
+        values["study"] = {"reference": reference}
     groups = {"lot": characteristic.batches} | characteristic.groups
     values |= _groups_of({kind: [labels[at] for at in kept] for kind, labels in groups.items()})
     if characteristic.unit:

@@ -227,6 +227,23 @@ class Characteristic:
         return Specification(self.nominal, self.lower, self.upper, natural)
 
     @property
+    def study(self) -> tuple[list[str], list[str]] | None:
+        """The part and the operator of each value of a gauge study of type 2 or 3 (K2202), whose values are
+        in the order of operators (K2220), parts (K2205), trials (K2221); None of other files.
+
+        Raises ValueError where these are not as many as there are values.
+        """
+        if (kind := self.keys.get("K2202")) not in ("2", "3"):
+            return None
+        counts = [self.keys.get(key, "") for key in ("K2220", "K2205", "K2221")]
+        o, p, r = (int(text) if text.isdecimal() and len(text) < 7 else 0 for text in counts)
+        if o * p * r != len(self.values):
+            text = f"{o} operators (K2220), {p} parts (K2205) and {r} trials (K2221)"
+            raise ValueError(f"is a gauge study of type {kind} (K2202) of {text}, and has {len(self.values)} values")
+        rows = [(part, operator) for operator in range(1, o + 1) for part in range(1, p + 1) for _ in range(r)]
+        return [str(part) for part, _ in rows], [str(operator) for _, operator in rows]
+
+    @property
     def label(self) -> str:
         """What the characteristic is called."""
         return self.name or self.number
@@ -446,7 +463,8 @@ def table_of_aqdef(path: Path, place: str, options: ReadOptions) -> tuple[Table 
         if None in characteristic.values
     )
     cells, headers = Columns(columns, range(1, rows + 1)), {name: name for name in columns}
-    return Table(cells, Dialect("aqdef", header=0), units, notes, tuple(names), headers), faults
+    stated = {name: c.specification for name, c in named.items()}
+    return Table(cells, Dialect("aqdef", header=0), units, notes, tuple(names), headers, {}, stated), faults
 
 
 def names_of_characteristics(measured: list[Characteristic]) -> list[str]:

@@ -18,7 +18,7 @@ import pandas as pd
 from ..errors import Fault, nearest
 from ..units import converted, dimension, fits, split_unit
 from .record import Table
-from .signs import Exact, is_date, is_missing, is_summary, notation, seconds
+from .signs import PLAIN, Exact, is_date, is_missing, is_summary, notation, seconds
 
 _SPELLINGS = {
     "rpm": "U/min",
@@ -151,7 +151,7 @@ def _numeric_columns(rows: list[Row], count: int) -> list[int]:
 
 
 def _is_measurement(cell: str) -> bool:
-    return isinstance(cell, Exact) or notation(cell) is not None or is_date(cell)
+    return bool(isinstance(cell, Exact) or PLAIN(cell) or notation(cell) or is_date(cell))
 
 
 def _first_measurement(rows: list[Row], count: int, numeric: list[int]) -> int:
@@ -239,7 +239,7 @@ def _join_blocks(layout: Layout, above: list[Row], numeric: list[int], place: st
     if not starts:
         for line, row in body[1:] if len(numeric) > 1 else ():
             cells = [row[at] for at in numeric if at < len(row)]
-            if len(cells) == len(numeric) and not any(is_missing(c) or _is_measurement(c) for c in cells):
+            if len(cells) == len(numeric) and not any(_is_measurement(c) or is_missing(c) for c in cells):
                 text = f'line {line} holds names of other columns ("{row[0]}", ...): give a file for each table'
                 layout.faults.append(Fault(place, text))
                 break

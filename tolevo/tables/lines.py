@@ -8,8 +8,9 @@ import csv
 import io
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import pyarrow as pa
@@ -172,6 +173,8 @@ MIN_BULK_CHARACTERS = 300_000
 """Characters of a file that is long."""
 ENDS = 400
 """Lines at each end that the layout comes from."""
+NEAR = 20
+"""Lines above and below repeated names that the layout comes from."""
 _WIDE_SPACES = "\u00a0\u2007\u202f\u3000"
 """Spaces beyond ASCII."""
 _LABEL = r"^[+-]?0[0-9]+$|^[+-]?[0-9]{16,}$"
@@ -191,9 +194,17 @@ class Bulk:
     lines: list[str]
     form: Separator
 
-    def columns(self, first: int, last: int, count: int) -> list[pa.Array] | None:
-        """The cells of the lines `first` to `last`, by column; None where a row is not whole."""
-        text = "\n".join(self.lines[first - 1 : last])
+    def repeated(self, line: int) -> list[int]:
+        """The lines that are the same as a line, from that on."""
+        text = self.lines[line - 1]
+        if self.lines.count(text) == 1:
+            return [line]
+        return [at for at, other in enumerate(self.lines[line - 1 :], line) if other == text]
+
+    def columns(self, lines: Sequence[int], count: int) -> list[pa.Array] | None:
+        """The cells of lines, which are ascending, by column; None where a row is not whole."""
+        pieces = [slice(part[0] - 1, part[-1]) for part in _runs(lines)]
+        text = "\n".join("\n".join(self.lines[piece]) for piece in pieces)
         body = text.encode()
         names = [str(at) for at in range(count)]
         try:
@@ -205,14 +216,34 @@ class Bulk:
             )
         except pa.ArrowInvalid:
             return None
-        if table.num_rows != last - first + 1:
+        if table.num_rows != len(lines):
             return None
         arrays = [column.combine_chunks() for column in table.columns]
         hollow = set(empty_cells(arrays[0]))
         if hollow and hollow.intersection(*map(empty_cells, arrays)):
             return None  # a row of delimiters alone
-        padded = any(space in text for space in (" " + _WIDE_SPACES + "\t").replace(self.form.delimiter, ""))
-        return [pc.utf8_trim_whitespace(array) for array in arrays] if padded else arrays
+        return [pc.utf8_trim_whitespace(array) for array in arrays] if self._is_padded(text, body) else arrays
+
+    def _is_padded(self, text: str, body: bytes) -> bool:
+        """Whether spaces may stand at the ends of cells."""
+        spaces = " " if self.form.delimiter == "\t" else " \t"
+        if '"' in text and any(space in text for space in spaces):
+            return True
+        if not text.isascii() and any(space in text for space in _WIDE_SPACES):
+            return True
+        signs = np.frombuffer(b"\n%b\n" % body, dtype=np.uint8)
+        ends = np.zeros(256, dtype=bool)
+        ends[[ord(end) for end in ("\n", "\r", self.form.delimiter)]] = True
+        at = np.concatenate([np.flatnonzero(signs == ord(space)) for space in spaces])
+        return bool((ends[signs[at - 1]] | ends[signs[at + 1]]).any())
+
+
+def _runs(lines: Sequence[int]) -> Sequence[Sequence[int] | NDArray[np.int64]]:
+    """Ascending numbers of lines, parted where some are left out."""
+    if isinstance(lines, range):
+        return [lines]
+    numbers = np.asarray(lines)
+    return np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
 
 
 def bulk_of(text: str, form: Separator) -> Bulk | None:
@@ -229,13 +260,21 @@ def bulk_of(text: str, form: Separator) -> Bulk | None:
     return Bulk(lines, form) if len(lines) > 3 * ENDS else None
 
 
-def rows_of_ends(bulk: Bulk) -> list[Row]:
-    """The rows of both ends by the number of their line."""
-    ends = [*enumerate(bulk.lines[:ENDS], 1), *enumerate(bulk.lines[-ENDS:], len(bulk.lines) - ENDS + 1)]
-    lines = [(at, line) for at, line in ends if line.strip() and at > bulk.form.skipped]
+def rows_near(bulk: Bulk, heads: Sequence[int] = ()) -> list[Row]:
+    """The rows of both ends, and of what stands near lines of names, by the number of their line."""
+    count = len(bulk.lines)
+    near = {at for head in heads for at in range(max(head - NEAR, 1), min(head + NEAR, count) + 1)}
+    chosen = sorted({*range(1, ENDS + 1), *range(count - ENDS + 1, count + 1)} | near)
+    lines = [(at, line) for at in chosen if (line := bulk.lines[at - 1]).strip() and at > bulk.form.skipped]
     reader = csv.reader((line for _, line in lines), delimiter=bulk.form.delimiter)
     rows = [(at, [*map(str.strip, row)]) for (at, _), row in zip(lines, reader, strict=False)]
     return [row for row in rows if any(row[1])]
+
+
+def probed(cells: pa.Array) -> list[str]:
+    """Cells of a column, evenly spread."""
+    places = np.unique(np.linspace(0, len(cells) - 1, PROBES).astype(int)) if len(cells) else []
+    return [cells[at].as_py() for at in places]
 
 
 def prove_column(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None] | None:
@@ -244,27 +283,35 @@ def prove_column(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None]
     The cells are then numbers or marks of missing values (NaN), with a sign that is decimal in at
     least one of them, or none of the probes is a number.
     """
-    places = np.unique(np.linspace(0, len(cells) - 1, PROBES).astype(int)).tolist()
-    if not (probes := [number for at in places if (number := notation(cells[at].as_py()))]):
+    texts = probed(cells)
+    if not (probes := [number for text in texts if (number := notation(text))]):
         return Evidence(values=len(cells)), None
-    unmarked = pc.if_else(pc.is_in(cells, _MARKS), pa.scalar(None, pa.string()), cells)
-    signed = {sign: pc.match_substring(unmarked, sign) for sign in (".", ",")}
+    unmarked, count, numbers = cells, len(cells), None if any("," in text for text in texts) else _numbers_of(cells)
+    if numbers is None:
+        unmarked = pc.if_else(pc.is_in(cells, _MARKS), pa.scalar(None, pa.string()), cells)
+        count -= unmarked.null_count
+    signed = {sign: pc.match_substring(unmarked, sign) for sign in (".", ",") if numbers is None or sign == "."}
     signs = {sign for sign, matches in signed.items() if pc.any(matches).as_py()}
-    bare = unmarked.filter(pc.invert(pc.or_(*signed.values())))
+    bare = unmarked.filter(pc.invert(pc.or_(*signed.values()) if len(signed) > 1 else signed["."]))
     if len(signs) > 1 or pc.any(pc.match_substring_regex(bare, _LABEL)).as_py():
         return None
-    count = len(unmarked) - unmarked.null_count
     evidence = Evidence(numbers=count, values=count)
     if signs:
         if not _decides(probes) and not _decides(filter(None, map(notation, filter(None, unmarked.to_pylist())))):
             return None  # each can group thousands as well
         evidence.proven |= signs
+    if numbers is None:
+        numbers = _numbers_of(pc.replace_substring(unmarked, ",", ".") if "," in signs else unmarked, count)
+    return None if numbers is None else (evidence, numbers)
+
+
+def _numbers_of(cells: pa.Array, count: int | None = None) -> NDArray[np.float64] | None:
+    """The numbers in cells with decimal points; None where fewer than `count`, or than all, are finite."""
     try:
-        plain = pc.replace_substring(unmarked, ",", ".") if "," in signs else unmarked
-        numbers = plain.cast(pa.float64()).to_numpy(zero_copy_only=False)
+        numbers: NDArray[np.float64] = cells.cast(pa.float64()).to_numpy(zero_copy_only=False)
     except pa.ArrowInvalid:
         return None
-    return (evidence, numbers) if np.isfinite(numbers).sum() == count else None
+    return numbers if np.isfinite(numbers).sum() == (len(cells) if count is None else count) else None
 
 
 def _decides(numbers: Iterable[Notation]) -> bool:
@@ -292,7 +339,7 @@ def rows_of_text(content: bytes, place: str, options: ReadOptions) -> tuple[list
         form = separator(text[:100_000].splitlines(), place, options.separator)
         dialect = Dialect("csv", encoding, form.delimiter, quote=form.quote)
         bulk = bulk_of(text, form)
-        rows = rows_of(text, form, place) if bulk is None else rows_of_ends(bulk)
+        rows = rows_of(text, form, place) if bulk is None else rows_near(bulk)
     last = next((cell for cell in reversed(rows[-1][1]) if cell), "") if rows else ""
     if text.endswith(("\n", "\r")) or not notation(last):
         return rows, dialect, bulk, []
@@ -318,6 +365,8 @@ def _decimals(number: str) -> int:
 _WORDS = re.compile(r"\S+(?: \S+)*")
 """Words with single spaces between them: a heading of a table of fixed width."""
 _WORD = re.compile(r"\S+")
+_NUMBER_IN_LINE = re.compile(r"(?<!\S)(?:[+-]?[\d.,:]*\d\S*|[-.*#?]+)(?!\S)").search
+"""Finds a number, a date or a mark in a line; the title of a block has none."""
 Span = tuple[int, int]
 
 
@@ -339,17 +388,34 @@ def rows_of_fixed_width(text: str) -> list[Row] | None:
     if spans is None or len(spans) < 2:
         return None
     every = [(at, line.rstrip()) for at, line in enumerate(text.split("\n"), 1) if line.strip()]
+    heads, below = every[: first + 1], every[first + 1 :]
+    rows = [(at, [token[0] for token in _WORDS.finditer(line)]) for at, line in heads]
+    rows[-1][1][:0] = [""] * (len(spans) - len(rows[-1][1]))
+    names, titles = rows[-1][1], {at for at, line in below if not _NUMBER_IN_LINE(line)}
+    cells = iter(_cells_between([line for at, line in below if at not in titles], spans))
+    for at, line in below:
+        if at not in titles:
+            rows.append((at, [*next(cells)]))
+        else:
+            rows.append((at, [*names] if line.split() == heads[-1][1].split() else [" ".join(line.split())]))
+    return rows
+
+
+def _cells_between(lines: list[str], spans: list[Span]) -> Iterable[Sequence[str]]:
+    """The cells of each line: cut in the gaps between the stretches where every line is blank there,
+    or else word by word, each to the stretch that is nearest.
+    """
+    cuts = [(end + start) // 2 for (_, end), (start, _) in pairwise(spans)]
+    if all(line[cut : cut + 1] in ("", " ") for cut in cuts for line in lines):
+        pieces = pairwise([0, *cuts, None])
+        return zip(*([" ".join(line[start:end].split()) for line in lines] for start, end in pieces), strict=True)
     rows = []
-    for at, line in every:
-        tokens = list((_WORDS if at <= sample[first][0] else _WORD).finditer(line))
-        if at < sample[first][0]:
-            rows.append((at, [token[0] for token in tokens]))
-            continue
+    for line in lines:
         cells = [""] * len(spans)
-        for order, token in enumerate(tokens):
-            place = order if at == sample[first][0] else _nearest_span(token.span(), spans)
+        for token in _WORD.finditer(line):
+            place = _nearest_span(token.span(), spans)
             cells[place] = f"{cells[place]} {token[0]}".strip()
-        rows.append((at, cells))
+        rows.append(cells)
     return rows
 
 
@@ -370,6 +436,8 @@ def _occupied(lines: list[str]) -> list[Span]:
 
 def _headed_fields(headings: list[Span], fields: list[Span]) -> list[Span] | None:
     """The stretch of each heading: that of the fields below it; None where that is not clear."""
+    if headings and fields and fields[0][1] <= headings[0][0]:
+        headings = [fields[0], *headings]  # a first column without a name
     below: list[list[Span]] = [[] for _ in headings]
     for field in fields:
         below[_nearest_span(field, headings)].append(field)

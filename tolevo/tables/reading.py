@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from ..errors import Fault, InputError, nearest, raise_all, refuse
@@ -22,10 +23,21 @@ from ..files import clear_parts, csv_text, restore_cell, write_bytes, write_text
 from ..section import is_forced
 from ..units import converted, fits, shorten_text
 from .header import Layout, Row, find_layout, names_of, split_header, unit_of_cell
-from .lines import Bulk, prove_column, rows_of, rows_of_text
+from .lines import ENDS, NEAR, Bulk, probed, prove_column, rows_near, rows_of, rows_of_text
 from .record import AQDEF_SUFFIXES, AS_DETECTED, LONG, Columns, Dialect, ReadOptions, Table, empty_cells
 from .shapes import role_of, specifications_of_rows, transposed_rows, wide_of_long
-from .signs import Evidence, Exact, canonical, canonical_number, decide, evidence, is_label, is_missing, numbers_in
+from .signs import (
+    Evidence,
+    Exact,
+    canonical,
+    canonical_number,
+    decide,
+    evidence,
+    is_label,
+    is_missing,
+    notation,
+    numbers_in,
+)
 from .text import content_of
 
 SHOWN = 100
@@ -50,26 +62,38 @@ def assemble_table(
     turned = transposed_rows(rows, options.shape, place)
     layout = find_layout(rows if turned is None else turned, place)
     line = layout.header[0]
-    if bulk is not None and (turned is not None or bulk.lines[line - 1] in bulk.lines[line:]):
+    if bulk is not None and (turned is not None or len(heads := bulk.repeated(line)) * 4 * NEAR > len(bulk.lines)):
         return cell_by_cell()
+    if bulk is not None and len(heads) > 1:
+        rows = rows_near(bulk, heads)
+        layout = find_layout(rows, place)
     layout.notes += notes
     if turned is not None:
         layout.notes.append("read as: a column per part; the number of a row is that of its column")
     header, body = _trim_layout(layout)
-    if layout.blocks and len(set(layout.blocks)) > 1 and "block" not in header:
+    titled = len(set(layout.blocks)) > 1 and "block" not in header
+    if titled:
         header = [*header, "block"]
         body = [(at, [*row, title]) for (at, row), title in zip(body, layout.blocks, strict=True)]
     if dialect.kind == "csv" and dialect.delimiter != " ":
         body = _fill_short_rows(header, body, layout)
     faults = [*layout.faults, *_form_faults(header, body, place)]
     whole = [row for row in body if len(row[1]) == len(header)] if faults else body
-    lines = [at for at, _ in whole]
+    lines: Sequence[int] = [at for at, _ in whole]
     columns: list[Any] = [list(cells) for cells in zip(*(row for _, row in whole), strict=True)]
     if bulk is not None:
-        arrays = None if faults else bulk.columns(lines[0], lines[-1], len(header))
+        known, lines = lines, range(lines[0], lines[-1] + 1)
+        if layout.blocks:
+            seen = {at for at, _ in rows}.difference(known)
+            lines = [at for at in lines if at not in seen and bulk.lines[at - 1].strip()]
+        arrays = None if faults else bulk.columns(lines, len(header) - titled)
         if arrays is None:
             return cell_by_cell()
-        columns, lines = arrays, list(range(lines[0], lines[-1] + 1))
+        if titled:
+            arrays.append(pa.array(columns[-1]).take(np.searchsorted(known, lines, "right") - 1))
+        columns = arrays
+    elif dialect.kind != "xlsx" and len(lines) > 3 * ENDS:  # cells of a workbook are exact
+        columns = [pa.array(cells, pa.string()) for cells in columns]
     names, units = names_of(header), _units(layout, header)
     headers = {names[name]: name for name in header}
     cells_of: dict[str, Any] = {}
@@ -154,6 +178,9 @@ def _fill_short_rows(header: list[str], body: list[Row], layout: Layout) -> list
     count = len(header)
     whole = [row for _, row in body if len(row) == count]
     short = [(at, row) for at, row in body if 1 < len(row) < count]
+    if not whole and len({len(row) for _, row in body}) == 1 and _are_measured(header, body[0][1]):
+        layout.notes.append(f"no row has the last {count - len(body[0][1])} cells: empty")
+        return [(at, row + [""] * (count - len(row))) for at, row in body]
     if not short or len(whole) < 2 or any(not row[-1] for row in whole) or short[-1][0] == body[-1][0]:
         return body
     columns = list(zip(*whole, strict=True))
@@ -167,6 +194,13 @@ def _fill_short_rows(header: list[str], body: list[Row], layout: Layout) -> list
                 return body
     layout.notes.append(f"{len(short)} short rows have no cells at their end: empty (the first is row {short[0][0]})")
     return [(at, row + [""] * (count - len(row)) if 1 < len(row) < count else row) for at, row in body]
+
+
+def _are_measured(header: list[str], row: list[str]) -> bool:
+    """Whether a row that is shorter than the names has numbers where measurements and nominal sizes are named."""
+    cells = {role_of(name): cell for name, cell in zip(header, row, strict=False)}
+    numbers = [cells[role] for role in ("value", "nominal") if role in cells]
+    return len(row) < len(header) and "characteristic" in cells and len(numbers) == 2 and all(map(notation, numbers))
 
 
 def _range(cells: Sequence[str]) -> tuple[float, float] | None:
@@ -183,13 +217,14 @@ _PERCENT = re.compile(r"[+\-−]?[\d.,]+ ?%")
 
 def _strip_percent_signs(cells_of: dict[str, Any]) -> list[str]:
     """Take percent signs off the numbers of columns; the names of those that had them."""
-    named = [
-        name
-        for name, cells in cells_of.items()
-        if isinstance(cells, list)
-        and any("%" in cell for cell in cells)
-        and all(is_missing(cell) or _PERCENT.fullmatch(cell) for cell in cells)
-    ]
+    named = []
+    for name, cells in cells_of.items():
+        if isinstance(cells, list):
+            holds = any("%" in cell for cell in cells)
+        elif holds := any("%" in cell for cell in probed(cells)):
+            cells_of[name] = cells.to_pylist()
+        if holds and all(is_missing(cell) or _PERCENT.fullmatch(cell) for cell in cells_of[name]):
+            named.append(name)
     cells_of |= {name: [cell.rstrip("% ") for cell in cells_of[name]] for name in named}
     return named
 

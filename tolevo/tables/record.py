@@ -15,8 +15,8 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from ..errors import Fault
-from ..files import restore_cells
-from .signs import integers_if_whole, typed_column
+from ..files import restore_cell, restore_cells
+from .signs import integers_if_whole, numbers_in, typed_column
 
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "\\t": "\t", "pipe": "|", "bar": "|", "space": " "}
 """Words for a delimiter, as a command line is typed."""
@@ -112,6 +112,24 @@ class Columns:
 
     def __len__(self) -> int:
         return len(self.lines)
+
+    def factorised(self, name: str) -> tuple[NDArray[np.int64], list[str]]:
+        """The text of each row by its place among the different ones, in the order in which they come."""
+        cells = self.cells[name]
+        codes: NDArray[np.int64]
+        if isinstance(cells, list | np.ndarray):
+            places, different = pd.factorize(objects_of(cells).astype(str))
+            codes, texts = places.astype(np.int64), different.tolist()
+        else:
+            encoded = cells.dictionary_encode()
+            codes, texts = encoded.indices.to_numpy().astype(np.int64), encoded.dictionary.to_pylist()
+        plain = [str(restore_cell(text)).strip() for text in texts]
+        at = {text: place for place, text in enumerate(dict.fromkeys(plain))}
+        return codes if len(at) == len(plain) else np.array([at[text] for text in plain])[codes], list(at)
+
+    def numbers(self, name: str, values: Mapping[str, NDArray[Any]]) -> NDArray[np.float64]:
+        """The numbers of a column, NaN where a cell is none."""
+        return values[name] if name in values else numbers_in(objects_of(self.cells[name]))
 
     def frame(self, values: Mapping[str, NDArray[Any]]) -> pd.DataFrame:
         """Cells with numbers in plain notation; `values` are the numbers of columns that have

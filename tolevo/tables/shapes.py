@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from ..errors import Fault, raise_all
 from .header import Row, is_same_unit, known_unit, split_header
@@ -19,14 +20,16 @@ from .signs import LIMITS, is_missing, is_summary
 
 _WORDS = {
     "characteristic": "id feature featurename characteristic characteristicname dimension dim dimensionname merkmal "
-    "merkmalname merkmalsname merkmalsbezeichnung bezeichnung name element elementname prüfmerkmal messgröße label",
-    "property": "property axis ax achse eigenschaft",
-    "value": "actual ist istwert istmaß istmass measured meas messwert value wert measuredvalue actualvalue "
-    "measurement",
+    "merkmalname merkmalsname merkmalsbezeichnung bezeichnung name element elementname prüfmerkmal messgröße label "
+    "charid 特性 特征 特性名称 尺寸 项目 測定項目",
+    "property": "property axis ax achse eigenschaft item",
+    "value": "actual act ist istwert istmaß istmass measured meas messwert value wert measuredvalue actualvalue "
+    "measurement 测量值 实测值 实际值 測定値 実測値",
     **LIMITS,
     "deviation": "deviation dev abw abweichung",
     "part": "part partnb partno partnumber partid teil teilnr teilenr teilnummer teilenummer serial serialnumber "
-    "serialno sn serialnr seriennr seriennummer werkstück werkstücknr piece sample stück stücknr bauteil probe",
+    "serialno sn serialnr seriennr seriennummer werkstück werkstücknr piece sample stück stücknr bauteil probe "
+    "零件 工件",
     "unit": "unit units einheit einheiten",
 }
 """What columns and rows of measuring machines are called, by what they are, without blanks and points."""
@@ -41,6 +44,7 @@ _GROUP_WORDS = {
 }
 _GROUPS = {word.casefold(): kind for kind, words in _GROUP_WORDS.items() for word in words.split()}
 ROLES = {word.casefold(): role for role, words in _WORDS.items() for word in words.split()}
+ROLES |= {"upper": "upper", "hi": "upper", "lower": "lower", "lo": "lower"}  # parts can be called so, columns not
 SPECIFIED = tuple(LIMITS)
 _NUMBERED = re.compile(r"(?P<stem>.*?)[ _#.\-]*(?P<number>\d+)")
 MAGNITUDE = "-"
@@ -103,6 +107,8 @@ def _heads_parts(row: list[str]) -> bool:
 
 _Long: TypeAlias = dict[str, str]
 """The columns of a long table by what they are."""
+_Names: TypeAlias = tuple[NDArray[np.int64], list[str]]
+"""The characteristic of each row by its place in the list of them."""
 
 
 def long_columns(table: Table) -> _Long | None:
@@ -127,7 +133,9 @@ def is_long(table: Table, long: _Long) -> bool:
         return False
     if "upper" in long or "usl" in long:
         return True
-    return "nominal" in long and bool(table.cells[long["characteristic"]].duplicated().any())
+    if {"nominal", "deviation"} <= set(long):
+        return True
+    return "nominal" in long and len(table.columns.factorised(long["characteristic"])[1]) < len(table.columns)
 
 
 def wide_of_long(table: Table, place: str, shape: str | None) -> tuple[Table, list[Fault]]:
@@ -139,115 +147,186 @@ def wide_of_long(table: Table, place: str, shape: str | None) -> tuple[Table, li
     long = long_columns(table) if shape in (None, LONG) else None
     if long is None or (shape is None and not is_long(table, long)):
         needed = "a column of characteristics (feature, Merkmal) and one of values (actual, Istwert)"
-        wrong = [] if shape != LONG else [Fault("shape", f"{place} is no long table: it needs {needed}")]
-        return table, wrong
-    cells = table.cells
-    names = cells[long["characteristic"]].astype(str).str.strip()
+        if shape == LONG:
+            return table, [Fault("shape", f"{place} is no long table: it needs {needed}")]
+        return _with_unit_column(table, place)
+    columns = table.columns
+    names = columns.factorised(long["characteristic"])
     if "property" in long:
-        names = names + " " + cells[long["property"]].astype(str).str.strip()
-    part = cells[long["part"]].astype(str) if "part" in long else pd.Series("", index=cells.index)
-    block = cells["block"].astype(str) if "block" in cells else pd.Series("", index=cells.index)
+        of_property = columns.factorised(long["property"])
+        codes, first = _numbered(names[0] * len(of_property[1]) + of_property[0])
+        names = codes, [f"{names[1][names[0][at]]} {of_property[1][of_property[0][at]]}" for at in first]
+    if "block" in columns.cells and "part" not in long and "nominal" in long:
+        names = _of_blocks(names, columns.factorised("block"), columns.numbers(long["nominal"], table.values))
+    part = columns.factorised(long["part"]) if "part" in long else (np.zeros(len(columns), dtype=np.int64), [""])
+    counts = np.bincount(names[0])
     faults: list[Fault] = []
     if "part" not in long:
-        counts = names.value_counts()
-        if "block" in cells and not pd.DataFrame({"n": names, "b": block}).duplicated().any():
+        block = columns.factorised("block") if "block" in columns.cells else part
+        if block is not part and not _turns(names[0], block[0]).any():
             part = block
         elif counts.min() < counts.max():
-            few, many = counts.idxmin(), counts.idxmax()
+            few, many = names[1][counts.argmin()], names[1][counts.argmax()]
             text = f"{few} has {counts.min()} values, {many} {counts.max()}, and no column names their parts"
             faults.append(Fault(place, f"{text}: add a column part"))
-    keys = pd.DataFrame({"part": part, "name": names})
-    keys["turn"] = keys.groupby(["part", "name"], sort=False).cumcount()
-    row_of = keys.groupby(["part", "turn"], sort=False).ngroup().to_numpy()
-    column_of, labels = pd.factorize(names)
-    first = np.unique(row_of, return_index=True)[1]
-    held = np.full((len(labels), len(first)), "", dtype=object)
-    held[column_of, row_of] = cells[long["value"]].to_numpy(dtype=object)
-    numbers = np.full(held.shape, np.nan)
-    numbers[column_of, row_of] = pd.to_numeric(cells[long["value"]], errors="coerce")
-    columns: dict[str, Any] = {long["part"]: part.iloc[first].tolist()} if "part" in long else {}
-    others = {str(n): cells[n].astype(str).to_numpy() for n in cells.columns if n not in long.values()}
-    of_parts = {name: texts[first] for name, texts in others.items() if (texts == texts[first][row_of]).all()}
-    columns |= {name: texts.tolist() for name, texts in of_parts.items()}
-    unused = [name for name in others if name not in of_parts]
-    columns |= {str(label): row.tolist() for label, row in zip(labels, held, strict=True)}
+    turns = _turns(names[0], part[0])
+    row_of, first = _numbered(part[0] * (turns.max() + 1) + turns)
+    numbers = np.full((len(names[1]), len(first)), np.nan)
+    numbers[names[0], row_of] = columns.numbers(long["value"], table.values)
+    whole = ~np.isnan(numbers).any(axis=1)
+    held: NDArray[Any] = numbers
+    if long["value"] not in table.values or not whole.all():
+        held = np.full(numbers.shape, "", dtype=object)
+        held[names[0], row_of] = table.cells[long["value"]].to_numpy(dtype=object)
+    wide: dict[str, Any] = {}
+    unused = []
+    if "part" in long:
+        wide[long["part"]] = [part[1][code] for code in part[0][first]]
+    for name in columns.names:
+        if name in long.values():
+            continue
+        codes, texts = columns.factorised(name)
+        if (codes == codes[first][row_of]).all():
+            wide[name] = [texts[code] for code in codes[first]]
+        else:
+            unused.append(name)
+    wide |= {label: row if held is numbers else row.tolist() for label, row in zip(names[1], held, strict=True)}
     units, of_units = _units_of(table, long, names, place)
     specifications, of_limits = _specifications(table, long, names, units, place)
-    lines = np.asarray(table.columns.lines)[first].tolist()
-    values = {str(n): row for n, row in zip(labels, numbers, strict=True) if not np.isnan(row).any()}
     notes = [*table.notes, "read as: a row per characteristic"]
     notes += [f"not used: {', '.join(unused)}"] if unused else []
-    if "part" not in long and part is not block:
+    if "part" not in long and len(part[1]) == 1:
         notes.append("no column names the parts: the k-th value of each characteristic is of the k-th part")
-    wide = replace(
+    turned = replace(
         table,
-        columns=Columns(columns, lines),
+        columns=Columns(wide, [columns.lines[at] for at in first]),
         units=units,
         notes=tuple(notes),
-        numeric=tuple(map(str, labels)),
-        headers={name: name for name in columns},
-        values=values,
+        numeric=tuple(names[1]),
+        headers={name: name for name in wide},
+        values={name: row for name, row, good in zip(names[1], numbers, whole, strict=True) if good},
         specifications=specifications,
     )
-    return wide, faults + of_units + of_limits
+    return turned, faults + of_units + of_limits
 
 
-def _units_of(table: Table, long: _Long, names: pd.Series[Any], place: str) -> tuple[dict[str, str], list[Fault]]:
+def _of_blocks(names: _Names, block: _Names, nominal: NDArray[np.float64]) -> _Names:
+    """The characteristics with the titles of their blocks, where these are of features: where one name
+    has other nominal sizes in other blocks.
+    """
+    codes, first = _numbered(names[0] * len(block[1]) + block[0])
+    sizes = pd.Series(nominal)
+    one, one_each = ((sizes.groupby(keys).transform("first") == sizes).all() for keys in (names[0], codes))
+    if one or not one_each:
+        return names
+    return codes, [f"{block[1][block[0][at]]} {names[1][names[0][at]]}" for at in first]
+
+
+def _with_unit_column(table: Table, place: str) -> tuple[Table, list[Fault]]:
+    """A wide table with the unit that a column of units states of its only column of measurements."""
+    names = table.columns.names
+    column = next((name for name in names if role_of(name) == "unit" and name not in table.numeric), None)
+    stated = {} if column is None else {text: known_unit(text) for text in table.columns.factorised(column)[1] if text}
+    if not stated or None in stated.values():
+        return table, []
+    measured = [n for n in table.numeric if role_of(n) in ("", "value") and not group_of(n)]
+    units = set(map(str, stated.values()))
+    if len(measured) != 1:
+        return replace(table, notes=(*table.notes, f"the units in column {column} are not used")), []
+    of_name = table.units.get(measured[0], "")
+    if len(units) > 1 or (of_name and not is_same_unit(of_name, min(units))):
+        listed = " and ".join([*([of_name] if of_name else []), *stated])
+        return table, [Fault(f"{place}: {measured[0]}", f"has several units: {listed}")]
+    return replace(table, units={measured[0]: min(units)} | dict(table.units)), []
+
+
+def _numbered(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The places of keys among the different ones, in the order in which they come, and where each
+    comes first.
+    """
+    places, different = pd.factorize(keys)
+    codes = places.astype(np.int64)
+    first = np.empty(len(different), dtype=np.int64)
+    first[codes[::-1]] = np.arange(len(keys))[::-1]
+    return codes, first
+
+
+def _turns(names: NDArray[np.int64], parts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """How many times the characteristic of each row came before for the same part."""
+    pairs, first = _numbered(parts * (names.max() + 1) + names)
+    if len(first) == len(pairs):
+        return np.zeros(len(pairs), dtype=np.int64)
+    return pd.Series(pairs).groupby(pairs).cumcount().to_numpy()
+
+
+def _units_of(table: Table, long: _Long, names: _Names, place: str) -> tuple[dict[str, str], list[Fault]]:
     """The unit of each characteristic, from a column of units or the heading of the values."""
     of_values = table.units.get(long["value"], "")
     if "unit" not in long:
-        return ({str(name): of_values for name in names.unique()} if of_values else {}), []
+        return (dict.fromkeys(names[1], of_values) if of_values else {}), []
+    codes, texts = table.columns.factorised(long["unit"])
+    stated: dict[str, list[str]] = {name: [] for name in names[1]}
+    for at in _numbered(names[0] * len(texts) + codes)[1]:
+        if not is_missing(unit := texts[codes[at]]):
+            stated[names[1][names[0][at]]].append(unit)
     units, faults = {}, []
-    for name, cells in table.cells[long["unit"]].groupby(names, sort=False):
-        stated = [unit for unit in dict.fromkeys(cells.astype(str)) if not is_missing(unit)]
-        known = {known_unit(unit) for unit in stated} - {None}
+    for name, spelt in stated.items():
+        known = {known_unit(unit) for unit in spelt} - {None}
         if len(known) > 1 or (of_values and known and known != {of_values}):
-            listed = " and ".join([*([of_values] if of_values else []), *stated])
+            listed = " and ".join([*([of_values] if of_values else []), *spelt])
             faults.append(Fault(f"{place}: {name}", f"has several units: {listed}"))
         elif known:
-            units[str(name)] = str(known.pop())
+            units[name] = str(known.pop())
     return units, faults
 
 
 def _specifications(
-    table: Table, long: _Long, names: pd.Series[Any], units: Mapping[str, str], place: str
+    table: Table, long: _Long, names: _Names, units: Mapping[str, str], place: str
 ) -> tuple[dict[str, Specification], list[Fault]]:
     """Nominal size and limits of each characteristic; one that has two of them is a fault."""
-    roles = [role for role in SPECIFIED if role in long]
-    numbers = {role: pd.to_numeric(table.cells[long[role]], errors="coerce") for role in roles}
+    numbers = {role: table.columns.numbers(long[role], table.values) for role in SPECIFIED if role in long}
     faults = _wrong_deviations(table, long, numbers, place)
     stated: dict[str, dict[str, float]] = {}
-    for role in roles:
-        for name, (low, high) in numbers[role].groupby(names, sort=False).agg(["min", "max"]).iterrows():
+    doubted: set[str] = set()
+    first = _numbered(names[0])[1]
+    for role, column in numbers.items():
+        lows = highs = column[first]
+        if not (column == lows[names[0]]).all():
+            ends = pd.Series(column).groupby(names[0]).agg(["min", "max"])
+            lows, highs = ends["min"].to_numpy(), ends["max"].to_numpy()
+        for name, low, high in zip(names[1], lows.tolist(), highs.tolist(), strict=True):
             if low != high and not np.isnan(low):
+                doubted |= {name} if role == "nominal" else set()
                 what = {"nominal": "nominal sizes", "lower": "lower limits", "lsl": "lower limits"}.get(role)
                 text = f"has two {what or 'upper limits'}: {low:.10g} and {high:.10g}"
                 text += "; give a file for each, or state --shape wide"
                 faults.append(Fault(f"{place}: {name}", text))
             elif not np.isnan(low):
-                stated.setdefault(str(name), {})[role] = float(low)
+                stated.setdefault(name, {})[role] = low
+    for name in doubted & set(stated):  # its tolerances are of either nominal size
+        stated[name] = {role: limit for role, limit in stated[name].items() if role in ("usl", "lsl")}
     for name in stated:
         own = units.get(name, "")
-        for column in (long[role] for role in stated[name]):
-            if own and (unit := table.units.get(column, "")) and not is_same_unit(unit, own):
-                faults.append(Fault(f"{place}: column {column}", f'is in "{unit}", {name} in "{own}"'))
+        for column_name in (long[role] for role in stated[name]):
+            if own and (unit := table.units.get(column_name, "")) and not is_same_unit(unit, own):
+                faults.append(Fault(f"{place}: column {column_name}", f'is in "{unit}", {name} in "{own}"'))
     lower = long.get("lower", "")
-    plus = bool(lower) and any(str(cell).startswith("+") for cell in table.cells[lower].unique())
+    plus = bool(lower) and any(text.startswith("+") for text in table.columns.factorised(lower)[1])
     specifications, wrong = _of_stated(stated, table.headers.get(lower, lower), plus, place)
     return specifications, faults + wrong
 
 
-def _wrong_deviations(table: Table, long: _Long, numbers: Mapping[str, pd.Series[Any]], place: str) -> list[Fault]:
+def _wrong_deviations(table: Table, long: _Long, numbers: Mapping[str, NDArray[Any]], place: str) -> list[Fault]:
     """A fault where deviations in the file are not values less nominal sizes: columns are misread."""
     if not {"nominal", "deviation"} <= set(long):
         return []
-    value, deviation = (pd.to_numeric(table.cells[long[role]], errors="coerce") for role in ("value", "deviation"))
-    off = (value - numbers["nominal"] - deviation).abs()
-    wrong = off > 1e-3 * numbers["nominal"].abs() + 2e-3 * deviation.abs() + 1e-3
+    value, deviation = (table.columns.numbers(long[role], table.values) for role in ("value", "deviation"))
+    nominal = numbers["nominal"]
+    wrong = np.abs(value - nominal - deviation) > 1e-3 * np.abs(nominal) + 2e-3 * np.abs(deviation) + 1e-3
     if not wrong.any():
         return []
-    at = wrong.idxmax()
-    text = f"{wrong.sum()} deviations are not {long['value']} less {long['nominal']}: the first in row {at}"
+    row = table.columns.lines[int(wrong.argmax())]
+    text = f"{wrong.sum()} deviations are not {long['value']} less {long['nominal']}: the first in row {row}"
     return [Fault(place, text)]
 
 
@@ -263,6 +342,8 @@ def _of_stated(
     below = any(lower < 0.0 for lower, _ in lowers)
     magnitudes = heading.startswith(MAGNITUDE)
     doubt = magnitudes and below
+    if doubt and any(lower < 0.0 and -lower >= upper for lower, upper in lowers):
+        doubt = magnitudes = False  # without their signs, the lower limits of some would be above the upper ones
     if not (magnitudes or below or plus) and any(lower > 0.0 for lower, _ in lowers):
         # As signs, the limits of one would be the wrong way round.
         magnitudes = any(0.0 < lower >= upper for lower, upper in lowers)

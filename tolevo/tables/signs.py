@@ -36,13 +36,16 @@ _DATE = re.compile(
     re.IGNORECASE,
 )
 LIMITS = {
-    "nominal": "nominal nom nominalvalue soll sollwert sollmaß sollmass nennmaß nennmass nennwert target theo",
+    "nominal": "nominal nom nominalvalue soll sollwert sollmaß sollmass nennmaß nennmass nennwert target theo "
+    "nominale 名义值 标准值 理论值 設計値 基準値",
     "upper": "uppertol uppertolerance upperdeviation tol+ +tol tolerance+ ot oberetoleranz obtol oberesabmaß "
-    "obereabweichung plustol otol",
+    "obereabweichung plustol otol tolplus tolsup 上公差",
     "lower": "lowertol lowertolerance lowerdeviation tol- -tol tolerance- ut unteretoleranz untol unteresabmaß "
-    "untereabweichung minustol utol",
-    "usl": "usl upperlimit upperspec upperspecificationlimit og ogw otg obergrenze oberergrenzwert obereregrenze",
-    "lsl": "lsl lowerlimit lowerspec lowerspecificationlimit ug ugw utg untergrenze unterergrenzwert untereregrenze",
+    "untereabweichung minustol utol tolminus tolinf 下公差",
+    "usl": "usl upperlimit upperspec upperspecificationlimit og ogw otg obergrenze oberergrenzwert obereregrenze "
+    "上限 规格上限",
+    "lsl": "lsl lowerlimit lowerspec lowerspecificationlimit ug ugw utg untergrenze unterergrenzwert untereregrenze "
+    "下限 规格下限",
 }
 """What nominal sizes, tolerances and limits are called, without blanks and points."""
 SUMMARY = frozenset(
@@ -54,6 +57,10 @@ SUMMARY = frozenset(
     "statistik endofreport endofdata s r".split()
 ) | {word.casefold() for words in LIMITS.values() for word in words.split()}
 """Names of rows at the top or the bottom of a table that are not measurements, in lower case."""
+
+
+PLAIN = re.compile(r"[+-]?\d+(?:[.,]\d*)?").fullmatch
+"""Matches what is a number at a glance, as most cells of long tables are."""
 
 
 def is_missing(cell: str) -> bool:
@@ -68,6 +75,8 @@ def is_date(cell: str) -> bool:
 
 def is_summary(cell: str) -> bool:
     """Whether a cell names a row that is not a measurement: a mean, a limit, the end."""
+    if PLAIN(cell):
+        return False
     word = re.sub(r"[\s._/]", "", cell.casefold())
     return word.rstrip(":") in SUMMARY or (":" in word and word.partition(":")[0] in SUMMARY)
 

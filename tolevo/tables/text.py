@@ -52,7 +52,7 @@ def content_of(path: Path, place: str, empty: str = "is empty") -> bytes:
         content = files.content(path)
     except ValueError as error:
         raise refuse(place, str(error)) from None
-    if not content.strip():
+    if not content or content.isspace():
         raise refuse(place, empty)
     return content
 
@@ -88,7 +88,7 @@ def _utf_without_mark(content: bytes) -> str | None:
     """UTF-8, or UTF-16 without a mark: its digits and delimiters have a zero byte on one side."""
     if b"\0" in content:
         even, odd = content[::2].count(0), content[1::2].count(0)
-        if len(content) % 2 == 0 and (even == 0) != (odd == 0):
+        if len(content) % 2 == 0 and (even == 0) != (odd == 0) and 4 * (even + odd) > len(content):
             return "utf-16-le" if odd else "utf-16-be"
         return "utf-8"  # its zero bytes are reported
     try:

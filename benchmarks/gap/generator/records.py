@@ -86,6 +86,8 @@ class Task:
     snr: tuple[float, float] = (0.2, 3.0)
     only: tuple[str, ...] = ()
     composed: bool = False
+    rows: tuple[int, ...] = ()
+    """Of one machine's record so many rows each, in records that follow each other."""
 
 
 QUIET = ("white", "autocorrelated", "outliers", "quantised")
@@ -119,6 +121,9 @@ GROUPS: dict[str, Task] = {
     "uneven good": Task(BENCH, noises=("heteroscedastic",)),
     "late good": Task(("late",), n=(300, 2400), snr=(0.5, 3.0)),
     "approximate": Task(("bench", "friction"), noises=QUIET, n=(300, 2400), snr=(10.0, 100.0)),
+    "rows": Task(
+        ("rotating",), noises=("white", "outliers"), n=(16_000, 16_000), snr=(0.5, 5.0), rows=(250, 2000, 16_000)
+    ),
 }
 BENCH_GROUPS = tuple(name for name in GROUPS if " " not in name)
 """The groups that need no model: `model = "table"`."""
@@ -138,8 +143,9 @@ def record(group: str, number: int, simulators: Mapping[str, Simulator] = NO_SIM
 
     Raises KeyError where its kind has no simulation of its own and none is handed in.
     """
-    rng = np.random.default_rng([list(GROUPS).index(group), number])
     task = GROUPS[group]
+    machine, part = divmod(number, len(task.rows) or 1)
+    rng = np.random.default_rng([list(GROUPS).index(group), machine])
     name = task.kinds[rng.integers(len(task.kinds))]
     kind = KINDS[name]
     n, snr = _size(rng, task, len(kind.outputs))
@@ -166,8 +172,19 @@ def record(group: str, number: int, simulators: Mapping[str, Simulator] = NO_SIM
     outside = task.outside or (parts is not None and parts.outside)
     truth = Truth(group, name, number, at, hidden, outside, poor, law, sigma, float(size),
                   kind.free(n), turned)  # fmt: skip
+    if task.rows:
+        truth, table = _part_of(np.random.default_rng([machine, part]), truth, table, task.rows[part])
     blind = f"r{rng.integers(10**9):09d}"
     return Record(blind, configuration(kind, number, at), table), truth
+
+
+def _part_of(rng: np.random.Generator, truth: Truth, table: pd.DataFrame, count: int) -> tuple[Truth, pd.DataFrame]:
+    """So many rows of a record with one output, at random, in their order."""
+    rows = np.sort(rng.choice(len(table), count, replace=False))
+    whole = {name: value for name, value in vars(truth.points).items() if isinstance(value, np.ndarray)}
+    points = replace(truth.points, **{name: value[rows] for name, value in whole.items()})
+    hidden = tuple(replace(one, added=one.added[rows]) for one in truth.hidden)
+    return replace(truth, points=points, hidden=hidden, free=truth.free[rows]), table.iloc[rows]
 
 
 def in_sessions(rng: np.random.Generator, table: pd.DataFrame) -> pd.DataFrame:

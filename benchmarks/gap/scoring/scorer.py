@@ -236,6 +236,7 @@ def figures(records: Sequence[Scored]) -> list[Figure]:
         *of_other_gears(records),
         *once_outside(records),
         *of_approximate(records),
+        *of_rows(records),
     ]  # fmt: skip
 
 
@@ -273,6 +274,16 @@ def of_approximate(records: Sequence[Scored]) -> list[Figure]:
               False),
         share("form off: a wrong name", [bool({*one.said.names} - one.allowed) for one in of], 0.03, 0.01, True),
     ]  # fmt: skip
+
+
+def of_rows(records: Sequence[Scored]) -> list[Figure]:
+    """What fewer rows of a machine were given: more of them contradict no name, and take none back."""
+    of = {one.truth.number: one for one in records if one.truth.group == "rows"}
+    pairs = [
+        (of[at], of[at + 1]) for at in of if at + 1 in of and len(of[at].truth.points) < len(of[at + 1].truth.points)
+    ]
+    held = [{*less.said.names} <= more.said.reported for less, more in pairs]
+    return [share("more rows of a machine agree or refine", held, 1.0, 1.0, False)] if of else []
 
 
 def near(one: Scored) -> list[bool]:

@@ -304,25 +304,31 @@ class Statistic:
 
 def quantile(values: Array, involute: Involute, coverage: float) -> Statistic:
     """One-sided quantile at `coverage` of phi_1 + Y, `values` (n,) of Y [arcmin]."""
-    low, high = involute.ends()
-    low, high = low + float(values.min()), high + float(values.max())
-    at = float(np.quantile(values, coverage)) + involute.mean
+    count, (least, most) = len(values), involute.ends()
+    enough = min(int(np.ceil(coverage * count)), count) - 1  # below the sum of its Y and the least phi_1 are too few
+    middle = float(np.partition(values, enough)[enough])
+    low, high = middle + least, float(values.max()) + most
+    open_units = values > low - most  # all others lie within any candidate
+    undecided, within = values[open_units], count - int(np.count_nonzero(open_units))
+    at = middle + involute.mean
     for _ in range(200):
-        fraction = float(np.mean(involute.cdf(at - values)))
+        below = involute.cdf(at - undecided)
+        fraction = (within + float(below.sum())) / count
         low, high = (at, high) if fraction < coverage else (low, at)
-        slope = float(np.mean(involute.density(at - values)))
+        slope = float(involute.density(at - undecided).sum()) / count
         ahead = at - (fraction - coverage) / slope if slope > 0.0 else low
         ahead = ahead if low < ahead < high else 0.5 * (low + high)
         if abs(ahead - at) <= 1e-12 * max(1.0, abs(at)):
             break
         at = ahead
-    density = involute.density(at - values)
+    density = involute.density(at - undecided)
     total = max(float(density.sum()), 1e-300)
-    weight = density / total
-    spread = float(np.std(involute.cdf(at - values)))
-    return Statistic(
-        at, weight, float(np.sum(weight * (at - values))), spread / (total / len(values)) / np.sqrt(len(values))
-    )
+    weight = np.zeros(count)
+    weight[open_units] = density / total
+    below = involute.cdf(at - undecided)
+    variance = (np.sum((below - coverage) ** 2) + within * (1.0 - coverage) ** 2) / count
+    error = float(np.sqrt(variance)) / (total / count) / np.sqrt(count)
+    return Statistic(at, weight, float(np.sum(weight * (at - values))), error)
 
 
 def mean(values: Array, involute: Involute) -> Statistic:
@@ -514,13 +520,15 @@ class Profile:
     """Distance from the curve [m], normal's radial and tangential part, and lever arm [m].
 
     `phase` [rad] (contacts,) are magnitudes of phases, `coefficients` (nodes, 4, contacts) those
-    of Chebyshev polynomials over the `shifts` [m], for the equidistance modification 0.
+    of Chebyshev polynomials over the `shifts` [m], for the equidistance modification 0, and
+    `derivative` of the same shape those of their derivatives by the shift [1/m].
     """
 
     geometry: ContactGeometry
     phase: Array
     shifts: tuple[float, float]
     coefficients: Array
+    derivative: Array
 
     @classmethod
     def of(cls, geometry: ContactGeometry, phase: Array, shifts: tuple[float, float] = RANGE) -> Profile:
@@ -531,7 +539,9 @@ class Profile:
         basis = chebyshev.chebvander(_nodes(count), count - 1)
         coefficients = np.linalg.solve(basis, values.T.reshape(count, 4 * len(phase)))
         wide = np.asarray(coefficients.reshape(count, 4, len(phase)), dtype=np.float64)
-        return cls(geometry, phase, shifts, wide)
+        derivative = np.zeros_like(wide)
+        derivative[:-1] = chebyshev.chebder(wide) * (2.0 / (shifts[1] - shifts[0]))
+        return cls(geometry, phase, shifts, wide, derivative)
 
     def at(self, shift: float) -> tuple[Array, Array]:
         """Values and derivatives by the shift [1/m], each (4, contacts)."""
@@ -539,11 +549,8 @@ class Profile:
         if not low <= shift <= high:
             half = 0.5 * (high - low)
             return Profile.of(self.geometry, self.phase, (shift - half, shift + half)).at(shift)
-        x = (2.0 * shift - low - high) / (high - low)
-        identity = np.eye(len(self.coefficients))
-        basis = np.stack([chebyshev.chebval(x, identity), chebyshev.chebval(x, chebyshev.chebder(identity))])
-        basis[1] *= 2.0 / (high - low)
-        values, slopes = np.einsum("sk,kic->sic", basis, self.coefficients)
+        basis = chebyshev.chebvander((2.0 * shift - low - high) / (high - low), len(self.coefficients) - 1)[0]
+        values, slopes = (np.einsum("k,kic->ic", basis, series) for series in (self.coefficients, self.derivative))
         return values, slopes
 
 

@@ -14,7 +14,7 @@ from tolevo.algorithms.exact.epsilon import (
     BEATEN,
     END,
     RATIO,
-    _best_branch_point,
+    _best_branch_points,
     _improve_nonconvex_points,
     _promising_integer_sets,
     _solve_coarse_levels,
@@ -108,7 +108,8 @@ def test_of_two_sets_each_level_has_the_value_of_both() -> None:
     for level, values in levels.items():
         known = 1.0 / level if level >= 0.4 else np.inf
         assert values == pytest.approx([known, 1.5 / level])
-        best, at = _best_branch_point([one, other], level)
+        (best, at), *others = _best_branch_points([one, other], level)
+        assert not others  # the next one is far dearer
         assert best is (one if level >= 0.4 else other)
         assert best.f[at][1] == pytest.approx(level) or best.f[at][0] == pytest.approx(min(values))
 

@@ -30,6 +30,20 @@ def test_notation(kind: Kind, nominal: float | None, mid: float, t: float, grade
     assert notation(variable, nominal, mid, t, grade) == text
 
 
+@pytest.mark.parametrize(
+    ("unit", "kind", "nominal", "t", "shape", "text"),
+    [
+        ("mm", Kind.HALF_WIDTH, 25.0, 0.0065, "diameter", "⌀25 ±0.0065 mm"),
+        ("mm", Kind.HALF_WIDTH, 12.5, 0.0065, "radius", "R12.5 ±0.0065 mm (⌀25 ±0.013 mm)"),
+        ("mrad", Kind.HALF_WIDTH, None, 0.5, "", "±0.5 mrad (±103.1″)"),  # 0.5e-3 * 180 * 3600 / pi
+        ("arcmin", Kind.NOMINAL, None, -0.5, "", "\N{MINUS SIGN}0.5 arcmin (\N{MINUS SIGN}30″)"),
+        ("deg", Kind.HALF_WIDTH, 60.0, 0.5, "", "60 ±0.5 deg"),
+    ],
+)
+def test_diameters_and_angles(unit: str, kind: Kind, nominal: float | None, t: float, shape: str, text: str) -> None:
+    assert notation(Variable("a_t", unit, kind, 0.0, 1.0, "a part"), nominal, 0.0, t, "", shape) == text
+
+
 def test_a_radius_of_the_reducer_is_written_with_its_diameter_in_one_unit() -> None:
     """Pins of 3 mm radius with a zone of -1 +- 2 um: 6 +0.002/-0.006 mm in diameter."""
     problem = RvBacklash()

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner, Result
 
-from tolevo.cli import app
+from tests.small_jobs import tolevo
 from tolevo.commands.reproduce import reproduce as command
 from tolevo.commands.reproduce.claims import Checked, ClaimTask, check
 from tolevo.commands.reproduce.configuration import read_claims
@@ -85,10 +84,6 @@ WORDS = {
     "stages": "not reproduced",
     "gone": "cannot be checked",
 }
-
-
-def tolevo(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.fixture

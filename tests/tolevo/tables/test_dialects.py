@@ -242,3 +242,9 @@ def test_a_mixed_column_of_a_long_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text(text)
     with pytest.raises(tolevo.ConfigurationError, match=r"Spiel.*decimal points in some"):
         tolevo.read_table(tmp_path / "t.csv")
+
+
+def test_a_single_zero_byte_is_named(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_bytes(b"part,d\n1,10.0\0\n2,10.1\n")
+    with pytest.raises(tolevo.ConfigurationError, match="zero bytes"):
+        tolevo.read_table(tmp_path / "t.csv")

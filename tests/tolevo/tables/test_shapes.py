@@ -251,3 +251,83 @@ def test_a_long_table_of_many_rows_is_read_as_a_short_one(tmp_path: Path) -> Non
     frame = tolevo.read_table(tmp_path / "t.csv").frame
     assert time.process_time() - begin < 3.0
     np.testing.assert_array_equal(frame[[f"F{at}" for at in range(5)]].to_numpy(dtype=float), values)
+
+
+def read(folder: Path, text: str, name: str = "t.txt") -> tolevo.Table:
+    (folder / name).write_text(text, encoding="utf-8")
+    return tolevo.read_table(folder / name)
+
+
+DIMENSION = """DIM LOC{n}= LOCATION OF CIRCLE CIR{n}  UNITS=MM
+AX    NOMINAL       MEAS       +TOL       -TOL        DEV     OUTTOL
+X     {x:7.4f}    {x:7.4f}     0.1000     0.1000     0.0000     0.0000
+D      2.0000     2.0012     0.0500     0.0500     0.0012     0.0000
+"""
+
+
+def test_blocks_of_features_name_their_characteristics(tmp_path: Path) -> None:
+    table = read(tmp_path, DIMENSION.format(n=1, x=8.0) + DIMENSION.format(n=2, x=18.0))
+    title = "DIM LOC{}= LOCATION OF CIRCLE CIR{} UNITS=MM X"
+    found = {title.format(n, n): table.specifications[title.format(n, n)].nominal for n in (1, 2)}
+    assert list(found.values()) == [8.0, 18.0]
+    assert table.frame[title.format(2, 2)].dropna().tolist() == [18.0]
+
+
+def test_rows_shorter_than_the_names_of_calypso(tmp_path: Path) -> None:
+    names = "partnb\tid\tactual\tnominal\tuppertol\tlowertol\tgroup1\tgroup2\n"
+    table = read(tmp_path, names + "1\tA\t10.01\t10.0\t0.02\t-0.02\n2\tA\t10.02\t10.0\t0.02\t-0.02\n")
+    assert table.frame["A"].tolist() == [10.01, 10.02]
+    assert "no row has the last 2 cells: empty" in table.notes
+    with pytest.raises(tolevo.ConfigurationError, match="4 cells expected"):
+        read(tmp_path, "partnb\tload\tactual\tgroup1\n1\t7\t10.01\n2\t8\t10.02\n")
+
+
+def test_a_first_column_without_a_name_is_no_other_column(tmp_path: Path) -> None:
+    text = "            ACT     NOM     DEV\nXAXIS     9.997  10.000  -0.003\nYAXIS    19.998  20.000  -0.002\n"
+    with pytest.raises(tolevo.ConfigurationError, match="column 1 has no name"):
+        read(tmp_path, text)
+
+
+def test_lower_tolerances_with_their_sign_below_minus_tol(tmp_path: Path) -> None:
+    text = "Feature,Axis,Nominal,+Tol,-Tol,Meas\nC1,X,8.0,0.1,-0.1,8.01\nC1,D,1.0,0.05,-0.05,1.01\n"
+    assert read(tmp_path, text).specifications["C1 X"].lower == pytest.approx(7.9)
+    with pytest.raises(tolevo.ConfigurationError, match="write their signs"):  # 8.1/8.05 in PC-DMIS, or 8.1/7.95
+        read(tmp_path, "Feature,Nominal,+Tol,-Tol,Meas\nC1,8.0,0.1,-0.05,8.01\nC2,1.0,0.1,-0.05,1.01\n")
+
+
+def test_long_percentages_are_read_like_short_ones(tmp_path: Path) -> None:
+    rows = [f"{at},{at % 7}.5 %,x" for at in range(40_000)]
+    table = read(tmp_path, "\n".join(["n,share,text", *rows, ""]), "t.csv")
+    assert table.units["share"] == "%"
+    assert table.frame["share"].iloc[:3].tolist() == [0.5, 1.5, 2.5]
+
+
+def test_long_blocks_are_read_like_short_ones(tmp_path: Path) -> None:
+    def text(rows: int) -> str:
+        blocks = ["\n".join([f"Nest {b}", "Part,Bore", *(f"{at},{at * 0.0015 + b:.4f}" for at in range(rows)), "", ""])
+                  for b in range(3)]  # fmt: skip
+        return "\n".join(blocks)
+
+    few, many = read(tmp_path, text(5), "few.csv"), read(tmp_path, text(12_000), "many.csv")
+    assert (
+        few.frame["block"].unique().tolist() == many.frame["block"].unique().tolist() == ["Nest 0", "Nest 1", "Nest 2"]
+    )
+    assert len(many.frame) == 36_000
+    for b in range(3):
+        one = many.frame[many.frame["block"] == f"Nest {b}"]
+        assert np.allclose(one["Bore"], np.arange(12_000) * 0.0015 + b, atol=5.1e-5)
+
+
+def test_long_tables_of_fixed_width_are_read_like_short_ones(tmp_path: Path) -> None:
+    rows = [f"{at:>9d}{at * 0.001:>14.4f}  part {at % 5}" for at in range(3_000)]
+    head = f"{'Part No':>9}{'Bore Dia':>14}  Name of it"
+    table = read(tmp_path, "\n".join([head, *rows, ""]))
+    assert table.frame["Bore Dia"].tolist() == pytest.approx([round(at * 0.001, 4) for at in range(3_000)])
+    assert table.frame["Name of it"].iloc[7] == "part 2"
+
+
+def test_a_column_of_units_beside_measurements(tmp_path: Path) -> None:
+    assert read(tmp_path, "part,d,unit\n1,10.5,um\n2,10.6,um\n", "t.csv").units == {"d": "um"}
+    for text in ("part,d [mm],unit\n1,10.5,um\n2,10.6,um\n", "part,d,unit\n1,10.5,um\n2,10.6,mm\n"):
+        with pytest.raises(tolevo.ConfigurationError, match=r"d: has several units: .*um"):
+            read(tmp_path, text, "t.csv")

@@ -16,16 +16,18 @@ from ...errors import refuse
 from ...files import WORKBOOK, csv_text, write_bytes, write_text
 from ...page_data import as_json
 from ...problems.stack import Stack
-from ...records import AnalysisResult, limits_text, range_text
+from ...records import AnalysisResult, range_text
 from ...section import Assumption
 from ...units import plain_number
-from .page import analysis_page, ranked
+from ..run.tolerances import grades_of, notation
+from .costs import costs_of
+from .page import analysis_page, ranked, verdict_of
 
 LARGEST = 3
 """Contributions that the terminal names."""
 OPEN = "it is to be searched: analysed at the loosest tolerance that it may have"
-TABLES = {"requirements": "requirements.csv", "contributions": "contributions.csv", "histograms": "histograms.csv"}
-"""Tables of an analysis and their files."""
+TABLES = ("requirements", "contributions", "histograms", "tolerances", "prices", "budgets", "changes")
+"""Tables of an analysis: files of these names."""
 
 
 def stack_of(configuration: Configuration) -> Stack:
@@ -44,8 +46,9 @@ def analysis_of(configuration: Configuration) -> AnalysisResult:
 
     stack = stack_of(configuration)
     design, loosest = analysed_design(stack)
-    analysis = analyse(stack, design)
+    analysis, costs = analyse(stack, design), costs_of(stack, design, configuration.choice)
     parts = [(part, f"{part.name}_t") for part in stack.definition.parts]
+    variables = {variable.name: variable for variable in stack.variables}
     tolerances = pd.DataFrame(
         {
             "part": [part.name for part, _ in parts],
@@ -55,6 +58,16 @@ def analysis_of(configuration: Configuration) -> AnalysisResult:
             "half_width": [float(design[stack.names.index(name)]) for _, name in parts],
             "distribution": [type(part.distribution).__name__ for part, _ in parts],
             "searched": [name not in stack.fixed for _, name in parts],
+            "source": [part.source for part, _ in parts],
+            "on_the_drawing": [
+                notation(
+                    variables[name],
+                    *stack.zone(name),
+                    float(design[stack.names.index(name)]),
+                    *(stack.drawn(name).get(key, "") for key in ("class", "drawn_as")),
+                )
+                for _, name in parts
+            ],
         }
     )
     at_loosest = [part for part, _ in parts if part.name in loosest]
@@ -69,10 +82,15 @@ def analysis_of(configuration: Configuration) -> AnalysisResult:
         "joint_yield_percent": analysis.joint_yield_percent,
         "analysed_at_loosest": list(loosest),
         "units": stack.yields.reported.size,
-        "notes": list(analysis.notes),
+        "cost": float(stack.cost_of(design[None])[0]) if costs.changes is not None else None,
+        "loosen_first": costs.advice,
+        "notes": [*analysis.notes, *costs.notes],
         "warnings": list(stack.warnings()),
         "assumptions": [asdict(one) for one in assumed],
     }
+    quick = quick_model(stack, design)
+    for one, (_, name) in zip(quick.get("parts", ()), parts, strict=False):
+        one["grades"] = grades_of(stack, variables[name])
     return AnalysisResult(
         stack.title() or "stack",
         analysis.requirements,
@@ -80,8 +98,11 @@ def analysis_of(configuration: Configuration) -> AnalysisResult:
         analysis.histograms,
         tolerances,
         summary,
-        quick_model(stack, design),
+        quick,
         configuration.toml(),
+        costs.prices,
+        costs.budgets,
+        costs.changes,
     )
 
 
@@ -103,8 +124,9 @@ def write_analysis(result: AnalysisResult, folder: Path, overwrite: bool, workbo
     with own_folder(folder, "analyse", False, overwrite) as place:
         place.begin()
         write_text(folder / "config.toml", result.configuration)
-        for field, name in TABLES.items():
-            write_text(folder / name, csv_text(getattr(result, field)))
+        for name in TABLES:
+            if (frame := getattr(result, name)) is not None:
+                write_text(folder / f"{name}.csv", csv_text(frame))
         write_text(folder / page_data.NAME, page_data.dump_result(result))
         write_text(folder / "summary.json", as_json(dict(result.summary)))
         write_text(folder / "report.html", analysis_page(result))
@@ -141,22 +163,6 @@ def _short_row(row: dict[str, Any]) -> dict[str, str]:
 
 def _number(value: float, digits: int = 5) -> str:
     return "-" if np.isnan(value) else f"{value:.{digits}g}"
-
-
-def verdict_of(row: dict[str, Any]) -> str:
-    """Whether a requirement is kept, in a sentence: in the worst case and statistically."""
-    limits = limits_text(row["lower"], row["upper"])
-    if not limits:
-        return f"{row['requirement']}: has no limits"
-    worst, statistical = row["kept_worst_case"], row["kept_statistical"]
-    if worst and statistical:
-        kept = "kept in the worst case and by mean +- 3 sigma"
-    elif worst or statistical:
-        ways = ("in the worst case", "by mean +- 3 sigma")
-        kept = "kept {}, not {}".format(*(ways if worst else ways[::-1]))
-    else:
-        kept = "kept neither in the worst case nor by mean +- 3 sigma"
-    return f"{row['requirement']}, {limits} {row['unit']}".rstrip() + f": {kept}"
 
 
 def _largest_line(result: AnalysisResult, requirement: str) -> str:

@@ -21,7 +21,7 @@ from ...page.document import (
     table,
 )
 from ...page_data import records
-from ...records import AnalysisResult
+from ...records import AnalysisResult, limits_text
 from ...units import plain_number
 
 CONTRIBUTIONS = (
@@ -29,9 +29,23 @@ CONTRIBUTIONS = (
     "the variance, and its share in the worst case."
 )
 WHAT_IF = (
-    "Type a half-width, a shift of the mean, a change of the nominal size or a Cp: the requirements follow at once. "
+    "Type a half-width, a shift of the mean, a change of the nominal size or a Cp, or choose a grade: the requirements "
+    "follow at once. "
     "They are calculated to second order in the deviations and as if the requirement were normal; the table above "
     "is of the full model."
+)
+COSTS = (
+    "A requirement counts by its own method. Its ratio is that of the room from its middle to the nearer limit to its "
+    "variation: 1 just keeps it, and by rss it is Cpk."
+)
+PRICES = (
+    "What it saves when both limits of a requirement lie this step farther apart, and costs when they lie nearer: the "
+    "change of the least cost at which every ratio is 1."
+)
+BUDGETS = "The least cost at a least ratio, over all tolerances and processes together (budgets.csv has these)."
+CHANGES = (
+    "Each tolerance moved to the next value that can be ordered, or to another process, all others kept; a step breaks "
+    "a requirement whose ratio falls below 1, or below what it is now."
 )
 TOLERANCES = (
     "The zones that were analysed. A part that is to be searched is analysed at the tolerance that is stated beside "
@@ -50,6 +64,7 @@ def analysis_page(result: AnalysisResult) -> str:
         if len(result.histograms)
         else "",
         section("What if", f'<p>{escape(WHAT_IF)}</p><div id="whatif"></div>') if quick else "",
+        *_costs(result),
         section("Contributions", described(CONTRIBUTIONS, ranked(result.contributions))),
         section("Notes", bullets(notes)) if notes else "",
         section("Tolerances", described(TOLERANCES, result.tolerances)),
@@ -57,22 +72,46 @@ def analysis_page(result: AnalysisResult) -> str:
         section("Configuration", folded_section("config.toml", f"<pre>{escape(result.configuration)}</pre>")),
     ]
     content = {"quick": quick, "requirements": records(result.requirements), "bars": _bars(result)}
+    content |= {"budgets": [] if result.budgets is None else records(result.budgets)}
     head = about(result.summary) + _verdicts(result.requirements)
     scripts = (package_scripts("common.js", "chart.js", "analysis.js"),)
     return document(result.title, [*parts, data(content)], scripts, head)
+
+
+def verdict_of(row: dict[str, Any]) -> str:
+    """Whether a requirement is kept, in a sentence: in the worst case and statistically."""
+    limits = limits_text(row["lower"], row["upper"])
+    if not limits:
+        return f"{row['requirement']}: has no limits"
+    worst, statistical = row["kept_worst_case"], row["kept_statistical"]
+    if worst and statistical:
+        kept = "kept in the worst case and by mean +- 3 sigma"
+    elif worst or statistical:
+        ways = ("in the worst case", "by mean +- 3 sigma")
+        kept = "kept {}, not {}".format(*(ways if worst else ways[::-1]))
+    else:
+        kept = "kept neither in the worst case nor by mean +- 3 sigma"
+    return f"{row['requirement']}, {limits} {row['unit']}".rstrip() + f": {kept}"
 
 
 def _verdicts(requirements: pd.DataFrame) -> str:
     """Which requirements are kept, a sentence each."""
     lines = []
     for row in records(requirements):
-        limited = not (np.isnan(row["lower"]) and np.isnan(row["upper"]))
-        worst, spread = ("kept" if row[f"kept_{how}"] else "not kept" for how in ("worst_case", "statistical"))
         outside = f"; {plain_number(row['ppm'])} units in a million are outside" if not np.isnan(row["ppm"]) else ""
-        kept = f"{worst} in the worst case, {spread} by mean ± 3 standard deviations{outside}"
-        lines.append(f"{row['requirement']}: {kept if limited else 'has no limits'}")
-    body = "".join(f"<li>{escape(line)}</li>" for line in lines)
+        lines.append(escape(verdict_of(row).replace("+-", "±") + outside))
+    body = "".join(f"<li>{line}</li>" for line in lines)
     return f'<p class="asked">Are the requirements kept?</p>\n<ul class="answers">{body}</ul>'
+
+
+def _costs(result: AnalysisResult) -> tuple[str, ...]:
+    """What changes cost, where the stack has costs."""
+    tables = [(PRICES, result.prices), (CHANGES, result.changes)]
+    if result.budgets is not None:
+        tables.insert(1, (BUDGETS, result.budgets[["cost", "room_over_variation", "weakest"]]))
+    shown = [described(text, frame) for text, frame in tables if frame is not None]
+    first = [f'<p id="first">{escape(str(text))}</p>' for text in (result.summary.get("loosen_first"),) if text]
+    return (section("Costs", "\n".join([f"<p>{escape(COSTS)}</p>", *first, *shown])),) if shown else ()
 
 
 def _with_largest_share(result: AnalysisResult) -> pd.DataFrame:

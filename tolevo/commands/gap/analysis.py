@@ -6,7 +6,6 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.effects.measurements import changes_of, effect_actions
 from ...models.effects.unresolved import Term, Unresolved
@@ -164,18 +163,6 @@ SCORE_MARGIN = 5.0
 
 
 @dataclass(frozen=True)
-class Settled:
-    """The final fit, effects first; the effects that were removed, and the forms tested against the
-    residual.
-    """
-
-    fit: Fit
-    removed: tuple[str, ...]
-    residual_forms: GenericResidual
-    significant: tuple[int, ...]
-
-
-@dataclass(frozen=True)
 class Settling:
     """The search for a final answer. `accepted` are fits with their held-out rows, `trusted`
     effects whose formula may be off by the generic terms in the fit.
@@ -184,31 +171,25 @@ class Settling:
     search: Search
     generic: Remaining
     data: GapData
-    null_fit: Fit
     accepted: Sequence[tuple[Fit, HeldOut]]
     trusted: frozenset[str] = frozenset()
 
-    def settled(self, fit: Fit) -> Settled:
-        """The answer that follows from the effects of a selection."""
+    def settled(self, fit: Fit) -> Fit:
+        """The answer that follows from the effects of a selection, effects first."""
         answers = [self.grown(fit, frozenset())]
         if at := displaced(self.search, fit, self.generic):
             names = frozenset(fit.names[k] for k in at)
             answers.append(self.grown(self.search.fitter.refined(fit.without(*at)), names))
             if answers[1].score < answers[0].score - SCORE_MARGIN:
                 answers.reverse()
-        best = self._chosen(answers, frozenset())
-        return self._record(best, tuple(name for name in fit.names if name not in best.names))
+        return self._chosen(answers, frozenset())
 
-    def again(self, fit: Fit, excluded: frozenset[str], more: Sequence[Member] = ()) -> Settled:
+    def again(self, fit: Fit, excluded: frozenset[str], more: Sequence[Member] = ()) -> Fit:
         """The answer without the effects in `excluded`, with more terms to begin with: effects are
         searched first, and then terms.
         """
         kept = [*(member for member in fit.effects if member.name not in excluded), *more]
-        return self._record(self._chosen([self.grown(self.search.fitter.refined(kept), excluded)], excluded), ())
-
-    def _record(self, fit: Fit, removed: tuple[str, ...]) -> Settled:
-        remaining = generic_residual(fit, self.search.fitter, self.generic)
-        return Settled(fit, removed, remaining, significant_forms(self.search, remaining))
+        return self._chosen([self.grown(self.search.fitter.refined(kept), excluded)], excluded)
 
     def _chosen(self, answers: Sequence[Fit], excluded: frozenset[str]) -> Fit:
         """The first answer that holds. Where its effects explain almost nothing compared with its
@@ -222,21 +203,18 @@ class Settling:
         return self._first_that_holds([alone], excluded)
 
     def _effects_are_minor(self, fit: Fit) -> bool:
-        """Whether a fit has effects, and they explain almost nothing compared with its terms."""
+        """Whether a fit has effects, and with equal weights they explain almost nothing compared with
+        its terms.
+        """
         if not (fit.terms and fit.effects):
             return False
-        without, only = self.search.fitter.fit(fit.terms).rss, self.search.fitter.fit(fit.effects).rss
-        explained = max(without - fit.rss, self.null_fit.rss - only)
-        return explained < MINOR * (only - fit.rss)
+        sets = (), fit.effects, fit.terms, fit.members
+        null, only, without, whole = (self.search.plain_fit(members).rss for members in sets)
+        return max(without - whole, null - only) < MINOR * (only - whole)
 
     def holds(self, fit: Fit) -> bool:
-        """Whether held-out rows are predicted as well as by every accepted step, up to its standard
-        error, and no worse than by the null fit.
-        """
-        return self._predicts_as_well(self.search.tested(fit))
-
-    def _predicts_as_well(self, tested: HeldOut) -> bool:
-        return predicts_as_well(tested, [held_out for _, held_out in self.accepted], self.search.labels)
+        """Whether held-out rows are predicted as well as by every accepted step."""
+        return self.search.predicts_as_well(self.search.tested(fit), self.accepted)
 
     def _first_that_holds(self, answers: Sequence[Fit], excluded: frozenset[str]) -> Fit:
         """The first answer that holds, effects first, then terms, perhaps with forms that were not
@@ -247,19 +225,18 @@ class Settling:
         for answer in answers:
             fit = self.search.fitter.refined(sorted(answer.members, key=is_term))
             for _ in range(FORMS_MORE + 1):
-                tested = self.search.tested(fit)
-                if self._predicts_as_well(tested):
+                if self.holds(fit):
                     return fit
-                attempts.append((fit, tested))
-                fit = self._with_best_form(fit, tested, excluded) or fit
+                attempts.append((fit, self.search.tested(fit)))
+                fit = self._with_best_form(fit, excluded) or fit
         return min(attempts, key=lambda attempt: attempt[1].rss)[0]
 
-    def _with_best_form(self, fit: Fit, tested: HeldOut, excluded: frozenset[str]) -> Fit | None:
+    def _with_best_form(self, fit: Fit, excluded: frozenset[str]) -> Fit | None:
         """The fit with the additional form that predicts best; None where none predicts better."""
         remaining = generic_residual(fit, self.search.fitter, self.generic)
         larger_fits = list(self._with_forms(fit, excluded, remaining, remaining.best.tolist()))
         best = min(larger_fits, key=lambda larger: self.search.tested(larger).rss, default=fit)
-        return best if self.search.tested(best).rss < tested.rss else None
+        return best if self.search.tested(best).rss < self.search.tested(fit).rss else None
 
     def grown(self, fit: Fit, never: frozenset[str]) -> Fit:
         """The fit with all that is significant in addition: an effect where one fits as well as any
@@ -270,7 +247,7 @@ class Settling:
             after = self._weaker(fit, excluded) or self._larger(fit, excluded)
             if after is None:
                 return fit
-            fit = after
+            fit = self.search.fitter.refined(after.members)
         return fit
 
     def _weaker(self, fit: Fit, excluded: set[str]) -> Fit | None:
@@ -335,22 +312,13 @@ class Settling:
 
     def _with_effects(self, fit: Fit, excluded: set[str]) -> Iterator[Fit]:
         """Fits with one more effect, or with one in place of a term."""
-        search, limit = self.search, self.search.thresholds.library
+        search = self.search
         if len(fit.effects) >= search.settings.effects_at_most:
             return
         terms = [k for k, member in enumerate(fit.members) if is_term(member)]
         for start in (fit, *(search.fitter.fit(fit.without(k)) for k in terms)):
-            candidates = [
-                candidate
-                for candidate in search.open(start.members)
-                if candidate.gain > limit and candidate.member.name not in excluded
-            ]
-            for larger in search.refined(start.members, candidates)[:TRIED]:
-                if (
-                    start.rss - larger.rss > max(search.limit(larger), search.least_gain)
-                    and search.worse(fit, larger) > 1e-3
-                ):
-                    yield larger
+            larger_fits = search.additions(start, excluded, fit)
+            yield from (larger for larger in larger_fits if start.rss - larger.rss > search.least_gain)
 
     def _forms(self, fit: Fit, excluded: set[str]) -> Iterator[Fit]:
         """Fits with one more term, from the significant forms, the likeliest first."""
@@ -378,14 +346,6 @@ class Settling:
                 count += 1
             if count >= TRIED or (count < 2 and term.shape == LEVELS):
                 return  # any other form would only imitate the offsets of sessions
-
-
-def predicts_as_well(tested: HeldOut, steps: Sequence[HeldOut], labels: NDArray[np.int64]) -> bool:
-    """Whether an answer is no worse on held-out rows than the null fit, the first of the steps, and
-    than every other step up to its standard error.
-    """
-    first, *others = (improvement(step, tested, labels) for step in steps)
-    return first.gain >= 0.0 and all(better.gain >= -better.error for better in others)
 
 
 AUTOCORRELATED = 0.4
@@ -524,11 +484,11 @@ def _analyse_batch(selection: Selection, null_model: NullModel) -> Analysis:
 def _settle_rows(selection: Selection, null_model: NullModel) -> Analysis:
     """The final result of rows, in the noise that is estimated given its whole fit."""
     setup, settling = null_model.setup, _initial_settling(null_model, selection)
-    settled = settling.settled(selection.fit)
+    fit = settling.settled(selection.fit)
     for _ in range(SETTLED - 1):
-        if not settled.fit.members:  # the noise of the null fit is known
+        if not fit.members:  # the noise of the null fit is known
             break
-        noises = noise_of(setup, contributions(setup, settled.fit))
+        noises = noise_of(setup, contributions(setup, fit))
         if alike(null_model.noises, noises):
             break
         null_model = change_noise(null_model, noises)
@@ -536,13 +496,12 @@ def _settle_rows(selection: Selection, null_model: NullModel) -> Analysis:
         accepted = [search.fitter.fit(fit.members) for fit, _ in selection.accepted]
         selection = replace(selection, accepted=tuple((fit, search.tested(fit)) for fit in accepted))
         settling = _initial_settling(null_model, selection)
-        settled = settling.settled(search.fitter.refined(settled.fit.members))
-    return _answer(null_model, settling, selection, settled)
+        fit = settling.settled(search.fitter.refined(fit.members))
+    return _answer(null_model, settling, selection, fit)
 
 
 def _initial_settling(null_model: NullModel, selection: Selection, trusted: frozenset[str] = frozenset()) -> Settling:
-    data, null_fit = null_model.setup.data, null_model.null_fit
-    return Settling(null_model.search, null_model.generic, data, null_fit, selection.accepted, trusted)
+    return Settling(null_model.search, null_model.generic, null_model.setup.data, selection.accepted, trusted)
 
 
 def analysis_without_effect(analysis: Analysis, name: str, trusted: str = "") -> Analysis:
@@ -559,23 +518,18 @@ def analysis_without_effect(analysis: Analysis, name: str, trusted: str = "") ->
     settling = _initial_settling(null_model, selection, sure)
     names = {name, *same_columns(name, analysis.rivals)}
     excluded = analysis.excluded | names
-    settled = settling.again(fit, excluded, () if curve is None else (curve,))
-    settled = replace(settled, removed=(*analysis.removed, *(names & {*selection.identified})))
-    answer = _answer(null_model, settling, selection, settled, excluded)
+    fit = settling.again(fit, excluded, () if curve is None else (curve,))
+    answer = _answer(null_model, settling, selection, fit, excluded)
     return replace(answer, excluded=excluded, trusted=sure)
 
 
 def _answer(
-    null_model: NullModel,
-    settling: Settling,
-    selection: Selection,
-    settled: Settled,
-    excluded: frozenset[str] = frozenset(),
+    null_model: NullModel, settling: Settling, selection: Selection, fit: Fit, excluded: frozenset[str] = frozenset()
 ) -> Analysis:
     """The analysis that ends with a settled fit; the instrument is preferred at equal columns, but
     no effect that is excluded.
     """
-    search, fit = null_model.search, settled.fit
+    search, removed = null_model.search, tuple(name for name in selection.identified if name not in fit.names)
     others = rivals(search, fit, fit.identified)
     if others and others[0].distance < -BETTER and not excluded & {*others[0].names}:
         rival_fit = search.fitter.refined(sorted(others[0].fit.members, key=is_term))
@@ -586,16 +540,12 @@ def _answer(
     if (preferred := first_of_confounded(fit, allowed, False)) is not None:
         fit = search.fitter.fit(sorted(preferred.members, key=is_term))
         others = rivals(search, fit, named)
+    remaining = generic_residual(fit, search.fitter, null_model.generic)
+    identified = Identified(named, (), remaining, significant_forms(search, remaining))
     steps = concluding(search, selection, fit, {member.name: label(member) for member in fit.terms})
-    return Analysis(
-        null_model,
-        null_model,
-        replace(selection, fit=fit, steps=steps),
-        Identified(named, (), settled.residual_forms, settled.significant),
-        tuple(others),
-        bool(fit.members or selection.identified) or null_model.detected,
-        removed=tuple(name for name in selection.identified if name in settled.removed),
-    )
+    detected = bool(fit.members or selection.identified) or null_model.detected
+    selection = replace(selection, fit=fit, steps=steps)
+    return Analysis(null_model, null_model, selection, identified, tuple(others), detected, removed=removed)
 
 
 def _linearise_setup(setup: Setup, search: Search, fit: Fit) -> Setup:

@@ -138,15 +138,15 @@ def _explained(end: Ending, found: Sequence[FoundEffect]) -> list[FoundEffect]:
     """The effects with what they explain before any generic term, by least squares with equal weights;
     each remainder counts as an error of the form of the first one that acts in its variables.
     """
-    setup, fitter = end.setup, end.analysis.search.plain or end.analysis.search.fitter
+    fit_of = end.analysis.search.plain_fit
     records, remainders, known = {effect.name: effect for effect in found}, list(remainder_of(end)), list[FoundEffect]()
     members, chosen = {member.name: member for member in end.fit.effects}, list[Member]()
-    whole = rss = fitter.fit(()).rss
+    whole = rss = fit_of(()).rss
     while len(chosen) < len(members):
-        fits = [fitter.fit([*chosen, member]) for name, member in members.items() if member not in chosen]
+        fits = [fit_of([*chosen, member]) for name, member in members.items() if member not in chosen]
         best = min(fits, key=lambda fit: fit.rss)
         chosen, percent, rss = list(best.members), 100.0 * max(rss - best.rss, 0.0) / max(whole, 1e-300), best.rss
-        inputs, turns = variables_of(chosen[-1], setup.data)
+        inputs, turns = variables_of(chosen[-1], end.setup.data)
         own = [r for r in remainders if inputs & {*r.variables} or (turns and not inputs and r.turns)]
         remainders = [r for r in remainders if r not in own]
         error = float(np.sqrt(sum(r.rms**2 for r in own)))

@@ -225,6 +225,10 @@ class Candidate:
         return parameters
 
 
+MOST_BYTES = 50_000_000
+"""Columns that are kept at most."""
+
+
 class Columns:
     """The additions of candidates to the outputs at the rows of the data, in the outputs' units.
 
@@ -237,10 +241,24 @@ class Columns:
         self.predict = predict
         self._base = predict({})
         self._slopes: dict[str, Array] = {}
+        self._known: dict[tuple[object, ...], Array] = {}
         self._whole = {name: y + (more or {}).get(name, 0.0) for name, y in self._base.items()}
 
     def of(self, candidate: Candidate, shape: Mapping[str, float]) -> Array:
-        """Columns (N, m) of a candidate, m its linear parameters (1 where it has none)."""
+        """Columns (N, m) of a candidate, m its linear parameters (1 where it has none). Searches for a
+        nonlinear parameter begin at the same points again and again: the columns there are kept.
+        """
+        if not shape:
+            return self._of(candidate, shape)
+        key = candidate.name, *shape.items()
+        if key not in self._known:
+            kept = sum(columns.nbytes for columns in self._known.values())
+            if kept > MOST_BYTES:
+                self._known.clear()
+            self._known[key] = self._of(candidate, shape)
+        return self._known[key]
+
+    def _of(self, candidate: Candidate, shape: Mapping[str, float]) -> Array:
         if candidate.is_nonlinear:
             return self.total(candidate, shape)[:, None]
         if isinstance(candidate.effect, Unresolved):

@@ -9,14 +9,14 @@ import numpy as np
 
 from ...models.effects import EffectParameter
 from ...section import Array
-from .analysis import Analysis, analysis_without_effect, predicts_as_well, with_curves
+from .analysis import Analysis, analysis_without_effect, with_curves
 from .blocks import HeldOut
 from .close import Corrected, corrected
 from .fit import Fit, Fitter, Member, is_term
 from .linear import basis, project_out
 from .null_model import acts_in
 from .setup import Setup
-from .unresolved import whole_term
+from .unresolved import effect_of, whole_term
 
 # The bias of an effect's parameter due to the form of the generic terms that are fitted with it.
 #
@@ -175,20 +175,27 @@ def finish_analysis(analysis: Analysis) -> Ending:
     """The final fit of the identified effects, in the full model. An effect is removed, and the
     others are fitted and tested again, where the joint interval of its parameters given the others
     contains 0. The same holds for an effect that may be an error of a larger one's form, unless
-    held-out rows are then predicted worse.
+    held-out rows are predicted worse, then or by the answer that all further removals lead to, or a
+    wave of the same order takes its place: a form that is off is off in more than one order.
 
-    Every turn excludes an effect for good, or keeps one in `needed`: there are at most two turns
-    for each effect of the library.
+    Every turn excludes an effect for good, or keeps one in `needed`: there are at most as many turns
+    as the library has effects for each effect that is kept.
     """
-    ending, needed = _widen_ending(analysis), set[str]()
-    while ending.rows and (weak := _weakest_effect(ending, needed)) is not None:
-        name, larger = weak
-        reduced = analysis_without_effect(analysis, name, larger)
-        after = _widen_ending(reduced)
-        if larger and not _predicts_as_well(after):
+    ending, needed, before = _widen_ending(analysis), set[str](), list[tuple[str, Ending]]()
+    while ending.rows:
+        name, larger = _weakest_effect(ending, needed) or ("", "")
+        if not name and (not before or _predicts_as_well(ending)):
+            break
+        reduced = _widen_ending(analysis_without_effect(ending.analysis, name, larger)) if name else ending
+        if larger and _predicts_as_well(reduced) and not _is_renamed(ending, name, reduced):
+            before.append((name, ending))
+        elif larger:
             needed.add(name)
-        else:
-            analysis, ending = reduced, after
+            continue
+        elif not name:
+            taken_back, reduced = before.pop()
+            needed.add(taken_back)
+        ending = reduced
     return ending
 
 
@@ -214,8 +221,15 @@ def _weakest_effect(end: Ending, needed: Collection[str]) -> tuple[str, str] | N
 
 def _predicts_as_well(end: Ending) -> bool:
     """Whether held-out rows are predicted as well as by each accepted step."""
-    steps = [held_out for _, held_out in end.analysis.selection.accepted]
-    return predicts_as_well(end.after, steps, end.analysis.search.labels)
+    return end.analysis.search.predicts_as_well(end.after, end.analysis.selection.accepted)
+
+
+def _is_renamed(end: Ending, name: str, reduced: Ending) -> bool:
+    """Whether a wave without a name has the columns of the effect that was removed."""
+    fitter = reduced.analysis.search.fitter
+    q = fitter.spanned([member for member in end.fit.members if member.name == name])
+    waves = [fitter.white(member) for member in reduced.fit.terms if effect_of(member).term.shape == "wave"]
+    return any(np.linalg.norm(project_out(wave, q)) < STEP * np.linalg.norm(wave) for wave in waves)
 
 
 def _form_of(end: Ending, at: int) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
@@ -83,6 +83,19 @@ class Search:
         fits = (self._grown(members, member) for member in near)
         return self.ordered(fit for fit in fits if not self.cancelling(fit))
 
+    def additions(self, start: Fit, excluded: Collection[str], than: Fit) -> Iterator[Fit]:
+        """Fits with one more effect that is significant, best first, and better than `than`."""
+        limit = self.thresholds.library
+        # the threshold is that of the grid: the gain of a finer fit is no evidence
+        candidates = [
+            candidate
+            for candidate in self.open(start.members)
+            if candidate.gain > limit and candidate.member.name not in excluded
+        ]
+        for larger in self.refined(start.members, candidates):
+            if start.rss - larger.rss > self.limit(larger) and self.worse(than, larger) > 1e-3:
+                yield larger
+
     def ordered(self, fits: Iterable[Fit]) -> list[Fit]:
         """Fits from the best to the worst."""
         every = list(fits)
@@ -133,10 +146,13 @@ class Search:
         """
         if not fit.terms:
             return False
-        fitter = self.plain or self.fitter
-        effects = fitter.fit(fit.effects)
-        without = fitter.fit([member for k, member in enumerate(fit.members) if k != at and not is_term(member)])
-        return MIN_EXTRA_FRACTION * (without.rss - effects.rss) > effects.rss - fitter.fit(fit.members).rss
+        effects = self.plain_fit(fit.effects)
+        without = self.plain_fit([member for k, member in enumerate(fit.members) if k != at and not is_term(member)])
+        return MIN_EXTRA_FRACTION * (without.rss - effects.rss) > effects.rss - self.plain_fit(fit.members).rss
+
+    def plain_fit(self, members: Sequence[Member]) -> Fit:
+        """The fit in which all measurements have the same weight."""
+        return (self.plain or self.fitter).fit(members)
 
     @cached_property
     def _training(self) -> Training:
@@ -147,6 +163,13 @@ class Search:
         beyond the noise is as large a chance for every further effect.
         """
         return self.thresholds.library * max(1.0, fit.rss / max(self.fitter.space.count, 1))
+
+    def predicts_as_well(self, tested: HeldOut, accepted: Sequence[tuple[Fit, HeldOut]]) -> bool:
+        """Whether an answer is no worse on held-out rows than the null fit, the first of the accepted
+        steps, and than every other step up to its standard error.
+        """
+        first, *others = (improvement(step, tested, self.labels) for _, step in accepted)
+        return first.gain >= 0.0 and all(better.gain >= -better.error for better in others)
 
     def worse(self, fit: Fit, than: Fit) -> float:
         """By how much a fit is worse than another: squared residual in units of the noise, or of what the
@@ -193,7 +216,8 @@ def select(search: Search, quick: bool = False) -> Selection:
     _note(steps, search, fit, before, "start", "", "the model as recalibrated")
     most = search.settings.effects_at_most
     while len(fit.members) < most and len(visited) <= VISITED * most:
-        grown = _next(search, fit, rejected)
+        alone = {name for names in rejected if len(names) == 1 for name in names}
+        grown = next(search.additions(fit, alone, fit), None)
         if grown is None and not quick:
             grown = masked_pair(search, fit, rejected)
         if grown is None:
@@ -250,21 +274,6 @@ def _matters(search: Search, gain: float, names: int) -> bool:
     """Whether the rms explained per additional effect exceeds the practical limit."""
     rms = np.sqrt(max(gain, 0.0) / names / max(search.fitter.space.count, 1))
     return bool(rms > search.settings.practical_limit)
-
-
-def _next(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | None:
-    """The best fit with one more effect that passes the threshold; None where there is none."""
-    limit = search.thresholds.library
-    # the threshold is that of the grid: the gain of a finer fit is no evidence
-    alone = {name for names in rejected if len(names) == 1 for name in names}
-    candidates = [
-        candidate
-        for candidate in search.open(fit.members)
-        if candidate.member.name not in alone and candidate.gain > limit
-    ]
-    fits = search.refined(fit.members, candidates)
-    significant = (larger for larger in fits if fit.rss - larger.rss > search.limit(larger))
-    return next((larger for larger in significant if search.worse(fit, larger) > 0.0), None)
 
 
 def masked_pair(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | None:

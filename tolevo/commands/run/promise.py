@@ -118,7 +118,7 @@ def capability_table(problem: ToleranceProblem) -> pd.DataFrame:
 
 def worth_of_corrections(problem: ToleranceProblem, front: pd.DataFrame, point: int) -> str:
     """What the least cost falls by where the cavities or machines of a part of a stack are set to one
-    mean; empty where none differ, or that lowers no cost.
+    mean, or the one that stands out to that of the others; empty where none differ, or that lowers no cost.
     """
     if not isinstance(problem, Stack):
         return ""
@@ -132,10 +132,17 @@ def worth_of_corrections(problem: ToleranceProblem, front: pd.DataFrame, point: 
     cost, sentences = cheapest_design(cheapest).cost, []
     for name, sample in differing.items():
         assert sample.subpopulations is not None
-        worth = cost - cheapest_design(promises.with_knowledge(cheapest, {name: sample.corrected()})).cost
-        if worth > 1e-6 * abs(cost):
-            money = f"{worth:.3g} {problem.settings.money.currency}".strip()
-            sentences.append(f"Setting all {sample.subpopulations.plural} of {name} to one mean is worth {money}.")
+        changes = {f"Setting all {sample.subpopulations.plural} of {name} to one mean": sample.corrected()}
+        if sample.stands_out:
+            text = sample.correction_text() or f"{sample.furthest_text()}: correcting it"
+            changes = {f"Of {name}, {text}": sample.corrected(one=True)} | changes
+        told = 1e-6 * abs(cost)
+        for text, changed in changes.items():
+            worth = cost - cheapest_design(promises.with_knowledge(cheapest, {name: changed})).cost
+            if worth > told:  # all groups: only where that is worth more than the one that stands out
+                money = f"{worth:.3g} {problem.settings.money.currency}".strip()
+                sentences.append(f"{text}{', and' if 'Cpk' in text else ''} is worth {money}.")
+                told = 1.01 * worth
     return " ".join(sentences)
 
 

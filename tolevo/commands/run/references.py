@@ -30,9 +30,8 @@ DISTANCE = "distance_to_front"
 OBJECTIVE_TOLERANCE = 1e-6
 """Difference, in sides of the box, below which values count as equal: an optimiser's last digits.
 """
-RELAXED_POINTS, COMPARED = 5, 8
-"""Points of a front with relaxed limits, where each is solved on a sample of units, and points of a
-front that are compared with another solver."""
+COMPARED = 6
+"""Points of a front that are compared with another solver."""
 MULTI_START = "multi-start"
 """Label of that solver: SLSQP from random designs, at the backlash of the point."""
 GA_BUDGET = Budget(generations=120)
@@ -109,9 +108,8 @@ def _continues_front(plan: RunPlan) -> bool:
 def searches_from_front(plan: RunPlan, printed: pd.DataFrame, x: Array) -> tuple[SideSearch, ...]:
     """The searches that begin from the points (n, variables) of an exact front on a sample.
 
-    With the limits that a document breaks: least cost at the values of some of the points and at that of
-    the document, and the least of the other objective at its cost. The second is the other solver, at
-    the values of some of the points.
+    With the limits that a document breaks: least cost at its value of the other objective, and the least of
+    that at its cost. The second is the other solver, at the values of some of the points.
     """
     if not _continues_front(plan) or not len(x):
         return ()
@@ -141,9 +139,6 @@ def _spread(count: int, most: int) -> list[int]:
 
 def _cases(problem: ToleranceProblem, row: Mapping[Hashable, object], x: Array, f: Array) -> Iterator[Case]:
     """What is solved with the limits that a row breaks, from points (n, variables) with objectives (n, 2)."""
-    cost = problem.objectives.index("cost")
-    for at in _spread(len(x), RELAXED_POINTS - 2):
-        yield cost, tuple(x[at].tolist()), float(f[at, 1 - cost])
     for objective in range(2):
         level = float(str(row[problem.objectives[1 - objective]]))
         nearest = int(np.argmin(np.abs(f[:, 1 - objective] - level)))
@@ -279,8 +274,9 @@ def gains(reference: Array, front: Array, alike: Array) -> list[float]:
 
 ABOVE = "above_best_known_percent"
 """Column: how much more a point costs than the best known front at its other objective."""
-EQUAL = 2e-3
-"""Relative difference of levels that count as equal: that of a limit which is used up on fresh units."""
+EQUAL, USED_UP = 2e-3, 0.01
+"""Relative differences by which a point that was solved at a level may lie above it, as a limit that is used up does on
+fresh units, and below it, where the level costs next to nothing."""
 ROUNDING = 1e-9
 """Distance [percent] below which a point counts as being on the best known front."""
 POINTS = 30
@@ -310,8 +306,8 @@ def add_distance(front: pd.DataFrame, other: pd.DataFrame, names: list[str], bet
     """The front with the distance of its points from the best known front, in percent of cost.
 
     It is empty at levels that the other front does not reach, where nothing is compared, unless a
-    point of it is better outright; without `between` wherever the other has no point within `EQUAL` of
-    the level.
+    point of it is better outright; without `between` wherever the other has no point from `USED_UP` below
+    the level to `EQUAL` above it.
     """
     if "cost" not in names or front.empty:
         return front
@@ -322,8 +318,8 @@ def add_distance(front: pd.DataFrame, other: pd.DataFrame, names: list[str], bet
     distance = np.array([above(row, best) for row in points])
     compared = front[second].between(levels.min(), levels.max()).to_numpy()
     if not between:
-        apart = np.abs(levels.to_numpy(dtype=float)[None, :] / points[:, 1:] - 1.0)
-        compared = np.any(apart <= EQUAL, axis=1)
+        apart = levels.to_numpy(dtype=float)[None, :] / points[:, 1:] - 1.0
+        compared = np.any((apart <= EQUAL) & (apart >= -USED_UP), axis=1)
     return front.assign(**{ABOVE: np.where(compared | (distance > 0.0), distance, np.nan)})
 
 

@@ -167,10 +167,12 @@ def rounding_faults(problem: ToleranceProblem, settings: ChoiceSettings) -> list
 # A tolerance as a drawing states it.
 
 
-def notation(variable: Variable, nominal: float | None, mid: float, t: float, grade: str = "") -> str:
-    """Like "36.05 +0.012/-0.013 mm", "25 ±0.0065 mm (IT6)", "-3 to 1 um" where no nominal size is known,
-    "R3 0/-0.002 mm (⌀6 0/-0.004 mm)", "0 to 5 um", "grade 5". None begins with + or a hyphen (a minus sign is
-    another character), which a spreadsheet would compute.
+def notation(
+    variable: Variable, nominal: float | None, mid: float, t: float, grade: str = "", drawn_as: str = ""
+) -> str:
+    """Like "36.05 +0.012/-0.013 mm", "⌀25 ±0.0065 mm (IT6)", "-3 to 1 um" where no nominal size is known,
+    "R3 0/-0.002 mm (⌀6 0/-0.004 mm)", "0 to 5 um", "±1.5 mrad (±309.4″)", "grade 5". None begins with + or a
+    hyphen (a minus sign is another character), which a spreadsheet would compute.
 
     `nominal` is the nominal size, None where it is not known, `mid` the middle of the zone as a
     deviation from it and t the tolerance, all in the unit of the variable.
@@ -186,19 +188,31 @@ def notation(variable: Variable, nominal: float | None, mid: float, t: float, gr
     if variable.kind is Kind.STANDARD_DEVIATION:
         return f"standard deviation at most {drawing_number(t)}{unit}"
     if variable.kind is not Kind.HALF_WIDTH:
-        return f"{_minus(t)}{unit}"
+        angle = f" ({_minus(_seconds(t, variable.unit))}″)" if _is_small_angle(variable) else ""
+        return f"{_minus(t)}{unit}{angle}"
     if nominal is not None and variable.unit == "um":  # drawings have sizes and deviations in one unit
         nominal, mid, t, unit = 1e-3 * nominal, 1e-3 * mid, 1e-3 * t, " mm"
     if nominal is None and mid != 0.0:
         return f"{_minus(mid - t)} to {_minus(mid + t)}{unit}{more}"
-    if nominal is not None and "_radius" in variable.name and variable.unit == "um":
+    if nominal is not None and (drawn_as == "radius" or ("_radius" in variable.name and variable.unit == "um")):
         return f"R{_zone(nominal, mid, t)}{unit} (⌀{_zone(2.0 * nominal, 2.0 * mid, 2.0 * t)}{unit})"
-    return f"{_zone(nominal, mid, t)}{unit}{more}"
+    angle = f" (±{drawing_number(_seconds(t, variable.unit))}″)" if _is_small_angle(variable) else ""
+    return f"{'⌀' if drawn_as == 'diameter' else ''}{_zone(nominal, mid, t)}{unit}{more}{angle}"
 
 
 def _zone(nominal: float | None, mid: float, t: float) -> str:
     size = "" if nominal is None else f"{drawing_number(nominal)} "
     return size + (f"±{drawing_number(t)}" if mid == 0.0 else f"{_signed_number(mid + t)}/{_signed_number(mid - t)}")
+
+
+def _seconds(value: float, unit: str) -> float:
+    """An angle in arc seconds, with four digits."""
+    return float(f"{float(converted(value, unit, 'arcsec')):.4g}")
+
+
+def _is_small_angle(variable: Variable) -> bool:
+    """Whether its unit is one of angles that drawings do not have: they have degrees, minutes and seconds."""
+    return variable.unit in ("arcmin", "rad", "mrad", "urad")
 
 
 def _minus(value: float) -> str:
@@ -277,7 +291,7 @@ def _record(
         "orderable": [
             [value, name] for value, name in sorted(values.items()) if low * (1 - 1e-9) <= value <= high * (1 + 1e-9)
         ],
-        "grades": _grades(problem, v),
+        "grades": grades_of(problem, v),
         "process": f"{v.name.removesuffix('_t')}_process",
         "costs": [_cost_curve(curve) | {"count": count} for curve, count in problem.curves_of(v.name)],
         **problem.drawn(v.name),
@@ -298,7 +312,7 @@ def _um(v: Variable) -> float | None:
         return None
 
 
-def _grades(problem: ToleranceProblem, v: Variable) -> list[list[Any]]:
+def grades_of(problem: ToleranceProblem, v: Variable) -> list[list[Any]]:
     """ISO 286 grades with their half-widths in the unit of a variable of known nominal size."""
     size = size_mm(problem, v)
     return [] if size is None else [[grade, half] for grade, half in half_widths(v, size).items()]
@@ -451,7 +465,7 @@ def _drawing_notes(
     cpk = float(stated) if stated else _capability(law)
     process, half = process_of(problem, variable, design), variable.kind is Kind.HALF_WIDTH
     rough = roughness(process, 2.0 * new, variable.unit, roughness_share) if half else None
-    written = notation(variable, nominal, mid, new, drawn.get("class", grade))
+    written = notation(variable, nominal, mid, new, drawn.get("class", grade), drawn.get("drawn_as", ""))
     return {
         "notation": written if rough is None else f"{written}; Ra {drawing_number(rough)}",
         "process": process,

@@ -51,6 +51,7 @@
   function whatIf() {
     const host = document.getElementById("whatif");
     if (!host || !found.quick.parts) return;
+    found.quick.parts.forEach((part) => { part.grades = part.grades || []; }); // pages of an earlier version have none
     const asked = found.quick.parts.map((part) => ({ t: part.t, shift: part.mean * part.t, nominal: 0, cp: part.std > 0 ? 1 / (3 * part.std) : Infinity }));
     const begun = asked.map((one) => ({ ...one }));
     const table = element("div", "", { class: "scroll", tabindex: "0", role: "group", "aria-label": "requirements as typed", "aria-live": "polite" });
@@ -72,6 +73,56 @@
       table.replaceChildren(tableOf([["requirement"], ["unit"], ["mean"], ["worst case"], ["mean ± 3 standard deviations"], ["Cpk"], ["outside [%]"], ["change [percentage points]"]], rows, "as typed"));
     }
 
+    // Takes what was typed by an input: a number (a decimal comma is one) that is `allowed`, else it is told.
+    function typed(input, text, rule, allowed, take) {
+      input.addEventListener("input", () => {
+        const value = Number(input.value.trim().replace("\u2212", "-").replace(",", "."));
+        const valid = input.value.trim() !== "" && Number.isFinite(value) && allowed(value);
+        input.setAttribute("aria-invalid", String(!valid));
+        told.textContent = valid ? "" : `${text} must be a number${rule}`;
+        if (valid) take(value);
+      });
+      return input;
+    }
+
+    function refill() {
+      inputs.forEach(([input, at, key]) => { input.value = number(asked[at][key], 6); input.setAttribute("aria-invalid", "false"); });
+      show();
+    }
+
+    // The best allocation that was solved at no more than a budget goes into the fields.
+    function spend(most) {
+      const best = found.budgets.filter((one) => one.cost <= most * (1 + 5e-4)).pop(); // a cost as it is shown, of four digits, is one
+      const cheapest = found.budgets[0];
+      if (!best) {
+        told.textContent = `No allocation costs so little: the cheapest that was solved costs ${number(cheapest.cost, 5)}, with a least ratio of room to variation of ${number(cheapest.room_over_variation, 3)}.`;
+        return;
+      }
+      found.quick.parts.forEach((part, at) => { if (`${part.name}_t` in best) asked[at].t = best[`${part.name}_t`]; if (part.mean) asked[at].shift = part.mean * asked[at].t; });
+      refill();
+      const ways = Object.entries(best).filter(([key]) => key.endsWith("_process")).map(([key, way]) => `${key.slice(0, -8)} ${way}`);
+      told.textContent = `${number(best.cost, 5)} reaches a least ratio of room to variation of ${number(best.room_over_variation, 3)} (${best.weakest}): its half-widths are in the fields${ways.length ? `, its processes are ${ways.join(", ")}` : ""}. Tolerances for the drawing are rounded by tolevo run.`;
+    }
+
+    function cap(finest) {
+      let wider = 0;
+      found.quick.parts.forEach((part, at) => {
+        const grade = part.grades.find(([name]) => name === `IT${finest}`);
+        if (grade && grade[1] > asked[at].t) { asked[at].t = grade[1]; wider += 1; }
+      });
+      refill();
+      told.textContent = `No grade finer than IT${finest}: ${wider} half-width${wider === 1 ? " was" : "s were"} widened.`;
+    }
+
+    const questions = element("div", "", { class: "fields" });
+    const asks = element("div");
+    if (found.budgets.length) asks.append(labelled("budget ", typed(element("input", "", { inputmode: "decimal", size: "8", "aria-label": "budget" }), "budget", "", () => true, spend)));
+    if (found.quick.parts.some((part) => part.grades.length)) {
+      const grade = element("input", "", { inputmode: "numeric", size: "4", "aria-label": "no grade finer than IT" });
+      asks.append(labelled("no grade finer than IT ", typed(grade, "the grade", " from 1 to 18", (value) => Number.isInteger(value) && value >= 1 && value <= 18, cap)));
+    }
+    if (asks.childNodes.length) questions.append(asks);
+
     const keys = [["half-width", "t"], ["mean shift", "shift"], ["change of the nominal", "nominal"], ["Cp", "cp"]];
     found.quick.parts.forEach((part, at) => {
       const row = element("div");
@@ -79,31 +130,30 @@
       keys.forEach(([text, key]) => {
         const input = element("input", "", { inputmode: "decimal", size: "8", "aria-label": `${text} of ${part.name}` });
         input.value = number(asked[at][key], 6);
-        input.addEventListener("input", () => {
-          const value = Number(input.value.trim().replace("\u2212", "-").replace(",", "."));
-          const valid = input.value.trim() !== "" && Number.isFinite(value) && (key === "t" ? value >= 0 : key !== "cp" || value > 0);
-          input.setAttribute("aria-invalid", String(!valid));
-          told.textContent = valid ? "" : `${text} of ${part.name} must be a number${key === "cp" ? " above 0" : key === "t" ? " of at least 0" : ""}`;
-          if (!valid) return;
-          asked[at][key] = value;
-          show();
-        });
+        const rule = key === "cp" ? " above 0" : key === "t" ? " of at least 0" : "";
+        typed(input, `${text} of ${part.name}`, rule, (value) => (key === "t" ? value >= 0 : key !== "cp" || value > 0), (value) => { asked[at][key] = value; show(); });
         inputs.push([input, at, key]);
         row.append(labelled(`${text} `, input));
       });
+      if (part.grades.length) {
+        const grade = element("select", "", { "aria-label": `grade of ${part.name}` });
+        grade.append(element("option", ""));
+        part.grades.forEach(([name]) => grade.append(element("option", name)));
+        grade.addEventListener("change", () => { const half = part.grades.find(([name]) => name === grade.value); if (half) { asked[at].t = half[1]; told.textContent = ""; refill(); } });
+        row.append(labelled("grade ", grade));
+      }
       fields.append(row);
     });
     const back = element("button", "as analysed", { type: "button" });
     back.addEventListener("click", () => {
       asked.forEach((one, at) => Object.assign(one, begun[at]));
-      inputs.forEach(([input, at, key]) => { input.value = number(asked[at][key], 6); input.setAttribute("aria-invalid", "false"); });
       told.textContent = "";
-      show();
+      refill();
     });
     const checks = found.quick.requirements.map((one) => [one, found.requirements.find((row) => row.requirement === one.name)])
       .filter(([, row]) => row && row.yield_percent !== null)
       .map(([one, row]) => `${one.name} ${number(state(one, partsOf(begun)).outside, 3)} % (full model ${number(100 - row.yield_percent, 3)} %)`);
-    host.append(table, told, fields, back);
+    host.append(table, questions, told, fields, back);
     if (checks.length) host.append(element("p", `Outside as analysed, by this model: ${checks.join("; ")}.`, { class: "hint" }));
     show();
   }

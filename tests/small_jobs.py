@@ -1,0 +1,85 @@
+"""Small configurations that many tests run, and the command in the process of a test."""
+
+from __future__ import annotations
+
+from typer.testing import CliRunner, Result
+
+from tolevo.cli import app
+
+PART_A = """
+[[part]]
+name = "a"
+nominal = 20.0
+unit = "mm"
+sensitivity = 1.0
+t_min = 0.01
+t_max = 0.25
+cost = { model = "reciprocal", a = 1.0, b = 0.75 }
+"""
+PART_B = """
+[[part]]
+name = "b"
+nominal = 30.0
+unit = "mm"
+sensitivity = -2.0
+t_min = 0.01
+t_max = 0.25
+cost = { model = "reciprocal", a = 1.0, b = 0.2 }
+"""
+REQUIREMENT = """
+[requirement]
+name = "gap"
+unit = "mm"
+"""
+RANDOM = """
+[algorithm]
+name = "random"
+population = 20
+generations = 6
+"""
+STACK = f"""
+problem = "stack"
+seed = 1
+{REQUIREMENT}{PART_A}{RANDOM}"""
+"""A stack of one part, searched at random."""
+TWO_PARTS = f"""
+problem = "stack"
+seed = 1
+{REQUIREMENT}{PART_A}{PART_B}{RANDOM}"""
+GAP = """
+model = "table"
+[columns]
+"torque" = { role = "torque", unit = "N m" }
+"te" = { role = "measured", unit = "arcsec" }
+"te_predicted" = { role = "predicted", unit = "arcsec" }
+[effects]
+consider = ["torsional_compliance", "lost_motion"]
+[settings]
+simulations = 200
+bootstrap = 8
+"""
+CLAIMS = """
+document = "X"
+title = "A paper"
+seed = 3
+[[claim]]
+id = "k1"
+place = "page 1"
+quantity = "k1"
+printed = "0.8125"
+unit = "1"
+[[claim.reading]]
+formula = "1.3 * 40 / 64"
+"""
+
+
+def tolevo(*words: object) -> Result:
+    """The command in this process."""
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+def output_of(*words: object) -> str:
+    """What the command prints; it must end well."""
+    ended = tolevo(*words)
+    assert ended.exit_code == 0, ended.output
+    return ended.output
