@@ -254,7 +254,7 @@ def area(first: Array, second: Array) -> float:
     widths = np.empty(len(first))
     np.subtract(first[1:], first[:-1], out=widths[:-1])
     widths[-1] = REFERENCE - first[-1]
-    return float(widths @ (REFERENCE - second))
+    return float(np.sum(widths * (REFERENCE - second)))  # no dot product: kernels of BLAS sum by alignment
 
 
 # The hypervolume that a search has attained after each batch, computed for many at once.
@@ -360,10 +360,11 @@ def _areas(scaled: Array, counted: Flags, joins: Flags, value: float) -> list[fl
     np.subtract(first[1:], first[:-1], out=widths[:-1])
     last = ends[np.diff(ends, prepend=0) > 0] - 1
     widths[last] = REFERENCE - first[last]
+    areas = widths * heights
     values, begin = [], 0
     for end, new in zip(ends.tolist(), joins.tolist(), strict=True):
         if new:
-            value = float(widths[begin:end] @ heights[begin:end])
+            value = float(np.sum(areas[begin:end]))
         begin = end
         values.append(value)
     return values

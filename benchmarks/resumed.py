@@ -26,7 +26,7 @@ import numpy as np
 PROMISED = 1.2
 """CPU of an interrupted and a resumed run over that of one run, at most."""
 TICKS = os.sysconf("SC_CLK_TCK")
-OF_THE_CLOCK = {"manifest.json", "unfinished.json", "checkpoint.npz", "report.html", "study.sqlite"}
+OF_THE_CLOCK = {"manifest.json", "unfinished.json", "checkpoint.npz", "steps.npz", "report.html", "study.sqlite"}
 """Files that hold the time of day, names of processes, or pages of them."""
 SECONDS = re.compile(rb'"(?:\w*seconds\w*|started|ended|version)": ?[^,\n}]+|"files": ?\{[^}]*\}')
 
@@ -44,7 +44,7 @@ def cpu(words: Sequence[str], out: Path, after: float = np.inf) -> float:
         if not sent and (int(used[11]) + int(used[12])) / TICKS >= after:
             process.send_signal(signal.SIGINT)
             sent = True
-        time.sleep(0.02)
+        time.sleep(0.1)
 
 
 def files(out: Path) -> dict[str, bytes]:

@@ -504,7 +504,7 @@ def split_unit(name: str) -> tuple[str, str]:
     parts = name.split("_")
     for at in range(1, len(parts)):  # the longest unit first: N_per_mm is not mm
         stem, unit = "_".join(parts[:at]), "_".join(parts[at:])
-        if stem and unit in SUFFIXES:
+        if stem and all(part in SUFFIXES for part in unit.split("_per_")):
             return stem, unit
     return name, ""
 

@@ -250,3 +250,13 @@ def test_what_a_search_missed_is_no_price_of_a_limit() -> None:
     near = tolevo.run(base | {"limits": {"variation": 0.39}}).record.answers["limits"]
     assert (lower := re.search(r"without them the least cost would be ([\d.]+) lower", near))
     assert float(lower[1]) == pytest.approx(4.0 / 0.39 - 10.0, rel=0.01)
+
+
+def test_a_limit_on_the_cost_is_a_limit() -> None:
+    """The least variation for a budget of 12: nothing else is limited, and the budget is used up."""
+    parts = [{"name": name, "nominal": 10.0, "unit": "mm", "sensitivity": 1.0, "t_min": 0.01, "t_max": 0.2,
+              "cost": {"model": "reciprocal", "a": 0.0, "b": 1.0}} for name in ("a", "b")]  # fmt: skip
+    base = {"problem": "stack", "seed": 0, "objectives": {"minimise": ["variation"]}, "part": parts,
+            "requirement": {"unit": "mm", "nominal": 0.0, "method": "worst_case"}}  # fmt: skip
+    answer = tolevo.run(base | {"limits": {"cost": 12.0}}).record.answers["limits"]
+    assert answer.endswith("the limit of cost at most 12 binds.")

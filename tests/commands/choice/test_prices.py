@@ -15,6 +15,8 @@ from tolevo.commands.run.prices import front_slopes, prices, slopes_of
 from tolevo.commands.run.promise import cheapest_design
 from tolevo.commands.run.tolerances import tolerances, values_of
 from tolevo.configuration.reader import read
+from tolevo.models.costs import Reciprocal
+from tolevo.plugins import Declaration, Kind, Output, ToleranceProblem, Variable
 
 HEAD = """
 problem = "stack"
@@ -165,3 +167,44 @@ def test_the_price_of_a_limit_without_a_derivative_by_optima_at_limits_beside() 
     price = prices(problem, problem.frame(design), slopes_of(problem, design)).set_index("output")["price"]
     slope = (least(19.8)[2] - least(20.2)[2]) / 0.4  # 1 % to either side
     np.testing.assert_allclose(price["te_amplitude_arcsec"], slope, rtol=0.02)  # the search ends at 0.1 %
+
+
+class Preloaded(ToleranceProblem):
+    """A width and a preload, which costs nothing: more of it is stiffer, and adds to the play."""
+
+    declaration = Declaration(
+        variables=(
+            Variable("bore_um", "um", Kind.HALF_WIDTH, 2.0, 60.0, "bore"),
+            Variable("preload_um", "um", Kind.NOMINAL, -30.0, 30.0, "preload"),
+        ),
+        outputs=(
+            Output("cost", "", "sum of the cost curves"),
+            Output("play_um", "um", "play"),
+            Output("stiffness_N_per_um", "N/um", "stiffness"),
+        ),
+        costs={"bore_um": Reciprocal(1.0, 100.0)},
+        objectives=("cost",),
+    )
+
+    def _outputs(self, designs: Any, searching: bool) -> dict[str, Any]:
+        bore, preload = designs.T
+        return {
+            "cost": self.cost_of(designs),
+            "play_um": bore + np.abs(preload - 5.0),
+            "stiffness_N_per_um": 40.0 + preload - 0.3 * bore,
+        }
+
+
+def test_a_searched_setting_is_one_of_the_conditions_of_an_optimum() -> None:
+    """Limits move the preload too: bore = (play + 45 - stiffness) / 1.3 at the least cost."""
+    import tolevo
+
+    given = {"problem": Preloaded, "algorithm": {"name": "exact"}, "seed": 1}
+    problem = tolevo.read(given | {"limits": {"play_um": 25.0, "stiffness_N_per_um": {"min": 42.0}}}).problem
+    assert problem is not None
+    bore = (25.0 + 45.0 - 42.0) / 1.3
+    design = np.array([[bore, 30.0 - bore]])
+    priced = prices(problem, problem.frame(design), slopes_of(problem, design))
+    assert priced["spread_percent"].max() < 0.1
+    np.testing.assert_allclose(priced["price"], 100.0 / bore**2 / 1.3, rtol=2e-3)  # differences: 1e-3
+    assert list(priced["tighter"]) == ["less", "more"]

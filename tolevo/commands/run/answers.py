@@ -260,9 +260,12 @@ class Sentences:
 
     def of_limits(self) -> str:
         limits = [o for o in self.problem.limits if o.count and o.name != COST]
-        if not limits:
-            return "No limits are set in addition to the objectives."
         row = self.result.front.iloc[[self.point]]
+        if not limits:
+            for cost in (o for o in self.problem.limits if o.name == COST):
+                how = "binds" if points_at_limit(cost, row)[0] else "is kept with a margin"
+                return f"{self._here} the limit of {self.limit(cost)} {how}."
+            return "No limits are set in addition to the objectives."
         held = [o for o in limits if points_at_limit(o, row)[0]]
         if not held:
             return f"{self._here} every limit is kept with a margin{self._held_back([o.name for o in limits])}."

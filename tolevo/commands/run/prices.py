@@ -22,6 +22,8 @@ STEP = 1e-3
 """Relative step of a tolerance where an output has no derivative."""
 MAX_PRICED_DESIGNS = 1000
 """Points with derivatives at most, evenly spaced along the front."""
+SETTING = 0.1
+"""Fraction of its range by which a searched variable that is no tolerance is weighted."""
 PER_GRADE = 0.5 * np.log(2.0)
 """Relative width of a tolerance per grade: sqrt 2."""
 
@@ -31,13 +33,18 @@ def tolerances_of(problem: ToleranceProblem) -> list[Variable]:
     return [variable for variable in problem.variables if variable.tolerance]
 
 
+def settings_of(problem: ToleranceProblem) -> list[Variable]:
+    """Searched variables that are no tolerances, as a modification or a preload: an optimum sets them as well."""
+    return [v for v in problem.free if not (v.tolerance or v.integer or v.labels)]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Slopes:
     """Derivatives at some points of a front.
 
     `rows` (n,) are the points, `designs` (n, all variables) theirs. `along` has t dy/dt (n,
-    tolerances) by requirement y, `source` the output whose derivative it is, and `saved`
-    -t dC/dt (n, tolerances) of the cost C.
+    tolerances + settings) by requirement y, `source` the output whose derivative it is, and `saved`
+    -t dC/dt (n, tolerances + settings) of the cost C; t are the `widths`.
     """
 
     rows: NDArray[np.int64]
@@ -54,18 +61,18 @@ def slopes_of(problem: ToleranceProblem, designs: Array) -> Slopes:
     that explains it is taken; what has none is differenced, but no limited output of a sample.
     """
     rows = np.unique(np.linspace(0, len(designs) - 1, MAX_PRICED_DESIGNS).astype(np.int64))
-    selected, tolerances = designs[rows], tolerances_of(problem)
+    selected, moved = designs[rows], [*tolerances_of(problem), *settings_of(problem)]
     known = problem.gradient(selected)
     names = [name for name in problem.objectives if name != COST]
     limited = [limit.name for limit in problem.limits if limit.count and limit.name != COST]
     differenced = set() if problem.declaration.sampled else {output.name for output in problem.outputs}
     names += [name for name in limited if name in differenced.union(known) and name not in names]
-    at = [problem.names.index(v.name) for v in tolerances]
-    wide = np.stack([widths(problem, selected, v) for v in tolerances], axis=1) if tolerances else selected[:, :0]
+    at = [problem.names.index(v.name) for v in moved]
+    wide = np.stack([widths(problem, selected, v) for v in moved], axis=1) if moved else selected[:, :0]
     explained = {name: problem.declaration.explained.get(name, name) for name in problem.objectives}
     source = {name: name if name in known else explained.get(name, name) for name in names}
     if unknown := [name for name in source.values() if name not in known]:
-        known = known | _differences(problem, selected, unknown, tolerances)
+        known = known | _differences(problem, selected, unknown, moved)
     along = {name: wide * known[source[name]][:, at] for name in names}
     cost = known[COST] if COST in known else problem.cost_slopes(selected)
     with np.errstate(invalid="ignore"):
@@ -74,19 +81,22 @@ def slopes_of(problem: ToleranceProblem, designs: Array) -> Slopes:
 
 
 def widths(problem: ToleranceProblem, designs: Array, variable: Variable) -> Array:
-    """t of t dy/dt (n,); for a grade, the factor of dy/dgrade."""
+    """t of t dy/dt (n,); for a grade, the factor of dy/dgrade; for a setting, a part of its range."""
+    if not variable.tolerance:
+        low, high = problem.interval(variable.name)
+        return np.full(len(designs), SETTING * (high - low))
     if variable.kind is Kind.GRADE:
         return np.full(len(designs), 1.0 / PER_GRADE)
     return problem.column(designs, variable.name)
 
 
 def _differences(
-    problem: ToleranceProblem, designs: Array, outputs: list[str], tolerances: list[Variable]
+    problem: ToleranceProblem, designs: Array, outputs: list[str], variables: list[Variable]
 ) -> dict[str, Array]:
     """Derivatives (n, all variables) by one-sided differences of outputs in a search."""
     base = problem.outputs_of(designs, searching=True)
     derivatives = {output: np.zeros_like(designs) for output in outputs}
-    for variable in tolerances:
+    for variable in variables:
         at, moved = problem.names.index(variable.name), designs.copy()
         step = STEP * widths(problem, designs, variable)
         if not np.any(step):
@@ -121,6 +131,7 @@ def contributions(problem: ToleranceProblem, slopes: Slopes) -> pd.DataFrame:
         return pd.DataFrame()
     frames = []
     for output, slopes_along in slopes.along.items():
+        slopes_along = slopes_along[:, : len(names)]
         frame = pd.DataFrame(_shares(slopes_along), columns=names)
         frame.insert(0, "point", slopes.rows)
         frame.insert(1, "output", output)
@@ -166,7 +177,7 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
     """What one unit less of each requirement costs at points of a front; of a lower limit (a
     yield), one unit more.
 
-    At the least cost -dC/dt_j = sum_i price_i s_i dy_i/dt_j for every tolerance inside of its
+    At the least cost -dC/dt_j = sum_i price_i s_i dy_i/dt_j for every tolerance and setting inside of its
     bounds (Karush, Kuhn and Tucker), s_i -1 at a lower limit and else 1; the prices, none below 0,
     fit that best, each tolerance weighted by its width. Limits that an optimum does not use up have
     the price 0; at a point that is none (not proven, and a residual above `FITS`) it is not known, nor is
@@ -221,11 +232,11 @@ def _fit_prices(
     NaN where tolerances do not change a requirement of such a size (n, requirements).
     """
     free = {v.name: at for at, v in enumerate(problem.free)}
-    tolerances = tolerances_of(problem)
+    moved = [*tolerances_of(problem), *settings_of(problem)]
     designs, save = slopes.designs, slopes.saved
     along = np.stack(list(slopes.along.values()), axis=2)
     inside = np.zeros_like(save, dtype=bool)
-    for at, v in enumerate(tolerances):
+    for at, v in enumerate(moved):
         if v.name in free and not v.integer:
             ends = np.array([problem.room(v.name, design) for design in designs])
             edge = EDGE * (ends[:, 1] - ends[:, 0])
