@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.killing import SIGNALS, WITHOUT_PRIVILEGES, Job, content, jobs, killed, start, tolevo
+from tests.killing import SIGNALS, WITHOUT_PRIVILEGES, Job, content, jobs, killed, start
+from tests.small_jobs import tolevo
 from tolevo.directory import standing
 
 pytestmark = pytest.mark.long

@@ -273,8 +273,8 @@ def rows_near(bulk: Bulk, heads: Sequence[int] = ()) -> list[Row]:
 
 def probed(cells: pa.Array) -> list[str]:
     """Cells of a column, evenly spread."""
-    places = np.unique(np.linspace(0, len(cells) - 1, PROBES).astype(int)) if len(cells) else []
-    return [cells[at].as_py() for at in places]
+    places = np.unique(np.linspace(0, len(cells) - 1, PROBES).astype(int)) if len(cells) else np.zeros(0, dtype=int)
+    return [cells[at].as_py() for at in places.tolist()]
 
 
 def prove_column(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None] | None:

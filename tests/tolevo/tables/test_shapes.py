@@ -253,7 +253,7 @@ def test_a_long_table_of_many_rows_is_read_as_a_short_one(tmp_path: Path) -> Non
     np.testing.assert_array_equal(frame[[f"F{at}" for at in range(5)]].to_numpy(dtype=float), values)
 
 
-def read(folder: Path, text: str, name: str = "t.txt") -> tolevo.Table:
+def read(folder: Path, text: str, name: str = "t.txt") -> tables.Table:
     (folder / name).write_text(text, encoding="utf-8")
     return tolevo.read_table(folder / name)
 
