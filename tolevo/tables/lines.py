@@ -273,7 +273,7 @@ def rows_near(bulk: Bulk, heads: Sequence[int] = ()) -> list[Row]:
 
 def probed(cells: pa.Array) -> list[str]:
     """Cells of a column, evenly spread."""
-    places = np.unique(np.linspace(0, len(cells) - 1, PROBES).astype(int)) if len(cells) else []
+    places: list[int] = np.unique(np.linspace(0, len(cells) - 1, PROBES).astype(int)).tolist() if len(cells) else []
     return [cells[at].as_py() for at in places]
 
 

@@ -304,7 +304,7 @@ def _form_faults(header: list[str], body: list[Row], place: str) -> list[Fault]:
     return faults
 
 
-def _missing_notes(name: str, cells: Any, lines: list[int], values: NDArray[Any] | None) -> list[str]:
+def _missing_notes(name: str, cells: Any, lines: Sequence[int], values: NDArray[Any] | None) -> list[str]:
     """A note on the cells of a column of numbers that hold no number."""
     if values is None:
         values = np.asarray(pd.to_numeric(pd.Series(cells, dtype=object), errors="coerce"))

@@ -256,7 +256,7 @@ def _turns(names: NDArray[np.int64], parts: NDArray[np.int64]) -> NDArray[np.int
     pairs, first = _numbered(parts * (names.max() + 1) + names)
     if len(first) == len(pairs):
         return np.zeros(len(pairs), dtype=np.int64)
-    return pd.Series(pairs).groupby(pairs).cumcount().to_numpy()
+    return np.asarray(pd.Series(pairs).groupby(pairs).cumcount().to_numpy(), dtype=np.int64)
 
 
 def _units_of(table: Table, long: _Long, names: _Names, place: str) -> tuple[dict[str, str], list[Fault]]:
