@@ -174,7 +174,7 @@ def record(group: str, number: int, simulators: Mapping[str, Simulator] = NO_SIM
                   kind.free(n), turned)  # fmt: skip
     if task.rows:
         truth, table = _part_of(np.random.default_rng([machine, part]), truth, table, task.rows[part])
-    blind = f"r{rng.integers(10**9):09d}"
+    blind = f"r{rng.integers(10**9) + part:09d}"
     return Record(blind, configuration(kind, number, at), table), truth
 
 
