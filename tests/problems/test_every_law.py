@@ -89,7 +89,9 @@ def test_every_distribution_that_can_be_stated_is_tried() -> None:
     assert {type(law) for law in LAWS.values()} == set(DISTRIBUTIONS.sound().values())
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if name == "mixture" else []) for name in LAWS]
+)
 def test_every_statistic_of_rigid_units_is_that_of_a_count(name: str) -> None:
     law, units = LAWS[name], 2**15
     problem = reducer(law)

@@ -128,7 +128,7 @@ CASES = [
     ("tolerance = 0.1", 'tolerance = 0.1\ndistribution = "normel"', "part[2].distribution",
      "did you mean `normal`"),
     ("tolerance = 0.1", "tolerance = 0.1\ncp = 0.0", "part[2].cp", "above 0"),
-    ("tolerance = 0.1", "tolerance = 0.1\ncpk = 1.3", "part[2].cpk", "must not be above"),
+    ("tolerance = 0.1", "tolerance = 0.1\ncp = 1.1\ncpk = 1.3", "part[2].cpk", "must not be above"),
     ("tolerance = 0.1", "tolerance = 0.1\ncpk = 0.9\nshift = 0.1", "part[2].cpk", "shift"),
     ("tolerance = 0.1", "tolerance = 0.1\ncolour = 1", "part[2].colour", "not a known key"),
     ("tolerance = 0.1", "process = []", "part[2].process", "at least one"),
