@@ -15,9 +15,10 @@ from ...models.machines import GoodPartsBySpread, convex_cost
 from ...section import Array, Flags, Integers
 from ..forms import Feature, Form, Way
 from ..limits import Limit, narrow_range, overlap
+from ..settings import YIELD
 from .definition import Part, Process, limits_of, process_by_spread, spread_and_mean
 from .promises import LEAST
-from .rows import BOTH, YIELD, Row, quantile_of, rows_of, surplus_of
+from .rows import BOTH, Row, quantile_of, rows_of, surplus_of
 
 if TYPE_CHECKING:
     from .problem import Stack

@@ -22,7 +22,7 @@ from ...units import family, unit_hint
 from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..forms import Form
 from ..limits import keeps
-from ..settings import Promise, Settings, read_promise, rising_price_note
+from ..settings import YIELD, Promise, Settings, read_promise, rising_price_note
 from ..tolerance_problem import ToleranceProblem
 from .convex import corner_of, form_of, limits_by_spread, out_of_process, samples_of
 from .definition import Definition, Part, parts_by_process, ranges_by_process
@@ -48,8 +48,6 @@ from .rows import shortfall
 # Linear against nonlinear spread: whether the root sum square is exceeded as rarely as stated.
 
 
-JOINT = "yield_percent"
-"""The units that keep all of several requirements, in per cent."""
 VARIED = ("variation", "rss", "std")
 """Outputs of a requirement that leave out means, but for `variation` by `shifted_rss`."""
 MIN_YIELD_DIFFERENCE = 0.01
@@ -122,9 +120,9 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
         sentences += departures_from_normality(part.machines, f"part {part.name}")
     every = len(stack.definition.stated)  # a note on the first condition is one on all
     sentences += filter(None, [_ignored_means_note(stack, values) for values in stack.measured[:every]])
-    if JOINT in stack.required_outputs and len(stack.measured) > 1 and stack.definition.requirement.key:
+    if YIELD in stack.required_outputs and len(stack.measured) > 1 and stack.definition.requirement.key:
         sentences.append(
-            f"{JOINT} counts the units of a sample that keep all requirements together: `exact` solves it by SLSQP on "
+            f"{YIELD} counts the units of a sample that keep all requirements together: `exact` solves it by SLSQP on "
             "the sample, and no bound counts them together"
         )
     for values in stack.measured:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy
 from scipy.special import ndtr, ndtri
 
 from ...models.capability.knowledge import Surplus, divide_or_default
@@ -16,7 +15,7 @@ from ...models.stack import Law
 from ...models.stack.mechanism import SIGMAS
 from ...section import Array, Flags
 from ..forms import Piece, Quantile
-from ..settings import ASSURED, PLUG_IN, PROMISED
+from ..settings import ASSURED, PLUG_IN, PROMISED, YIELD
 from .outputs import VARIATIONS
 from .promises import WINDOW, Measured
 
@@ -70,19 +69,25 @@ def _curve(p: float, delta: Array) -> tuple[Array, Array, Array]:
     return delta / k, 1.0 / k, slope
 
 
+APART = 1e-9
+"""Fraction by which the ends of a bracket lie beyond it: at a mean near 0 they differ by rounding alone."""
+
+
 def _largest_deviation(p: float, d: float) -> float:
     """The same curve at one mean d < 1, by a root for its inverse."""
-    least = float(ndtri(0.5 * (1.0 + p)))
-    found = scipy.optimize.brentq(
-        lambda k: float(ndtr(k * (1.0 - d)) + ndtr(k * (1.0 + d))) - 1.0 - p, least, least / (1.0 - d), xtol=1e-13
-    )
-    return 1.0 / float(found)
+
+    def excess(k: Array) -> Array:
+        return np.asarray(ndtr(k * (1.0 - d)) + ndtr(k * (1.0 + d)) - 1.0 - p)
+
+    least = np.full(1, float(ndtri(0.5 * (1.0 + p))))
+    ends = (1.0 - APART) * least, (1.0 + APART) * least / (1.0 - d)
+    return 1.0 / float(bracketed_roots(excess, ends).x[0])
 
 
 CENTRED = 1e-7
 """Relative difference of two limits' distances from the mean that counts as none: a yield changes by
 its square. Limits about a nominal a million times as large are rounded to less."""
-YIELD, WHOLE = "yield_percent", 100.0
+WHOLE = 100.0
 ENDS, BOTH = {1.0: "upper limit", -1.0: "lower limit"}, "both limits"
 """The limit that a row keeps, by its side, and the words for both."""
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tests.small_jobs import GAP
 from tolevo.commands.gap import scan, uncertainty
 from tolevo.commands.gap.configuration import read_gap
 from tolevo.commands.gap.gap import GapOutcome, gap
@@ -24,18 +25,6 @@ from tolevo.models.rv_reducer.population.contact import touch
 GEARBOX = Path(__file__).resolve().parents[2] / "docs" / "gearbox"
 pytestmark = pytest.mark.usefixtures("unrendered")
 
-TEXT = """model = "table"
-[columns]
-"torque" = { role = "torque", unit = "N m" }
-"te" = { role = "measured", unit = "arcsec" }
-"te_predicted" = { role = "predicted", unit = "arcsec" }
-[effects]
-consider = ["torsional_compliance", "lost_motion"]
-[settings]
-simulations = 200
-bootstrap = 8
-"""
-
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
@@ -45,7 +34,7 @@ def folder(tmp_path: Path) -> Path:
     te = predicted + 0.05 * torque + rng.normal(0.0, 2.0, 90)
     frame = pd.DataFrame({"torque": torque, "te": te, "te_predicted": predicted})
     frame.to_csv(tmp_path / "data.csv", index=False)
-    (tmp_path / "gap.toml").write_text(TEXT, encoding="utf-8")
+    (tmp_path / "gap.toml").write_text(GAP, encoding="utf-8")
     return tmp_path
 
 

@@ -242,6 +242,7 @@ class Columns:
         self._base = predict({})
         self._slopes: dict[str, Array] = {}
         self._known: dict[tuple[object, ...], Array] = {}
+        self._bytes = 0
         self._whole = {name: y + (more or {}).get(name, 0.0) for name, y in self._base.items()}
 
     def of(self, candidate: Candidate, shape: Mapping[str, float]) -> Array:
@@ -252,10 +253,11 @@ class Columns:
             return self._of(candidate, shape)
         key = candidate.name, *shape.items()
         if key not in self._known:
-            kept = sum(columns.nbytes for columns in self._known.values())
-            if kept > MOST_BYTES:
+            if self._bytes > MOST_BYTES:
                 self._known.clear()
+                self._bytes = 0
             self._known[key] = self._of(candidate, shape)
+            self._bytes += self._known[key].nbytes
         return self._known[key]
 
     def _of(self, candidate: Candidate, shape: Mapping[str, float]) -> Array:
