@@ -494,8 +494,8 @@ def read_parts(top: Section, requirements: Sequence[Requirement], faults: list[F
 
 
 def placeholder_part(table: Mapping[str, Any], at: int) -> Part:
-    """A part with the names of a faulty one, so that the other tables can be checked."""
-    name, processes = table.get("name"), (Process(0.0, 1.0),) * 2
+    """A part with the names of a faulty one, so that the other tables can be checked; of any tolerance."""
+    name, processes = table.get("name"), (Process(0.0, np.inf),) * 2
     return Part(
         name if isinstance(name, str) else f"part_{at}", "", processes, Normal(), alternatives="process" in table
     )

@@ -153,14 +153,26 @@ def rounding_faults(problem: ToleranceProblem, settings: ChoiceSettings) -> list
         if step == IT_GRADES and concerned and all(size_mm(problem, v) is None for v in concerned):
             text = 'has no nominal size of at most 500 mm to look up a grade by: give a step, a list, or "preferred"'
             faults.append(Fault(place, text if name != ALL else f"no tolerance {text}"))
-        for variable in concerned if not isinstance(step, str) else ():
-            low, high = problem.interval(variable.name)
-            if not any(
-                low * (1.0 - 1e-9) <= value <= high * (1.0 + 1e-9) for value in values_of(problem, variable, step)
-            ):
-                which = f" for {variable.name}" if name == ALL else ""
+    return [*faults, *coarse_steps({name: problem.interval(name) for name in free}, problem.variables, settings)]
+
+
+def coarse_steps(
+    ranges: Mapping[str, tuple[float, float]], variables: Sequence[Variable], settings: ChoiceSettings
+) -> list[Fault]:
+    """Lists and steps of which no value lies in the range of a variable, by the ranges of those searched."""
+    faults = []
+    for name, step in settings.steps.items():
+        others = [v.name for v in variables if v.tolerance and not v.integer and v.name not in settings.steps]
+        for own in (others if name == ALL else [name]) if not isinstance(step, str) else ():
+            low, high = ranges.get(own, (0.0, np.inf))
+            if np.isinf(high):
+                continue
+            values = step if isinstance(step, tuple) else (np.floor(high * (1.0 + 1e-9) / step) * step,)
+            if not any(low * (1.0 - 1e-9) <= value <= high * (1.0 + 1e-9) for value in values):
+                which = f" for {own}" if name == ALL else ""
                 kind = "hold a value" if isinstance(step, tuple) else "have a multiple"
-                faults.append(Fault(place, f"must {kind} between {low:g} and {high:g}{which}: state finer ones"))
+                text = f"must {kind} between {low:g} and {high:g}{which}: state finer ones"
+                faults.append(Fault(f"rounding.{name}", text))
     return faults
 
 
