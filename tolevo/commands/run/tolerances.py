@@ -14,7 +14,7 @@ from ...models.costs import CostCurve, Table
 from ...models.iso286 import GRADES, MAX_SIZE_MM, grade_um
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Assumption, Kind, Variable
-from ...units import converted, drawing_number, fits, split_unit
+from ...units import converted, drawing_number, fits, split_unit, to_unit
 from .choice import ALL, IT_GRADES, PREFERRED, R20, ChoiceSettings, Step
 
 FINER = "finer"
@@ -183,7 +183,8 @@ def notation(
     variable: Variable, nominal: float | None, mid: float, t: float, grade: str = "", drawn_as: str = ""
 ) -> str:
     """Like "36.05 +0.012/-0.013 mm", "⌀25 ±0.0065 mm (IT6)", "-3 to 1 um" where no nominal size is known,
-    "R3 0/-0.002 mm (⌀6 0/-0.004 mm)", "0 to 5 um", "±1.5 mrad (±309.4″)", "grade 5". None begins with + or a
+    "R3 0/-0.002 mm (⌀6 0/-0.004 mm)", "0 to 5 um", "±1.5 mrad (±309.4″)", "±1.5 mrad (±309.4″, ±2 um at R1.3 mm)"
+    of an angle that is drawn "at 1.3 mm", "grade 5". None begins with + or a
     hyphen (a minus sign is another character), which a spreadsheet would compute.
 
     `nominal` is the nominal size, None where it is not known, `mid` the middle of the zone as a
@@ -208,7 +209,12 @@ def notation(
         return f"{_minus(mid - t)} to {_minus(mid + t)}{unit}{more}"
     if nominal is not None and (drawn_as == "radius" or ("_radius" in variable.name and variable.unit == "um")):
         return f"R{_zone(nominal, mid, t)}{unit} (⌀{_zone(2.0 * nominal, 2.0 * mid, 2.0 * t)}{unit})"
-    angle = f" (±{drawing_number(_seconds(t, variable.unit))}″)" if _is_small_angle(variable) else ""
+    angles = [f"±{drawing_number(_seconds(t, variable.unit))}″"] if _is_small_angle(variable) else []
+    if drawn_as.startswith("at "):
+        radius = float(to_unit(drawn_as.removeprefix("at "), "mm"))
+        length = 1e3 * radius * float(converted(t, variable.unit, "rad"))
+        angles.append(f"±{float(f'{length:.4g}'):g} um at R{drawing_number(radius)} mm")
+    angle = f" ({', '.join(angles)})" if angles else ""
     return f"{'⌀' if drawn_as == 'diameter' else ''}{_zone(nominal, mid, t)}{unit}{more}{angle}"
 
 
