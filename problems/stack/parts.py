@@ -608,7 +608,7 @@ def _sample(
 
 
 def _labels(section: Section, unit: str | None) -> dict[str, str]:
-    """Geometrical characteristic, diameter, radius or, of an angle, the radius at which it is a length, number of the drawing, number of the characteristic
+    """Geometrical characteristic, how it is drawn, number of the drawing, number of the characteristic
     on it, and where the tolerance comes from.
     """
     numbers = {key: drawing_number(section, key) for key in ("drawing", "characteristic")}
