@@ -579,4 +579,6 @@ class Stack(ToleranceProblem):
 
 
 def _declare_stack(variables: tuple[Variable, ...], outputs: tuple[Output, ...]) -> Declaration:
-    return Declaration(variables, outputs, objectives=OBJECTIVES, algorithm="exact")
+    """Its objectives are those that it has: requirements in different units have no variation together."""
+    own = tuple(name for name in OBJECTIVES if any(output.name == name for output in outputs))
+    return Declaration(variables, outputs, objectives=own, algorithm="exact")
