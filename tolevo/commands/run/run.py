@@ -455,7 +455,7 @@ def _run_searches(
 
         with recording_steps(checkpoint.section("search")):
             search_result = search(
-                plan.problem, plan.algorithm, plan.budget, plan.seed, report, plan.engine, checkpoint, designs.values
+                plan.problem, plan.algorithm, plan.budget, plan.seed, report, plan.engine, checkpoint, designs.results
             )
         if search_result.interrupted:
             return search_result, sides.fronts()
