@@ -12,7 +12,7 @@ from typing import Any
 from .. import registry
 from ..algorithms.settings import AlgorithmSettings
 from ..commands.run.choice import ALL, RULES, ChoiceSettings, Step
-from ..commands.run.tolerances import rounding_faults
+from ..commands.run.tolerances import coarse_steps, rounding_faults
 from ..errors import Fault, InputError, raise_all, refuse
 from ..problems.declaration import Declaration
 from ..problems.settings import METHODS, Bound, PropagationSetting, Settings, VariableSetting, unit_slips
@@ -301,7 +301,9 @@ def _read_problem(
     search = read_search(top.section("algorithm"), len(objectives), declared.algorithm)
     choice = read_choice(top, objectives, declared.outputs, declared.variables)
     top.finish()
-    raise_all(faults)
+    if faults:  # those of the whole as far as they show without it
+        ranges = {v.name: (v.low, v.high) for v in declared.variables if v.low < v.high}
+        raise_all([*faults, *coarse_steps(ranges, declared.variables, choice)])
     with _single_thread(declared.sampled):
         problem = configured(settings)
         _check_as_a_whole(problem, choice, search["algorithm_name"], reachable)
