@@ -506,7 +506,8 @@ def promise_outcome(
         summary |= _stack_assurance(problem, design)
     if drawing is not None:
         summary |= _drawing_compliance(problem, drawing)
-    return PromiseOutcome(summary, sentence(summary, promise.words(), costs, problem.settings.money.currency), costs, ranking)
+    text = sentence(summary, promise.words(), costs, problem.settings.money.currency)
+    return PromiseOutcome(summary, text, costs, ranking)
 
 
 def _least(problem: ToleranceProblem, design: Array, promise: Promise, levels: Mapping[str, float]) -> Least:
