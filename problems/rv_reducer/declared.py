@@ -122,6 +122,15 @@ CONTACT: tuple[Parameter, ...] = (
         low=0.0,
         high=1e7,
     ),
+    Parameter(
+        "load_torque_Nm",
+        0.0,
+        "Nm",
+        "torque under which the greatest pin force is computed; 0: the rated torque",
+        "",
+        low=0.0,
+        high=1e7,
+    ),
     _count("te_positions", 251, "positions of a turn at which the transmission error is measured", 8, 10_007),
     _count(
         "search_units",
