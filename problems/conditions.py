@@ -254,7 +254,7 @@ class InConditions(ToleranceProblem):
     # ---------------------------------------------------------------- the same problem with other settings
 
     def _like(self, changed: ToleranceProblem, base: ToleranceProblem) -> InConditions:
-        """This problem with what differs between two of its problems in one condition."""
+        """The problem with what differs between two of its problems in one condition."""
         if changed is base:
             return self
         before, after = base.given, changed.given
@@ -354,8 +354,11 @@ class InConditions(ToleranceProblem):
     def _place(self, place: str, condition: str) -> str:
         """The place of a fault that the problem of one condition has."""
         table, _, name = place.partition(".")
+        at = self.operating.names.index(condition)
+        if table == "parameters" and name in self.operating.conditions[at].parameters:
+            return f"condition[{at}].{name}"
         if table.startswith("effect["):
-            return f"condition[{self.operating.names.index(condition)}]"
+            return f"condition[{at}]"
         own = table == "limits" and f"{condition}.{name}" in self.settings.limits
         return f"limits.{condition}.{name}" if own else place
 

@@ -29,7 +29,7 @@ from ..rv_backlash.shift import TERMS
 from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import Variant
 from . import declared
-from .counterparts import Change, changes_of, outputs_without_rule, sentence
+from .counterparts import Change, changes_of, outputs_without_rule, sentence, worn
 from .declared import (
     DEFAULT_LIMITS,
     DEFAULT_OBJECTIVES,
@@ -158,6 +158,7 @@ def validity(parameters: Mapping[str, Value], uniform: bool, change: Change) -> 
     """A sentence for each; `uniform`: every error is uniform over its zone; `change`: what effects change."""
     zones = "Every error is uniform over its zone: skewed or centred processes give other fractions."
     given = "Distributions are those of the configuration, the same for all parts of a kind."
+    left_out = ["friction", *([] if change.circle else ["temperature"]), *([] if change.wear else ["wear"])]
     stage = (
         "The clearances of the planets are centred on each other, and the runout of the involute stage is not "
         "followed along the turn: phi_1 is a single number per unit.",
@@ -167,7 +168,7 @@ def validity(parameters: Mapping[str, Value], uniform: bool, change: Change) -> 
         zones if uniform else given,
         "Pitch error and runout of a disc are waves with one period per turn of the disc.",
         *(stage if parameters["involute_stage"] else ()),
-        "No friction, no temperature, no wear." if not change.circle else "No friction, no wear.",
+        f"No {', no '.join(left_out)}.",
         "Play of the crank bearings acts about the centre of the disc only; along the load of the bearing it would "
         "count about 1.15 times (an estimate, not tested).",
         "A pin circle that is offset does not centre itself under load: likely pessimistic.",
@@ -271,7 +272,7 @@ class RvReducer(PromisingUnits, Machined):
         performance=SAMPLED_OUTPUTS - HOLD_INTERFERENCE.keys() - {"yield_percent"},
         unpriced=unpriced,
         unconditional=frozenset(["cost", "radial_gap_mm", "modification_backlash_arcmin"]),
-        operation={"torque_Nm": ("load_torque_Nm", "te_torque_Nm")},
+        operation={"hours": ("hours",), "torque_Nm": ("load_torque_Nm", "te_torque_Nm")},
         reference_ga={
             "population": 100,
             "generations": 80,
@@ -288,7 +289,8 @@ class RvReducer(PromisingUnits, Machined):
         super().__init__(settings)
         given = self.settings
         units = UnitModel.of(given.parameters, given.variables, given.propagation.coverage)
-        change = changes_of(given.effects, units.geometry)
+        hours = number(given.parameters["hours"])
+        change = changes_of(given.effects, units.geometry) + worn(given.parameters, hours)
         lacking = outputs_without_rule(MEASURES, SAMPLED_OUTPUTS, SAMPLED_UNDER_LOAD) if change.outside else []
         if lacking:
             raise ModelError(f"{', '.join(lacking)}: no rule says what effects do; add its kind to RULES")
@@ -526,8 +528,16 @@ class RvReducer(PromisingUnits, Machined):
             *unpriced_error_faults({variable.name for variable in self.free}, self.settings.costs),
             *(size_faults(self.count, MAX_CACHED_EVALUATIONS) or super().faults()),
         ]
-        faults = faults or jam_faults(self, self.settings.effects)
+        faults = faults or [*self._idle_hours(), *jam_faults(self, self.settings.effects)]
         return faults or self.cost_bound().faults()
+
+    def _idle_hours(self) -> list[Fault]:
+        """A fault for hours in which nothing wears."""
+        hours = number(self.settings.parameters["hours"])
+        if not hours or self.model.change.wear:
+            return []
+        text = "change nothing: state parameters.wear_um_per_1000h, parameters.running_in_um or an effect of wear"
+        return [Fault("parameters.hours", f"{hours:g} h {text}")]
 
     def cost_bound(self) -> CommonErrorBound:
         from .bound import CommonErrorBound  # not before one is asked for

@@ -229,3 +229,56 @@ def test_a_robot_with_two_payloads() -> None:
         for name in ("wind_up_mm", "pose_accuracy_mm"):
             np.testing.assert_array_equal(values[f"{condition['name']}.{name}"], alone.outputs_of(row)[name])
     assert values["laden.wind_up_mm"] != values["empty.wind_up_mm"]
+
+
+WORN = {"wear_um_per_1000h": 0.05, "running_in_um": 0.4, "running_in_hours": 200.0}
+
+
+def test_a_worn_unit_has_more_backlash_by_what_its_flanks_lost() -> None:
+    """1 um = 0.131' (note on conditions) of lost motion and backlash, on a design at which no unit interferes."""
+    old = {"name": "old", "hours": 6000.0}
+    table = {**TWO, "parameters": {**SMALL, **WORN}, "limits": {"lost_motion_arcmin": 3.0}, "condition": [COLD, old]}
+    problem = problem_of(table)
+    design = problem.references()["document B"]
+    design[problem.names.index("dr_rp_mm")] += 0.01
+    values = problem.outputs_of(design[None, :])
+    lost = 0.4 * (1.0 - np.exp(-30.0)) + 0.05 * 6.0
+    for name, within in (("backlash_mean_arcmin_mean", 0.005), ("lost_motion_arcmin_mean", 0.03)):
+        grown = float(values[f"old.{name}"][0] - values[f"cold.{name}"][0])
+        assert grown == pytest.approx(0.1313 * lost, rel=within), name
+    pitch = "transmission_error_arcsec_mean"
+    assert float(values[f"old.{pitch}"][0]) == pytest.approx(float(values[f"cold.{pitch}"][0]), rel=0.05)
+
+
+def test_hours_in_which_nothing_wears_are_a_fault() -> None:
+    faults = faults_of({**TWO, "condition": [COLD, {**WARM, "hours": 100.0}]})
+    assert len(faults) == 1
+    assert faults[0].startswith("condition[1].hours: 100 h change nothing")
+
+
+def test_wear_that_was_identified_grows_with_the_hours_of_a_condition() -> None:
+    """Half of the gap per second, as `gap` finds it on a record of lost motion."""
+    wear = {"name": "wear", "parameters": {"rate_arcmin_per_s": 1e-8}}
+    table = {**TWO, "model": "rv_lost_motion", "effect": [wear], "limits": {"yield_percent": {"min": 1.0}}}
+    old = {"name": "old", "hours": 1000.0}
+    problem = problem_of({**table, "condition": [COLD, old]})
+    design = problem.references()["document B"]
+    design[problem.names.index("dr_rp_mm")] += 0.01
+    values = problem.outputs_of(design[None, :], searching=False)
+    name = "backlash_mean_arcmin_mean"
+    grown = float(values[f"old.{name}"][0] - values[f"cold.{name}"][0])
+    assert grown == pytest.approx(2.0 * 1e-8 * 3.6e6, rel=0.01)
+
+
+@pytest.mark.slow
+def test_the_price_of_a_warm_disc() -> None:
+    """+19 +- 3 % of the cost at 20 degC where interference is kept 2 K warm (note on conditions)."""
+    at_grade_4 = {"involute_grade": {"value": 4}}
+    base = {"problem": "rv_reducer", "seed": 1, "references": "none", "variables": at_grade_4}
+    base["objectives"] = {"minimise": ["cost"]}
+    both = {"backlash_max_arcmin": 1.0, "interference_probability": 0.05}
+    cold = tolevo.run({**base, "limits": both}).front.iloc[0]
+    warm = tolevo.run({**base, "condition": [COLD, WARM]}).front.iloc[0]
+    assert 100.0 * (warm["cost"] / cold["cost"] - 1.0) == pytest.approx(19.0, abs=3.0)
+    assert warm["cold.backlash_max_arcmin"] <= 1.0
+    assert warm["warm.interference_probability"] <= 0.05
