@@ -162,6 +162,7 @@ class InConditions(ToleranceProblem):
     costs_of = _of_plain("costs_of")
     cost_slopes = _of_plain("cost_slopes")
     _corner = _of_plain("_corner")
+    _corners = _of_plain("_corners")
     references = _of_plain("references")
     model_labels = _of_plain("model_labels")
     misplaced = _of_plain("misplaced")
@@ -262,7 +263,7 @@ class InConditions(ToleranceProblem):
         fields = {
             name: getattr(after, name)
             for name in ("variables", "costs", "propagation", "machines", "definition", "seed")
-            if getattr(after, name) != getattr(before, name)
+            if getattr(after, name) is not getattr(before, name)
         }
         return InConditions(replace(self.given, parameters={**self.given.parameters, **parameters}, **fields))
 
@@ -313,7 +314,8 @@ class InConditions(ToleranceProblem):
                 limits = {name: b for name, b in self.given.limits.items() if not name.startswith(prefix)}
                 operating = replace(self.operating, conditions=others)
                 problem = InConditions(replace(self.given, limits=limits, operating=operating))
-                yield Variant("conditions", f"without {condition.name}", problem)
+                if not problem.search_faults():  # else its cheapest designs are those that no limit holds
+                    yield Variant("conditions", f"without {condition.name}", problem)
 
     # ---------------------------------------------------------------- where a search begins, and its bounds
 

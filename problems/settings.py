@@ -378,7 +378,7 @@ def add_currency(outputs: Iterable[Output], money: Money) -> tuple[Output, ...]:
     unit = unit_of_cost(money)
     more = f"; assumed: {', '.join(money.assumed)}" if money.assumed else ""
     return tuple(
-        replace(output, unit=unit, meaning=output.meaning.replace("relative ", "") + more)
+        replace(output, unit=unit, meaning=output.meaning.replace("relative ", "").removesuffix(more) + more)
         if output.name == "cost"
         else output
         for output in outputs

@@ -136,7 +136,7 @@ def changes_of(effects: Iterable[Active], geometry: ContactGeometry) -> Change:
 def sentence(active: Active, geometry: ContactGeometry) -> str:
     """What one effect does here, empty where it does nothing."""
     change = change_of(active, geometry)
-    if change == Change():
+    if change == Change() and active.effect.name != "wear":  # which does nothing in a new unit
         return ""
     text = _IN_BEARINGS if change.bearing else COUNTERPARTS[active.effect.name][1]
     return text.format(
