@@ -129,6 +129,11 @@ class ToleranceProblem(Problem):
         """Everything but `_drawn_again`."""
         return {k: value for k, value in self.__dict__.items() if k not in self._drawn_again}
 
+    def release(self) -> None:
+        """Let go of `_drawn_again`: what a problem keeps in memory and draws alike when it is asked again."""
+        for name in self._drawn_again:
+            self.__dict__.pop(name, None)
+
     # ------------------------------------------------ what a subclass gives
 
     @classmethod

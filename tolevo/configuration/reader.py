@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from math import inf
 from pathlib import Path
@@ -246,6 +247,15 @@ def _seed(top: Section) -> int:
     return 0 if seed is None else seed
 
 
+def _single_thread(sampled: bool) -> AbstractContextManager[object]:
+    """One thread of linear algebra: tables of a sampled problem that are computed here are used by every search."""
+    if not sampled:
+        return nullcontext()
+    from ..execution import pinned  # not for problems that compute nothing yet
+
+    return pinned()
+
+
 def _read_problem(
     top: Section, faults: list[Fault], notes: Sequence[str], folder: Path, reachable: bool
 ) -> Configuration:
@@ -297,8 +307,9 @@ def _read_problem(
     choice = read_choice(top, objectives, declared.outputs, declared.variables)
     top.finish()
     raise_all(faults)
-    problem = configured(settings)
-    _check_as_a_whole(problem, choice, search["algorithm_name"], reachable)
+    with _single_thread(declared.sampled):
+        problem = configured(settings)
+        _check_as_a_whole(problem, choice, search["algorithm_name"], reachable)
     assert search["algorithm"] is not None
     resolved = {
         **complete_tables(problem, top.take("problem"), model_name),

@@ -455,13 +455,14 @@ def _run_searches(
 
         with recording_steps(checkpoint.section("search")):
             search_result = search(
-                plan.problem, plan.algorithm, plan.budget, plan.seed, report, plan.engine, checkpoint, designs.values
+                plan.problem, plan.algorithm, plan.budget, plan.seed, report, plan.engine, checkpoint, designs.results
             )
         if search_result.interrupted:
             return search_result, sides.fronts()
         sides.finish()
     searches += searches_from_front(plan, printed, search_result.chosen)
     checkpoint.keep_only([side.key for side in searches])
+    plan.problem.release()
     with Sides(searches, workers, checkpoint, progress) as sides:
         sides.finish()
         return search_result, sides.fronts()
