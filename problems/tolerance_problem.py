@@ -15,7 +15,7 @@ from pymoo.core.problem import Problem
 from ..errors import Fault, ModelError
 from ..journal import recall_columns
 from ..records import Bars, UnitsShown
-from ..section import Array, Assumption, Integers, Output, Section, Variable, completed
+from ..section import Array, Assumption, Integers, Output, Section, Value, Variable, completed
 from .declaration import ConfiguredProblem, Declaration, Interval
 from .limits import apart, limits_of, unreachable_limit_faults
 from .settings import (
@@ -399,6 +399,10 @@ class ToleranceProblem(Problem):
     def smooth(self) -> ToleranceProblem:
         """The same problem whose values in a search are smooth, for searches by gradients."""
         return self
+
+    def sample_sizes(self) -> Mapping[str, Value]:
+        """Parameters that hold the sizes of its samples at what they are here, whatever the objectives."""
+        return {}
 
     def needed(self, designs: Array) -> dict[str, Array]:
         """Outputs (n,) of full designs as reported: at least the cost, and those that objectives

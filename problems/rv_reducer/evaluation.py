@@ -65,6 +65,7 @@ class UnitModel(UnitBasis):
             series_stiffness=number(parameters["series_stiffness_Nm_per_arcmin"]) / ARCMIN,
             rated_torque=rated,
             te_torque=number(parameters["te_torque_Nm"]) or rated,
+            load_torque=number(parameters["load_torque_Nm"]),
         )
         preload = 0.01 * number(parameters["preload_percent_of_rated"]) * rated
         basis = UnitBasis.from_parameters(parameters, inputs, mids)

@@ -282,6 +282,11 @@ def _read_problem(
         and not model_belongs(top.take("problem"), problem_class.declaration.model, model_name, model)
     ):
         top.fault("model", foreign_model_message(top.take("problem"), model_name, model))
+    if configured is not None and "condition" in top and "condition" not in declared.tables:
+        from .conditions import with_conditions  # few runs have any
+
+        configured = with_conditions(configured, top, model, model_name)
+        declared = configured.declaration
     if configured is None:  # its sections cannot be checked
         tables = problem_class.declaration.tables if problem_class else ()
         top.accept(("parameters", "variables", "columns", *tables, *PROBLEM_ONLY))
