@@ -53,6 +53,8 @@ Source: TypeAlias = "Raw | Configuration"
 """A configuration, or what `read` returns."""
 Frame = AnyPath | pd.DataFrame
 """A table: a path, or a frame whose columns bear the names that the file would have."""
+Starts = Frame | Sequence[AnyPath]
+"""Designs to start from: a table, the directory of a run, or several paths of these."""
 READ = "read"
 NOTES = "notes"
 """Key in `attrs` of returned frames: how the table was read, and notes for the user."""
@@ -320,21 +322,37 @@ def _computed(
 
 
 def read(
-    source: Source, settings: Sequence[str] = (), *, algorithm: AlgorithmSettings | None = None, seed: int | None = None
+    source: Source,
+    settings: Sequence[str] = (),
+    *,
+    algorithm: AlgorithmSettings | None = None,
+    seed: int | None = None,
+    start: Starts | None = None,
 ) -> Configuration:
     """The configuration of a problem or model, checked and completed.
 
     `settings` are "key=value" as `--set` takes them. An `algorithm` (such as
     `tolevo.algorithms.NSGA2(population=40)`) and a `seed` take the place of those in the source,
-    whose budget stays. Raises ConfigurationError with every fault.
+    whose budget stays, as do the designs to `start` from. Raises ConfigurationError with every fault.
     """
     if not isinstance(source, Configuration):
-        return read_raw(raw(source), settings, algorithm, seed)
+        return read_raw(raw(source), settings, algorithm, seed, start=stated(start))
     if settings:
         raise refuse(
             "--set", "cannot change a complete configuration: change its source, or the settings with which it is read"
         )
-    return source if algorithm is None and seed is None else read_raw(source.tables(), (), algorithm, seed)
+    if algorithm is None and seed is None and start is None:
+        return source
+    return read_raw(source.tables(), (), algorithm, seed, start=stated(start))
+
+
+def stated(start: Starts | None) -> Any:
+    """The value of the key `start`; paths are relative to the working directory."""
+    if start is None or isinstance(start, pd.DataFrame):
+        return start
+    if isinstance(start, str | PathLike):
+        return str(Path(start).absolute())
+    return [str(Path(path).absolute()) for path in start]
 
 
 def check(source: Source, settings: Sequence[str] = ()) -> str:
@@ -400,6 +418,7 @@ def run(
     *,
     algorithm: AlgorithmSettings | None = None,
     seed: int | None = None,
+    start: Starts | None = None,
     settings: Sequence[str] = (),
     workers: int | None = None,
     dask: str = "",
@@ -410,7 +429,8 @@ def run(
 ) -> Run:
     """Run one optimisation: from a configuration or a problem to a Pareto front (`.front`).
 
-    `algorithm` and `seed` take the place of those in the configuration. `progress` is called after
+    `algorithm` and `seed` take the place of those in the configuration, and so do the designs to
+    `start` from: a table, the directory of a run, or several of them. `progress` is called after
     every generation. The result does not depend on `workers`. With `resume`, `out` may hold the
     same run, which is then continued. Raises ConfigurationError with every fault.
     """
@@ -420,7 +440,9 @@ def run(
     faults = start_faults_of(out, workers, resume, overwrite)
     source = at_hand(source)
     where = executing(source, settings, workers, dask, faults)
-    plan = collected(lambda: _with_problem(read(source, settings, algorithm=algorithm, seed=seed)), faults).plan()
+    plan = collected(
+        lambda: _with_problem(read(source, settings, algorithm=algorithm, seed=seed, start=start)), faults
+    ).plan()
     collected(lambda: searchable(plan.problem, plan.algorithm), faults)
     raise_all(faults)
     plan = replace(plan, workbook=workbook_of(source))
@@ -435,29 +457,22 @@ def search(
     algorithm: AlgorithmSettings | None = None,
     *,
     seed: int | None = None,
-    start: Frame | None = None,
+    start: Starts | None = None,
     settings: Sequence[str] = (),
 ) -> Search:
     """A search in the caller's loop: `ask` for designs, `tell` their outputs, take the `result`.
 
-    `start` are designs, one per row, that the first generation begins with (the first of them, if
-    they are more than it holds); a front or an allocation can be given as it stands. They lie in the
-    ranges that are searched. The algorithm is that of the configuration where none is given. Raises
-    ConfigurationError with every fault.
+    `start` are designs, one per row, that the first generation begins with (evenly spread over their
+    rows, if they are more than it holds); a front, an allocation or the directory of a run can be given
+    as it stands. They lie in the ranges that are searched. The algorithm is that of the configuration
+    where none is given. Raises ConfigurationError with every fault.
     """
     from .asking import Search, askable
 
-    configuration = _with_problem(read(source, settings, algorithm=algorithm, seed=seed))
+    configuration = _with_problem(read(source, settings, algorithm=algorithm, seed=seed, start=start))
     raise_all(askable(configuration.algorithm_name, configuration.algorithm))
-    problem, designs = configuration.problem, None
-    assert problem is not None
-    assert configuration.algorithm is not None
-    if start is not None:
-        from .commands.evaluate import designs_in
-
-        table, place = readable(start, tables.NO_OPTIONS)
-        designs = designs_in(problem, table, "start" if place == "frame" else place, searched=True)
-    return Search(problem, configuration.algorithm, configuration.seed, configuration.engine, designs)
+    plan = configuration.plan()
+    return Search(plan.problem, plan.algorithm, plan.seed, plan.engine, plan.start)
 
 
 def study(

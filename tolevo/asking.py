@@ -146,7 +146,7 @@ class Search:
     """A population search whose designs are evaluated by the user.
 
     `ask` and `tell` take turns. Which designs are asked for depends on problem, algorithm, seed,
-    engine, the designs to `start` with (n, all variables), and the outputs so far. Designs of whole
+    engine, the designs to `start` with (search vectors (n, variables)), and the outputs so far. Designs of whole
     numbers alone are asked for once: `ask` returns none when all of them have been evaluated.
     """
 
@@ -163,9 +163,6 @@ class Search:
         self._archive = Archive(problem.n_var, problem.n_obj)
         self._discrete = DiscreteDesigns.of(problem)
         self._start = start
-        if start is not None:
-            free = [problem.names.index(variable.name) for variable in problem.free]
-            self._start = np.clip(start[:, free], problem.xl, problem.xu)
         self._open: Array | None = None
         self._new: Array = np.empty((0, problem.n_var))
         self._failed = np.empty((0, problem.n_var))
@@ -177,7 +174,8 @@ class Search:
         while self._open is None:
             self._open = self._driver.ask()
             if self._start is not None:
-                self._open = self._driver.begin_with(self._start[: len(self._open)])
+                rows = np.linspace(0, len(self._start) - 1, min(len(self._start), len(self._open)))
+                self._open = self._driver.begin_with(self._start[rows.round().astype(np.int64)])
                 self._start = None
             self._new = self._open
             if self._discrete is not None:
