@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from .algorithms.settings import AlgorithmSettings
     from .asking import Search
     from .blocks import BlockProgress, Target
+    from .commands.ask import Standing
     from .commands.gap.plan import GapProgress
     from .commands.report import Report
     from .commands.reproduce.claims import ClaimsProgress
@@ -473,6 +474,49 @@ def search(
     raise_all(askable(configuration.algorithm_name, configuration.algorithm))
     plan = configuration.plan()
     return Search(plan.problem, plan.algorithm, plan.seed, plan.engine, plan.start)
+
+
+def ask(
+    source: Source, out: AnyPath, *, settings: Sequence[str] = (), start: Starts | None = None, tell: Tell | None = None
+) -> Standing:
+    """Write the next designs of a search (`designs.csv`) into the directory `out`; see `tell`.
+
+    A directory that holds the search is continued: its budget may have grown. Returns the designs
+    (`.designs`), the results so far (`.told`) and their front (`.front`). Raises ConfigurationError
+    with every fault.
+    """
+    from .commands.ask import ask as asking
+
+    faults = unwritable(Path(out), "--out")
+    plan = collected(lambda: _with_problem(read(at_hand(source), settings, start=start)), faults)
+    raise_all(faults)
+    assert plan.problem is not None
+    report_lines(tell, "warning", plan.problem.cautions())
+    return asking(plan, Path(out))
+
+
+def tell(
+    folder: AnyPath,
+    results: Frame,
+    *,
+    tell: Tell | None = None,
+    encoding: str | None = None,
+    delimiter: str | None = None,
+    decimal: str | None = None,
+    shape: str | None = None,
+) -> Standing:
+    """Take results of designs that `ask` wrote: rows with `id` and outputs, in any order, or some alone.
+
+    An output that is "failed" or not finite marks an evaluation that failed. Every result is on disk
+    when this returns, and the directory holds the designs that are open then. Raises
+    ConfigurationError with every fault; nothing is written then.
+    """
+    from .commands.ask import tell as taking
+
+    table, place = readable(results, tables.ReadOptions(encoding, delimiter, decimal, shape))
+    found, notes = taking(Path(folder), table, place)
+    report_lines(tell, "note", notes)
+    return found
 
 
 def study(

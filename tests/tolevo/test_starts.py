@@ -145,16 +145,21 @@ def test_units_in_the_names_of_columns_are_converted(tmp_path: Path) -> None:
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_a_start_from_the_front_takes_a_fifth_of_the_evaluations(seed: int) -> None:
     """Least evaluations to 99 % of the hypervolume of the exact front."""
-    plan = tolevo.read(stack(algorithm={"name": "nsga2", "generations": 60, "population": 40})).plan()
-    exact = tolevo.run(stack(algorithm={"name": "exact", "points": 200})).front
-    front = exact.iloc[:: len(exact) // 20][["a_t", "b_t"]]
-    start = tolevo.read(stack(), start=front).plan().start
+    part = {"sensitivity": 1.0, "nominal": 5.0, "t_min": 0.01, "t_max": 0.2}
+    costs = [{"model": "reciprocal", "a": 1.0, "b": 0.1 * at} for at in range(1, 7)]
+    parts = [part | {"name": f"p{at}", "cost": cost} for at, cost in enumerate(costs)]
+    plan = tolevo.read(stack(part=parts, algorithm={"name": "nsga2", "generations": 100, "population": 40})).plan()
+    exact = tolevo.run(stack(part=parts, algorithm={"name": "exact", "points": 200})).front[plan.problem.names]
+    start = tolevo.read(stack(part=parts), start=exact.iloc[::4]).plan().start
     whole = Run(plan.problem, Budget(), 0)
-    whole.evaluate(exact[["a_t", "b_t"]].to_numpy())
+    whole.evaluate(exact.to_numpy())
     target = 0.99 * whole.history[-1].hypervolume
 
     def needed(start: Any) -> int:
         result = search(plan.problem, plan.algorithm, plan.budget, seed, start=start)
-        return next(state.evaluations for state in result.history if state.hypervolume >= target)
+        reached = [state.evaluations for state in result.history if state.hypervolume >= target]
+        return reached[0] if reached else result.evaluations
 
-    assert 5 * needed(start) <= needed(None)
+    warm = needed(start)
+    assert warm <= 100  # it does reach the target
+    assert 5 * warm <= needed(None)
