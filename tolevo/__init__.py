@@ -17,6 +17,7 @@ __all__ = [
     "algorithms",
     "analyse",
     "ask",
+    "certify",
     "check",
     "evaluate",
     "gap",
@@ -36,7 +37,22 @@ if TYPE_CHECKING:
     from typing import Final
 
     from . import algorithms
-    from .api import analyse, ask, check, evaluate, gap, read, report, reproduce, run, search, simulate, study, tell
+    from .api import (
+        analyse,
+        ask,
+        certify,
+        check,
+        evaluate,
+        gap,
+        read,
+        report,
+        reproduce,
+        run,
+        search,
+        simulate,
+        study,
+        tell,
+    )
     from .errors import ConfigurationError
     from .results import Analysis, Gap, Reproduction, Run, Study
     from .tables import read_aqdef, read_table
@@ -47,6 +63,7 @@ _ROOMS = {
     ".api": (
         "analyse",
         "ask",
+        "certify",
         "check",
         "evaluate",
         "gap",

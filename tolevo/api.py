@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from .asking import Search
     from .blocks import BlockProgress, Target
     from .commands.ask import Standing
+    from .commands.certify import Certificate
     from .commands.gap.plan import GapProgress
     from .commands.report import Report
     from .commands.reproduce.claims import ClaimsProgress
@@ -474,6 +475,31 @@ def search(
     raise_all(askable(configuration.algorithm_name, configuration.algorithm))
     plan = configuration.plan()
     return Search(plan.problem, plan.algorithm, plan.seed, plan.engine, plan.start)
+
+
+def certify(
+    problem: Source, result: Any, *, seeds: int = 3, evaluations: int = 4000, seed: int = 0, forms: bool = True
+) -> Certificate:
+    """How far a result of any optimiser is from the optimum of a problem, and what is proven of that.
+
+    `result` is what pymoo, pygmo (a population), Optuna (a study), VAMOS, Platypus or jMetalPy return, a
+    run of this suite, a frame of designs or an array (points, variables). `problem` may be a plain
+    `Problem` of pymoo: forms (linear, convex quadratic, separable, posynomial) are then fitted to
+    its values and verified at others, with some hundreds of evaluations, unless `forms` is False. Another
+    algorithm searches from `seeds` seeds, with so many `evaluations` each. Raises ConfigurationError
+    with every fault.
+    """
+    from .commands.certify import certify as certifying
+
+    faults = [
+        Fault(name, f"must be a whole number of at least {least}, got {value}")
+        for name, value, least in (("seeds", seeds, 1), ("evaluations", evaluations, 100), ("seed", seed, 0))
+        if not isinstance(value, int) or value < least
+    ]
+    configuration = collected(lambda: _with_problem(read(problem)), faults)
+    raise_all(faults)
+    assert configuration.problem is not None
+    return certifying(configuration.problem, result, seeds, evaluations, seed, forms)
 
 
 def ask(

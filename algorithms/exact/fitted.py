@@ -10,7 +10,7 @@ duality). It hangs neither on how well a solver has converged nor on its last di
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -31,6 +31,8 @@ HELD_OUT = 200
 """Designs at which a form is compared that it has not been fitted to."""
 ROUNDS, CLOSED = 30, 1e-9
 """Cuts at most, and the relative gap at which no more are added."""
+ROUNDING = 1e-11
+"""Part of a bound by which it is lowered, more than the rounding of its sums."""
 PLAIN, LOG = "x", "log x"
 """Coordinates in which rows are convex."""
 
@@ -104,18 +106,8 @@ def fitted(x: Array, y: Array) -> list[Row]:
         values = y[rest] ** 2 if row.root else y[rest]
         error = float(np.max(np.abs(row.value(x[rest]) - values)))
         if error <= AGREES * max(float(np.ptp(values)), 1e-9 * float(np.max(np.abs(values)))):
-            found.append(_with(row, error=error))
+            found.append(replace(row, error=error))
     return found
-
-
-def _with(row: Row, **changed: float) -> Row:
-    from dataclasses import replace
-
-    return replace(row, **changed)  # type: ignore[arg-type]
-
-
-def _unit_powers(variables: int) -> Array:
-    return np.eye(variables)
 
 
 def _quadratic(x: Array, y: Array, kind: str) -> Row | None:
@@ -141,8 +133,9 @@ def _quadratic(x: Array, y: Array, kind: str) -> Row | None:
     curved = curved / np.outer(width, width)
     linear = coefficients[1 : 1 + variables] / width - 2.0 * curved @ centre
     constant = coefficients[0] - (coefficients[1 : 1 + variables] / width) @ centre + centre @ curved @ centre
-    power = _unit_powers(variables)
-    return Row(kind, PLAIN, float(constant), linear, power, curved if pairs else None, kind.startswith("root"))
+    return Row(
+        kind, PLAIN, float(constant), linear, np.eye(variables), curved if pairs else None, kind.startswith("root")
+    )
 
 
 def _separable(x: Array, y: Array) -> Row | None:
@@ -197,12 +190,10 @@ def least_value(rows: Sequence[Row], limits: Array, box: tuple[Array, Array], st
     """
     logs = rows[0].coordinates == LOG
     low, high = (np.log(end) if logs else end for end in box)
-    most = np.array(
-        [limit**2 if row.root and limit >= 0.0 else limit for row, limit in zip(rows[1:], limits, strict=True)]
-    )
-    if any(row.root and limit < 0.0 for row, limit in zip(rows[1:], limits, strict=True)):
+    roots = np.array([row.root for row in rows[1:]], dtype=bool)
+    if np.any(roots & (limits < 0.0)):
         return np.inf
-    most = most + np.array([row.error for row in rows[1:]])
+    most = np.where(roots, limits**2, limits) + np.array([row.error for row in rows[1:]])
 
     def values(z: Array) -> tuple[Array, Array]:
         x = np.exp(z) if logs else z
@@ -231,7 +222,7 @@ def least_value(rows: Sequence[Row], limits: Array, box: tuple[Array, Array], st
         if at is None or float(values(at)[0][0]) - best <= CLOSED * max(1.0, abs(best)):
             break
         points.append(at)
-    best -= rows[0].error
+    best -= rows[0].error + ROUNDING * abs(best) if np.isfinite(best) else 0.0
     return float(np.sqrt(max(best, 0.0))) if rows[0].root and np.isfinite(best) else best
 
 
