@@ -22,7 +22,8 @@ from .engine import violation_of
 from .settings import Budget
 
 Key = tuple[int, ...]
-TaskT, ResultT = TypeVar("TaskT"), TypeVar("ResultT")
+TaskT = TypeVar("TaskT")
+ResultT = TypeVar("ResultT")
 
 
 class DiscreteDesigns:
