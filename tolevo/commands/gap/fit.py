@@ -245,10 +245,12 @@ class Fitter:
         return tuple(dict.fromkeys(int(k) for k in owners[bad]))
 
     def disagreeing(self, fit: Fit) -> tuple[int, ...]:
-        """The indices of effects whose size is another one in some kind of rows, where it has to be one
-        number: by more than `APART` of itself, and by more than `SURE` standard errors.
+        """The index of the effect that contributes most, where its size is another one in some kind of rows
+        and has to be one number: by more than `APART` of itself, and by more than `SURE` standard errors. The
+        sizes of smaller effects contain the errors of form of that one, and are not compared.
         """
-        return tuple(k for k in fit.identified if self._disagrees(fit, k))
+        largest = max(fit.identified, key=lambda k: float(np.linalg.norm(self.contribution(fit, k))), default=None)
+        return () if largest is None or not self._disagrees(fit, largest) else (largest,)
 
     def _disagrees(self, fit: Fit, at: int) -> bool:
         member = fit.members[at]
