@@ -59,7 +59,7 @@ def test_every_condition_is_the_problem_with_its_effects_on_the_same_units() -> 
 
 
 def test_a_warm_disc_takes_half_a_tenth_of_an_arc_minute_per_kelvin() -> None:
-    """-0.058'/K: 0.736 um/K of the radial gap at 0.0767'/um in the mean of a turn, 0.056', and more where it is open."""
+    """-0.058'/K: 0.736 um/K of the radial gap at 0.0767'/um in the mean of a turn, more where it is open."""
     table = {**TWO, "condition": [COLD, {**WARM, "temperature_difference_K": 0.5}]}
     problem = problem_of({**table, "limits": {"backlash_mean_arcmin": 5.0}})
     design = problem.references()["document B"]
