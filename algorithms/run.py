@@ -22,7 +22,8 @@ from .engine import violation_of
 from .settings import Budget
 
 Key = tuple[int, ...]
-TaskT, ResultT = TypeVar("TaskT"), TypeVar("ResultT")
+TaskT = TypeVar("TaskT")
+ResultT = TypeVar("ResultT")
 
 
 class DiscreteDesigns:
@@ -164,7 +165,8 @@ class Run:
     The budget of evaluations is honoured exactly. A budget of generations counts batches, and only
     with `counts_generations`. A batch is computed in parts of `grain` designs, as the problem's
     declaration states, or a few more, by the function `shared` where it is given; the parts do not
-    depend on that function.
+    depend on that function. `start` are the search vectors (n, variables) to begin from; `begun` are
+    their objectives and constraints, once a solver has them.
     """
 
     def __init__(
@@ -175,11 +177,14 @@ class Run:
         report: Callable[[Progress], None] | None = None,
         counts_generations: bool = False,
         shared: Shared | None = None,
+        start: Array | None = None,
     ) -> None:
         self.problem = self._asked = problem
         self.budget = budget
         self.rng = np.random.default_rng(seed)
         self.archive = Archive(problem.n_var, problem.n_obj)
+        self.start = np.empty((0, problem.n_var)) if start is None else start
+        self.begun: Values = np.empty((0, problem.n_obj)), np.empty((0, problem.n_ieq_constr))
         self._box = cache(partial(_box, problem))
         self.attained = Attained(problem.n_obj, self._box)
         self.chosen = np.empty((0, problem.n_var))

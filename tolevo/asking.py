@@ -27,6 +27,7 @@ DESIGN_TOLERANCE = 1e-6
 """Difference, as a fraction of the range of a variable, up to which designs are the same: a table
 may round them."""
 NOT_ASKED = "must be the designs that ask() returned last, in their order, or with its index or columns"
+OTHER = "belong to other designs than those that ask() returned last: see their columns"
 NO_ORDER = (
     "come in an order that is not known: their rows are not numbered as those of the designs; keep the index that "
     "ask() returned, or the columns {}, or bring them into its order"
@@ -57,12 +58,17 @@ def align_outputs(
     if set(_free(problem)) <= set(outputs):
         rows = _row_order(problem, asked, outputs)
         if rows is None:
-            raise refuse("outputs", "belong to other designs than those that ask() returned last: see their columns")
+            raise refuse("outputs", OTHER)
     else:
         rows = _align_by_index(x.index, outputs.index, order)
         if rows is None:
             raise refuse("outputs", NO_ORDER.format(", ".join(_free(problem))))
-    return outputs.iloc[rows].reset_index(drop=True)
+    outputs = outputs.iloc[rows].reset_index(drop=True)
+    stated = asked.assign(**{name: outputs[name].to_numpy() for name in _free(problem) if name in outputs})
+    wanted, given = _vectors(problem, asked), _vectors(problem, stated)
+    if wanted is None or given is None or not np.all(np.abs(given - wanted) <= DESIGN_TOLERANCE):
+        raise refuse("outputs", OTHER)
+    return outputs
 
 
 def _has_order_shape(column: Any, order: Integers) -> bool:
@@ -97,6 +103,13 @@ def _row_order(problem: ToleranceProblem, asked: pd.DataFrame, table: pd.DataFra
     distance = cdist(wanted, given, "chebyshev")
     rows = linear_sum_assignment(distance)[1]
     return rows if np.all(distance[np.arange(len(rows)), rows] <= DESIGN_TOLERANCE) else None
+
+
+def _first_text(column: Any) -> object | None:
+    """The first value of a column that is no number; None where all are, or are missing."""
+    known = pd.Series(np.asarray(column, dtype=object)).dropna()
+    wrong = known[pd.to_numeric(known, errors="coerce").isna()]
+    return None if wrong.empty else wrong.iloc[0]
 
 
 def _vectors(problem: ToleranceProblem, table: pd.DataFrame) -> Array | None:
@@ -146,7 +159,7 @@ class Search:
     """A population search whose designs are evaluated by the user.
 
     `ask` and `tell` take turns. Which designs are asked for depends on problem, algorithm, seed,
-    engine, the designs to `start` with (n, all variables), and the outputs so far. Designs of whole
+    engine, the designs to `start` with (search vectors (n, variables)), and the outputs so far. Designs of whole
     numbers alone are asked for once: `ask` returns none when all of them have been evaluated.
     """
 
@@ -163,9 +176,6 @@ class Search:
         self._archive = Archive(problem.n_var, problem.n_obj)
         self._discrete = DiscreteDesigns.of(problem)
         self._start = start
-        if start is not None:
-            free = [problem.names.index(variable.name) for variable in problem.free]
-            self._start = np.clip(start[:, free], problem.xl, problem.xu)
         self._open: Array | None = None
         self._new: Array = np.empty((0, problem.n_var))
         self._failed = np.empty((0, problem.n_var))
@@ -177,7 +187,8 @@ class Search:
         while self._open is None:
             self._open = self._driver.ask()
             if self._start is not None:
-                self._open = self._driver.begin_with(self._start[: len(self._open)])
+                rows = np.linspace(0, len(self._start) - 1, min(len(self._start), len(self._open)))
+                self._open = self._driver.begin_with(self._start[rows.round().astype(np.int64)])
                 self._start = None
             self._new = self._open
             if self._discrete is not None:
@@ -204,7 +215,7 @@ class Search:
         raise_all(self._faults(outputs, len(self._new)))
         assert self._open is not None
         designs = self.problem.complete(self._new)
-        values = {name: np.asarray(outputs[name], dtype=float) for name in self._needed()}
+        values = {name: np.asarray(outputs[name], dtype=float) for name in self.needed()}
         f, g = self.problem.objective_values(values), self.problem.violations(designs, values)
         f, g, failed = mark_failures_infeasible(f, g, self.problem.box)
         self._archive.add(self._new, f, np.where(failed, np.inf, violation_of(g)))
@@ -225,19 +236,21 @@ class Search:
         failed = designs_frame(self.problem, self.problem.complete(self._failed))
         return Asked(front.sort_values(self.problem.objectives[0], ignore_index=True), self._evaluations, failed)
 
-    def _needed(self) -> list[str]:
-        """Objectives and limited outputs; a limited variable is known."""
+    def needed(self) -> list[str]:
+        """The outputs that `tell` takes: objectives and limited outputs; a limited variable is known."""
         limited = [limit.name for limit in self.problem.limits if limit.count]
         names = dict.fromkeys((*self.problem.objectives, *limited))
         return [name for name in names if name not in self.problem.names]
 
     def _faults(self, outputs: Mapping[str, Any] | pd.DataFrame, count: int) -> list[Fault]:
         faults = []
-        for name in self._needed():
+        for name in self.needed():
             if name not in outputs:
                 text = "is missing: state every objective and every output with a limit"
             elif np.shape(outputs[name]) != (count,):
                 text = f"must have shape ({count},), a value for each design"
+            elif (word := _first_text(outputs[name])) is not None:
+                text = f'must have numbers, and NaN where an evaluation failed, got "{word}"'
             else:
                 continue
             faults.append(Fault(f"outputs.{name}", text))

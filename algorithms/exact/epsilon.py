@@ -122,8 +122,8 @@ def feasible_afresh(run: Run, branch: Branch, y: Array, level: Array, search: bo
 
     With `search` it is solved again on the larger sample of the problem, with the other objectives at
     most at their `level` (m,), and these and every limit moved by the difference between fresh units and
-    that sample, until little room is left. The best point accepted on fresh units is taken; else the
-    nearest.
+    that sample, until little room is left. The best point accepted on fresh units is taken; where none holds
+    its level, the last one, moved inside its limits, if that is nearer.
     """
     accepted: list[tuple[float, float, Array]] = []
     displacement, moved, target = _limit_displacement(run), np.zeros(0), level
@@ -145,7 +145,13 @@ def feasible_afresh(run: Run, branch: Branch, y: Array, level: Array, search: bo
         target = level - np.where(fresh != values, fresh - values + MARGIN * np.abs(values), 0.0)
         target[objective] = np.inf
         y = branch.solved(objective, branch.restored(y, moved, MAX_RESTORATION_STEP), target, moved)
-    return min(accepted, key=lambda point: point[:2])[2] if accepted else _push_inside_limits(run, branch, y)
+    accepted.sort(key=lambda point: point[:2])
+    if accepted and not (search and accepted[0][0]):
+        return accepted[0][2]
+    x = _push_inside_limits(run, branch, y)  # the last one, where none holds its level
+    (fresh,), (excess,) = run.problem.tested(x)
+    over = np.delete((fresh - level) / branch.unit, objective).max(initial=0.0)
+    return x if not accepted or (np.all(excess <= 0.0) and over - HELD < accepted[0][0]) else accepted[0][2]
 
 
 def _push_inside_limits(run: Run, branch: Branch, y: Array) -> Array:

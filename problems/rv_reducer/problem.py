@@ -563,6 +563,11 @@ class RvReducer(PromisingUnits, Machined):
         teeth = f"{nominal.cycloid_teeth} teeth on {nominal.pins} pins"
         return f"{kind}, {teeth}: allocation on the exact contact"
 
+    def drawn(self, name: str) -> Mapping[str, str]:
+        """The phase of a journal is the place of its axis on the circle of the eccentricity."""
+        at = {"crank_phase_mrad": {"drawn_as": f"at {number(self.settings.parameters['eccentricity_mm'])!r} mm"}}
+        return at.get(name, {})
+
     def validity(self) -> tuple[str, ...]:
         given = [setting.distribution for setting in self.settings.variables.values()]
         uniform = all(d is None or isinstance(d, Uniform) for d in given)

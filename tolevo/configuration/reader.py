@@ -12,7 +12,7 @@ from typing import Any
 from .. import registry
 from ..algorithms.settings import AlgorithmSettings
 from ..commands.run.choice import ALL, RULES, ChoiceSettings, Step
-from ..commands.run.tolerances import rounding_faults
+from ..commands.run.tolerances import coarse_steps, rounding_faults
 from ..errors import Fault, InputError, raise_all, refuse
 from ..problems.declaration import Declaration
 from ..problems.settings import METHODS, Bound, PropagationSetting, Settings, VariableSetting, unit_slips
@@ -37,6 +37,7 @@ from .reducers import fill_reducers
 from .resolved import complete_tables, resolved_limits, resolved_measurement, resolved_variables
 from .search import read_search, resolved_algorithm
 from .source import Source, Table, folder_of, located, override_source, replace_algorithm
+from .starts import START, open_start, read_start
 
 # `[objectives]`, `[limits]` and `[propagation]`.
 
@@ -199,6 +200,7 @@ PROBLEM_ONLY = (
     "choice",
     "rounding",
     "currency",
+    START,
 )
 
 
@@ -208,14 +210,16 @@ def read(
     algorithm: AlgorithmSettings | None = None,
     seed: int | None = None,
     reachable: bool = True,
+    start: Any = None,
 ) -> Configuration:
     """The configuration in a TOML file, workbook or dictionary, with `key=value` overrides applied.
 
-    An `algorithm` and a `seed` take the place of its own. Limits may be out of reach where they need
-    not be `reachable`. Raises InputError with every fault.
+    An `algorithm`, a `seed` and designs to `start` from take the place of its own. Limits may be out of
+    reach where they need not be `reachable`. Raises InputError with every fault.
     """
     faults: list[Fault] = []
     tables = replace_algorithm(override_source(source, overrides, faults), algorithm, seed)
+    tables |= {} if start is None else {START: start}
     try:
         return read_tables(tables, folder_of(source), faults, reachable)
     except InputError as error:
@@ -305,17 +309,22 @@ def _read_problem(
     objectives = settings.objectives or declared.objectives
     search = read_search(top.section("algorithm"), len(objectives), declared.algorithm)
     choice = read_choice(top, objectives, declared.outputs, declared.variables)
+    opened = open_start(top, folder)
     top.finish()
-    raise_all(faults)
+    if faults:  # those of the whole as far as they show without it
+        ranges = {v.name: (v.low, v.high) for v in declared.variables if v.low < v.high}
+        raise_all([*faults, *coarse_steps(ranges, declared.variables, choice)])
     with _single_thread(declared.sampled):
         problem = configured(settings)
         _check_as_a_whole(problem, choice, search["algorithm_name"], reachable)
     assert search["algorithm"] is not None
+    start = read_start(problem, opened, search["budget"])
     resolved = {
         **complete_tables(problem, top.take("problem"), model_name),
         "references": references,
         "algorithm": resolved_algorithm(*search.values()),
         **resolved_choice(choice),
+        **({START: start.table(problem)} if len(start.x) else {}),
     }
     return Configuration(
         model_name=model_name,
@@ -324,6 +333,7 @@ def _read_problem(
         problem_name=top.take("problem"),
         problem=problem,
         choice=choice,
+        start=start,
         resolved=resolved,
         **search,
     )
