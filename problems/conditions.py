@@ -203,6 +203,11 @@ class InConditions(ToleranceProblem):
         )
         return self.operating.make(given)
 
+    def release(self) -> None:
+        super().release()
+        for problem in (self.plain, *self.alone):
+            problem.release()
+
     def _completed(self, given: Settings) -> Settings:
         completed = self.plain.settings
         return replace(

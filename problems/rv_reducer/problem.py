@@ -131,12 +131,12 @@ def jam_faults(problem: RvReducer, effects: Iterable[Active]) -> list[Fault]:
     per_kelvin = float(pin_circle_growth(model.geometry.nominal, np.array(1.0), np.array(0.0))) / UM
     drawn = model.population(nearest_prime(JAM_POSITIONS, model.geometry), JAM_UNITS, 0, REPORT)
     row = {name: problem.interval(name)[0] for name in problem.names if name == "involute_grade"}
+    clearance = problem.interval("crank_bearing_um")[1]
     row |= {v.name: 0.0 for v in VARIABLES if v.name != "involute_grade"}
-    row |= {"crank_bearing_um": problem.interval("crank_bearing_um")[1]}
     row |= {"dr_rp_mm": problem.interval("dr_rp_mm")[1], "dr_p_mm": problem.interval("dr_p_mm")[0]}
 
     def play(difference: float) -> float:
-        moved = {"pin_circle_radius": per_kelvin * (difference - warmer)}
+        moved = {"pin_circle_radius": per_kelvin * (difference - warmer), "crank_bearing": clearance}
         return float(drawn.turn(model.design(row, moved)).play.mean(axis=0).max())
 
     if play(warmer) >= 0.0:
