@@ -110,7 +110,8 @@ class Target:
     units of `Measurements`), `labels` the labels of unit and lot, and `locked` whether the rows follow
     the load of a unit with a locked input (None where no table is known); `pace` is the usual
     step of the clock [s], `derived` are roles that follow from another column, `paths` the ranges of
-    columns that change in small steps from row to row, in the order of measuring. With `several`
+    columns that change in small steps from row to row, in the order of measuring, `reversing` those
+    of them that turn back at least twice. With `several`
     outputs the names of an effect's parameters begin with that of their output. `gear` has the
     orders of its errors, None where it is not known.
     """
@@ -129,6 +130,7 @@ class Target:
     pace: float = 0.0
     derived: frozenset[Role] = frozenset()
     paths: Mapping[Role, float] = field(default_factory=_empty_mapping)
+    reversing: frozenset[Role] = frozenset()
 
     def travelled(self) -> frozenset[Role]:
         """The roles of the columns, and the angle where speed and time give the travel."""

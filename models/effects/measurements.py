@@ -97,6 +97,8 @@ DRIVING = (Role.ANGLE, Role.TORQUE, Role.FORCE, Role.INPUT)
 """Roles of columns that may drive an effect with memory."""
 LEAST_PATH = 20
 """Steps of a path, at least."""
+LEAST_REVERSALS = 2
+"""Times that a path turns back, at least, before a hysteresis shows in it."""
 SMALL = 0.1
 """Squared steps of a path, as a fraction of those of rows in random order."""
 
@@ -114,20 +116,24 @@ def path_of(measurements: Measurements, role: Role, units: Mapping[Role, str]) -
     return travel if units.get(Role.SPEED) == "m/s" else travel * np.pi / 30.0
 
 
-def _paths_of(measurements: Measurements, units: Mapping[Role, str]) -> dict[Role, float]:
-    """The ranges of the driving columns that are paths in the order of measurement."""
+def _paths_of(measurements: Measurements, units: Mapping[Role, str]) -> tuple[dict[Role, float], frozenset[Role]]:
+    """The ranges of the driving columns that are paths in the order of measurement, and which of them turn back."""
     within, order = ~path_starts(measurements)[1:], measurements.in_order
     if np.count_nonzero(within) < LEAST_PATH:
-        return {}
+        return {}, frozenset()
     roles = [role for role in DRIVING if role in measurements]
     if Role.ANGLE not in measurements and {Role.SPEED, Role.DIRECTION, Role.TIME} <= {*measurements.by_role}:
         roles.append(Role.ANGLE)
-    ranges = {}
+    ranges, reversing = dict[Role, float](), set[Role]()
     for role in roles:
         x = path_of(measurements, role, units)[order]
-        if 0.0 < float(np.mean(np.diff(x)[within] ** 2)) < SMALL * 2.0 * float(np.var(x)):
+        steps = np.diff(x)[within]
+        if 0.0 < float(np.mean(steps**2)) < SMALL * 2.0 * float(np.var(x)):
             ranges[role] = float(np.ptp(x))
-    return ranges
+            senses = np.sign(steps[steps != 0.0])
+            if np.count_nonzero(senses[1:] != senses[:-1]) >= LEAST_REVERSALS:
+                reversing.add(role)
+    return ranges, frozenset(reversing)
 
 
 Table = Mapping[str, NDArray[Any]]
@@ -260,6 +266,7 @@ def target_from(
     numbers = {role: v for role, v in measurements.by_role.items() if role in FIXED}
     largest = {role: float(np.max(np.abs(v), initial=0.0)) for role, v in numbers.items()}
     labels = {role: tuple(labels_of(measurements[role])[0].tolist()) for role in LABELS if role in measurements}
+    paths, reversing = ({}, frozenset()) if population else _paths_of(measurements, units)
     return replace(
         target,
         largest=largest,
@@ -267,7 +274,8 @@ def target_from(
         locked=follows_load(measurements),
         pace=pace_of(measurements),
         derived=_derive_roles(roles, measurements),
-        paths=_paths_of(measurements, units) if not population else {},
+        paths=paths,
+        reversing=reversing,
     )
 
 

@@ -35,19 +35,24 @@ class Memory(Shape):
     drives: ClassVar[tuple[Role, ...]] = (Role.ANGLE,)
     """Roles that may drive it, the first one that the table has as a path does."""
 
+    of_reversals: ClassVar[bool] = True
+    """Whether it shows only where the driving column turns back."""
+
     def driven_by(self, target: Target) -> Role | None:
         """The role of the driving column; None where the table has none, or its rows are no path."""
         roles = target.paths if target.largest else target.travelled()
         return next((role for role in self.drives if role in roles), None)
 
     def own_applies(self, target: Target) -> bool:
-        return (
-            self.driven_by(target) is not None and Role.POSITION not in target.roles() and super().own_applies(target)
-        )
+        role = self.driven_by(target)
+        shows = role in target.reversing or not (self.of_reversals and target.largest)
+        return role is not None and shows and Role.POSITION not in target.roles() and super().own_applies(target)
 
     def own_reason(self, target: Target) -> str:
         if not target.travelled() & {*self.drives}:
             return f"no column of the role {' or '.join(map(str, self.drives))}"
+        if self.driven_by(target) is not None:
+            return "its memory shows only where the driving column turns back, at least twice"
         return "its memory needs rows in the order of time or of measuring, a path of small steps"
 
     def driving_unit(self, target: Target) -> str:
@@ -180,6 +185,7 @@ class LoadCreep(Memory, OneColumn):
     formula = "a u, du/dt = (T - u)/t1"
     needs = (Role.TIME,)
     drives = LOADS
+    of_reversals = False
     mistaken_for = ("torsional_compliance", "creep", "delay", "double_load_creep")
     reference = "Findley, Lai and Onaran, Creep and Relaxation of Nonlinear Viscoelastic Materials, 1976"
     stems: ClassVar[Mapping[str, str]] = {"time": "t1, time in which it yields"}
