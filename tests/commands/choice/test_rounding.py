@@ -22,6 +22,7 @@ from tolevo.commands.run.tolerances import step_of, values_of
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.problems.pose_accuracy import PoseAccuracy
+from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, Settings
 from tolevo.problems.tolerance_problem import ToleranceProblem
 
@@ -281,6 +282,25 @@ def test_a_sample_that_is_too_lenient_is_corrected_by_the_full_model() -> None:
     found = round_design(problem, design, grids).design
     assert problem.outputs_of(found[None])["squareness_mrad"][0] <= 0.1
     assert problem.cost_of(found[None])[0] < 1.001 * problem.cost_of(design[None])[0]
+
+
+def test_settings_of_few_values_leave_tolerances_less_room_and_all_limits_are_kept() -> None:
+    """A mixture of two values of dr_rp keeps the backlash of the modification at 0, neither of them does; at
+    the prices of that mixture, each of the 4,096 combinations that were listed broke the yield.
+    """
+    problem = RvBacklash(Settings(objectives=("cost",), parameters={"reading": "printed"},
+                                  limits={"yield_percent": Bound(low=99.0)}))  # fmt: skip
+    known = dict(zip(problem.names, problem.references()["document B"].tolist(), strict=True)) | {
+        "pin_circle_radius_um": 5.021, "pin_position_um": 4.504, "pin_hole_radius_um": 3.861, "pin_radius_um": 2.021,
+        "pitch_um": 8.575, "runout_um": 5.147, "eccentricity_um": 8.0, "equidistance_um": 2.185, "shift_um": 3.121,
+        "crank_bearing_um": 2.808, "involute_grade": 6.0, "stagger_arcmin": 0.4, "dr_rp_mm": -0.055964,
+        "dr_p_mm": -0.096,
+    }  # fmt: skip
+    design = np.array([known[name] for name in problem.names])
+    rounded = round_design(problem, design, tables(problem, ChoiceSettings()))
+    assert rounded.keys[0] == 0.0
+    assert problem.frame(rounded.design[None])["feasible"].all()
+    assert problem.cost_of(rounded.design[None])[0] < 1.03 * problem.cost_of(design[None])[0]
 
 
 # A hundred random stacks: limits, costs and the best of all combinations by formulas of this test.
