@@ -80,6 +80,9 @@ def test_a_least_cost_lies_above_or_below_a_published_one() -> None:
     assert told == "the least cost that was found is 12 % lower"
     told = Sentences._gains(one, {"relaxed_cost_saving_percent": -24.6}, "relaxed_")
     assert told == "the least cost that was found is 24.6 % higher"
+    force: Any = SimpleNamespace(names=["peak_mesh_force_N"])
+    told = Sentences._gains(force, {"peak_mesh_force_N_gain_percent": 3.0}, "")
+    assert told == "the least peak mesh force that was found is 3 % lower"
     two: Any = SimpleNamespace(names=["cost", "backlash_arcmin"])
     told = Sentences._gains(two, {"cost_saving_percent": 12.0}, "")
     assert told == "there is an allocation that costs 12 % less at equal backlash"
@@ -234,6 +237,7 @@ def test_limits_kept_with_a_margin_may_cost_all_the_same() -> None:
     answers = tolevo.run(base | {"limits": {"variation": 0.045}}).record.answers
     assert "without them the least cost would be 1 lower" in answers["limits"]
     assert "every step breaks a limit (a, to IT9: variation 0.0505 instead of at most 0.045 mm" in answers["loosen"]
+    assert answers["rounding"] == "Rounded for the drawing, it costs 2 (as much)."
     answers = tolevo.run(base | {"limits": {"variation": 0.2}}).record.answers
     assert "and none adds to the cost: nothing in the ranges is cheaper" in answers["limits"]
 
