@@ -386,6 +386,7 @@ def test_a_hundred_stacks_keep_every_limit_and_lose_at_most_one_percent_where_th
         losses.append(after / before - 1.0)
         said = rounding_sentence(plan.problem, rounded, before, after, "")
         assert ("none that keeps all limits" in said) == (losses[-1] > 0.01)
+        assert "(as much)" in rounding_sentence(plan.problem, rounded, after, after * (1.0 + 1e-15), "")
         if losses[-1] > 0.01:  # no combination is cheaper, by the formulas above
             assert len(optimum) <= 3
             assert stack.best_possible(optimum, values) > 1.01 * before
