@@ -395,6 +395,8 @@ may leave the others less room than a mixture of its values does.
 """
 TRIED, TRIED_SAMPLED = 128, 24
 """Combinations that are evaluated of each prediction; where each takes a sample of units."""
+LEARNED = 4
+"""Times that the search is corrected at most, while all candidates break a limit."""
 VERIFIED = 24
 """Best candidates that are tested by the full model."""
 NEGLIGIBLE = 0.01
@@ -429,8 +431,8 @@ def round_design(
     the `bounds`) and is no worse in the other objectives; where there is none, the one that breaks
     the limits least, then the least worse. Up to `MAX_EXHAUSTIVE` combinations are all evaluated;
     else they are searched (`search_combinations`). The full model decides between the best
-    `VERIFIED`; where all of them break a limit, the search is repeated, corrected by the difference
-    of the full model at the design: on a sample of units the quick one may be the more lenient.
+    `VERIFIED`; where all of them break a limit, the search is repeated, corrected by the difference of the
+    full model, at the design and then at what was found: on a sample of units the quick one may be the more lenient.
     The `finer` values of some variables are used where the others add more than `NEGLIGIBLE` to the cost.
     """
     near = ladders(problem, design, values)
@@ -439,13 +441,17 @@ def round_design(
     quick = Ranking(problem, design, True, bounds)
     full = Ranking(problem.reported(), design, False, bounds)
     rounded = _best_combination(near, quick, full)
-    if rounded.keys[0] > 0.0:
-        quick.learn(full, design)
-        rounded = min(rounded, _best_combination(near, quick, full), key=lambda one: one.keys)
+    last = design
+    for _ in range(LEARNED):
+        if rounded.keys[0] <= 0.0:
+            break
+        quick.learn(full, last)
+        again = _best_combination(near, quick, full)
+        rounded, last = min(rounded, again, key=lambda one: one.keys), again.design
     cost = float(np.broadcast_to(problem.cost_of(design[None]), 1)[0])
     if finer and (rounded.keys[0] > 0.0 or rounded.keys[-1] > cost + NEGLIGIBLE * abs(cost)):
-        again = round_design(problem, design, {**values, **finer}, bounds)
-        rounded = min(rounded, again, key=lambda one: one.keys)
+        finest = round_design(problem, design, {**values, **finer}, bounds)
+        rounded = min(rounded, finest, key=lambda one: one.keys)
     return rounded
 
 
@@ -459,7 +465,8 @@ def rounding_sentence(problem: ToleranceProblem, rounded: Rounded, before: float
     tried = f"all {rounded.tried}" if rounded.every else f"{rounded.tried} of the"
     tried = f"{tried} combinations of the values next to it were tried"
     if broken:
-        return f"Rounded for the drawing, it breaks {words(broken)}: {tried} and none keeps all limits."
+        named = " and ".join(words(name) for name in broken.split())
+        return f"Rounded for the drawing, it breaks {named}: {tried} and none keeps all limits."
     currency = problem.settings.money.currency
     amount = f"{100.0 * abs(share):.2g} % {'more' if share > 0.0 else 'less'}"
     amount = amount if abs(share) > VALUE_TOLERANCE else "as much"
