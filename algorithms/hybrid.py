@@ -67,7 +67,9 @@ class Hybrid(Solver):
         drawn = space.draw(max(self.population - len(seeds) // 2, self.population // 2), run.rng)
         first = np.vstack([seeds, drawn])
         run.phase("seeds", 0.0)
-        engine.tell(first, *run.evaluate(first))
+        f, g = run.evaluate(first)
+        told = ((run.start, first), (run.begun[0], f), (run.begun[1], g))
+        engine.tell(*(np.concatenate(pair) for pair in told))
         total = run.budget.generations or GENERATIONS
         end = None if remaining is None else run.evaluations + EVOLVED * remaining
         for generation in range(total):

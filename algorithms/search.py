@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any, Protocol
@@ -23,11 +23,11 @@ from pymoo.core.termination import NoTermination
 from ..errors import ModelError
 from ..journal import recording_suspended
 from ..problems.tolerance_problem import ToleranceProblem
-from ..section import Array
-from .archive import Course, SavedState, State, merge_states, part
-from .engine import Space
+from ..section import Array, Integers
+from .archive import Course, SavedState, State, merge_states, nondominated, part
+from .engine import Space, violation_of
 from .exact.epsilon import finish_front, replace_violating_points
-from .run import BudgetSpent, Progress, Run, Values
+from .run import BudgetSpent, Progress, Run, Shared
 from .settings import AlgorithmSettings, Budget, Solver
 
 # One interface to all population searches: ask for designs, tell their values, save and resume.
@@ -251,17 +251,19 @@ def search(
     report: Callable[[Progress], None] | None = None,
     engine: str = "pymoo",
     keeper: Keeper | None = None,
-    values: Callable[[Sequence[Array]], Sequence[Values]] | None = None,
+    shared: Shared | None = None,
+    start: Array | None = None,
 ) -> SearchResult:
     """Search until the budget is used up; an interrupt ends it with the result so far.
 
     `seed` is any integer >= 0. The result depends on problem, settings, evaluation or generation
     budget, seed and `engine` ("pymoo" or "array") alone: neither on interruptions, nor on the
-    function `values` that computes the parts of a batch, where it is given. A `Solver` starts from
-    its beginning after an interruption and takes no budget of generations.
+    function `shared` that computes parts of the work, where it is given. A `Solver` starts from
+    its beginning after an interruption and takes no budget of generations. The search vectors `start`
+    (n, variables) are evaluated first; the first generation, or the solver, begins from the best of them.
     """
     solver = isinstance(settings, Solver)
-    run = Run(problem, budget, seed, report, counts_generations=not solver, values=values)
+    run = Run(problem, budget, seed, report, counts_generations=not solver, shared=shared, start=start)
     interrupted = False
     try:
         drive(run, settings, seed, engine, keeper)
@@ -278,7 +280,7 @@ def drive(run: Run, settings: AlgorithmSettings, seed: int, engine: str, keeper:
     problem = run.problem
     try:
         if isinstance(settings, Solver):
-            settings.solve(run)
+            _solve(run, settings)
         else:
             with recording_suspended():  # its state is saved instead
                 _evolve(run, lambda: driver(run.problem, settings, seed, engine), keeper)
@@ -292,6 +294,16 @@ def drive(run: Run, settings: AlgorithmSettings, seed: int, engine: str, keeper:
         replace_violating_points(run)
 
 
+def _solve(run: Run, settings: Solver) -> None:
+    """Run a solver, whose result the designs that the run starts from join."""
+    if len(run.start):
+        run.phase("start")
+        run.begun = run.evaluate(run.start)
+    settings.solve(run)
+    if len(run.chosen):
+        run.choose(run.start)
+
+
 def _evolve(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> None:
     """Evaluate generation after generation, until the budget is used up.
 
@@ -300,6 +312,8 @@ def _evolve(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> Non
     designs of whole numbers came again are used for all designs that remain, where they suffice.
     """
     population, size = _start_or_resume(run, fresh, keeper), 0
+    if len(run.start) and not run.generation and not run.spent:
+        _begin(run, population)
     while not (run.spent or run.exhausted):
         remaining = run.evaluations_left
         if keeper is not None and (keeper.due() or (remaining is not None and remaining < 2 * size)):
@@ -312,6 +326,36 @@ def _evolve(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> Non
     if keeper is not None:
         _save(keeper, run, population)
     run.complete()
+
+
+def _begin(run: Run, population: Driver) -> None:
+    """The first generation of a run with designs to start from: all of these are evaluated, and the
+    best take the places of designs that would be drawn.
+    """
+    drawn = population.ask()
+    kept, given = min(len(run.start), len(drawn)), len(run.start)
+    f, g = run.evaluate(np.concatenate([run.start, drawn[kept:]]))
+    best = best_rows(f[:given], g[:given], kept)
+    population.begin_with(run.start[best])
+    rows = np.concatenate([best, np.arange(given, len(f))])
+    population.tell(f[rows], g[rows])
+
+
+def best_rows(f: Array, g: Array, count: int) -> Integers:
+    """The best `count` rows of objectives (n, objectives) and constraints (n, constraints).
+
+    The feasible ones that no other dominates, evenly along the first objective where they are more;
+    then the feasible ones, then those that violate least.
+    """
+    violation = violation_of(g)
+    kept = np.flatnonzero(violation <= 0.0)
+    first = kept[nondominated(f[kept])] if len(kept) else kept
+    first = first[np.lexsort(f[first].T[::-1])]
+    if len(first) > count:
+        return np.asarray(first[np.unique(np.linspace(0, len(first) - 1, count).round().astype(np.int64))])
+    others = np.setdiff1d(np.arange(len(f)), first)
+    order = others[np.lexsort((*f[others].T[::-1], np.maximum(violation[others], 0.0)))]
+    return np.asarray(np.concatenate([first, order])[:count], dtype=np.int64)
 
 
 def _start_or_resume(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> Driver:

@@ -16,6 +16,8 @@ __all__ = [
     "__version__",
     "algorithms",
     "analyse",
+    "ask",
+    "certify",
     "check",
     "evaluate",
     "gap",
@@ -28,13 +30,29 @@ __all__ = [
     "search",
     "simulate",
     "study",
+    "tell",
 ]
 
 if TYPE_CHECKING:
     from typing import Final
 
     from . import algorithms
-    from .api import analyse, check, evaluate, gap, read, report, reproduce, run, search, simulate, study
+    from .api import (
+        analyse,
+        ask,
+        certify,
+        check,
+        evaluate,
+        gap,
+        read,
+        report,
+        reproduce,
+        run,
+        search,
+        simulate,
+        study,
+        tell,
+    )
     from .errors import ConfigurationError
     from .results import Analysis, Gap, Reproduction, Run, Study
     from .tables import read_aqdef, read_table
@@ -44,6 +62,8 @@ if TYPE_CHECKING:
 _ROOMS = {
     ".api": (
         "analyse",
+        "ask",
+        "certify",
         "check",
         "evaluate",
         "gap",
@@ -54,6 +74,7 @@ _ROOMS = {
         "search",
         "simulate",
         "study",
+        "tell",
     ),
     ".errors": ("ConfigurationError",),
     ".results": ("Analysis", "Gap", "Reproduction", "Run", "Study"),

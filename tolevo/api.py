@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from .algorithms.settings import AlgorithmSettings
     from .asking import Search
     from .blocks import BlockProgress, Target
+    from .commands.ask import Standing
+    from .commands.certify import Certificate
     from .commands.gap.plan import GapProgress
     from .commands.report import Report
     from .commands.reproduce.claims import ClaimsProgress
@@ -53,6 +55,8 @@ Source: TypeAlias = "Raw | Configuration"
 """A configuration, or what `read` returns."""
 Frame = AnyPath | pd.DataFrame
 """A table: a path, or a frame whose columns bear the names that the file would have."""
+Starts = Frame | Sequence[AnyPath]
+"""Designs to start from: a table, the directory of a run, or several paths of these."""
 READ = "read"
 NOTES = "notes"
 """Key in `attrs` of returned frames: how the table was read, and notes for the user."""
@@ -320,21 +324,37 @@ def _computed(
 
 
 def read(
-    source: Source, settings: Sequence[str] = (), *, algorithm: AlgorithmSettings | None = None, seed: int | None = None
+    source: Source,
+    settings: Sequence[str] = (),
+    *,
+    algorithm: AlgorithmSettings | None = None,
+    seed: int | None = None,
+    start: Starts | None = None,
 ) -> Configuration:
     """The configuration of a problem or model, checked and completed.
 
     `settings` are "key=value" as `--set` takes them. An `algorithm` (such as
     `tolevo.algorithms.NSGA2(population=40)`) and a `seed` take the place of those in the source,
-    whose budget stays. Raises ConfigurationError with every fault.
+    whose budget stays, as do the designs to `start` from. Raises ConfigurationError with every fault.
     """
     if not isinstance(source, Configuration):
-        return read_raw(raw(source), settings, algorithm, seed)
+        return read_raw(raw(source), settings, algorithm, seed, start=stated(start))
     if settings:
         raise refuse(
             "--set", "cannot change a complete configuration: change its source, or the settings with which it is read"
         )
-    return source if algorithm is None and seed is None else read_raw(source.tables(), (), algorithm, seed)
+    if algorithm is None and seed is None and start is None:
+        return source
+    return read_raw(source.tables(), (), algorithm, seed, start=stated(start))
+
+
+def stated(start: Starts | None) -> Any:
+    """The value of the key `start`; paths are relative to the working directory."""
+    if start is None or isinstance(start, pd.DataFrame):
+        return start
+    if isinstance(start, str | PathLike):
+        return str(Path(start).absolute())
+    return [str(Path(path).absolute()) for path in start]
 
 
 def check(source: Source, settings: Sequence[str] = ()) -> str:
@@ -400,6 +420,7 @@ def run(
     *,
     algorithm: AlgorithmSettings | None = None,
     seed: int | None = None,
+    start: Starts | None = None,
     settings: Sequence[str] = (),
     workers: int | None = None,
     dask: str = "",
@@ -410,7 +431,8 @@ def run(
 ) -> Run:
     """Run one optimisation: from a configuration or a problem to a Pareto front (`.front`).
 
-    `algorithm` and `seed` take the place of those in the configuration. `progress` is called after
+    `algorithm` and `seed` take the place of those in the configuration, and so do the designs to
+    `start` from: a table, the directory of a run, or several of them. `progress` is called after
     every generation. The result does not depend on `workers`. With `resume`, `out` may hold the
     same run, which is then continued. Raises ConfigurationError with every fault.
     """
@@ -420,7 +442,9 @@ def run(
     faults = start_faults_of(out, workers, resume, overwrite)
     source = at_hand(source)
     where = executing(source, settings, workers, dask, faults)
-    plan = collected(lambda: _with_problem(read(source, settings, algorithm=algorithm, seed=seed)), faults).plan()
+    plan = collected(
+        lambda: _with_problem(read(source, settings, algorithm=algorithm, seed=seed, start=start)), faults
+    ).plan()
     collected(lambda: searchable(plan.problem, plan.algorithm), faults)
     raise_all(faults)
     plan = replace(plan, workbook=workbook_of(source))
@@ -435,29 +459,90 @@ def search(
     algorithm: AlgorithmSettings | None = None,
     *,
     seed: int | None = None,
-    start: Frame | None = None,
+    start: Starts | None = None,
     settings: Sequence[str] = (),
 ) -> Search:
     """A search in the caller's loop: `ask` for designs, `tell` their outputs, take the `result`.
 
-    `start` are designs, one per row, that the first generation begins with (the first of them, if
-    they are more than it holds); a front or an allocation can be given as it stands. They lie in the
-    ranges that are searched. The algorithm is that of the configuration where none is given. Raises
-    ConfigurationError with every fault.
+    `start` are designs, one per row, that the first generation begins with (evenly spread over their
+    rows, if they are more than it holds); a front, an allocation or the directory of a run can be given
+    as it stands. They lie in the ranges that are searched. The algorithm is that of the configuration
+    where none is given. Raises ConfigurationError with every fault.
     """
     from .asking import Search, askable
 
-    configuration = _with_problem(read(source, settings, algorithm=algorithm, seed=seed))
+    configuration = _with_problem(read(source, settings, algorithm=algorithm, seed=seed, start=start))
     raise_all(askable(configuration.algorithm_name, configuration.algorithm))
-    problem, designs = configuration.problem, None
-    assert problem is not None
-    assert configuration.algorithm is not None
-    if start is not None:
-        from .commands.evaluate import designs_in
+    plan = configuration.plan()
+    return Search(plan.problem, plan.algorithm, plan.seed, plan.engine, plan.start)
 
-        table, place = readable(start, tables.NO_OPTIONS)
-        designs = designs_in(problem, table, "start" if place == "frame" else place, searched=True)
-    return Search(problem, configuration.algorithm, configuration.seed, configuration.engine, designs)
+
+def certify(
+    problem: Source, result: Any, *, seeds: int = 3, evaluations: int = 4000, seed: int = 0, forms: bool = True
+) -> Certificate:
+    """How far a result of any optimiser is from the optimum of a problem, and what is proven of that.
+
+    `result` is what pymoo, pygmo (a population), Optuna (a study), VAMOS, Platypus or jMetalPy return, a
+    run of this suite, a frame of designs or an array (points, variables). `problem` may be a plain
+    `Problem` of pymoo: forms (linear, convex quadratic, separable, posynomial) are then fitted to
+    its values and verified at others, with some hundreds of evaluations, unless `forms` is False. Another
+    algorithm searches from `seeds` seeds, with so many `evaluations` each. Raises ConfigurationError
+    with every fault.
+    """
+    from .commands.certify import certify as certifying
+
+    faults = [
+        Fault(name, f"must be a whole number of at least {least}, got {value}")
+        for name, value, least in (("seeds", seeds, 1), ("evaluations", evaluations, 100), ("seed", seed, 0))
+        if not isinstance(value, int) or value < least
+    ]
+    configuration = collected(lambda: _with_problem(read(problem)), faults)
+    raise_all(faults)
+    assert configuration.problem is not None
+    return certifying(configuration.problem, result, seeds, evaluations, seed, forms)
+
+
+def ask(
+    source: Source, out: AnyPath, *, settings: Sequence[str] = (), start: Starts | None = None, tell: Tell | None = None
+) -> Standing:
+    """Write the next designs of a search (`designs.csv`) into the directory `out`; see `tell`.
+
+    A directory that holds the search is continued: its budget may have grown. Returns the designs
+    (`.designs`), the results so far (`.told`) and their front (`.front`). Raises ConfigurationError
+    with every fault.
+    """
+    from .commands.ask import ask as asking
+
+    faults = unwritable(Path(out), "--out")
+    plan = collected(lambda: _with_problem(read(at_hand(source), settings, start=start)), faults)
+    raise_all(faults)
+    assert plan.problem is not None
+    report_lines(tell, "warning", plan.problem.cautions())
+    return asking(plan, Path(out))
+
+
+def tell(
+    folder: AnyPath,
+    results: Frame,
+    *,
+    tell: Tell | None = None,
+    encoding: str | None = None,
+    delimiter: str | None = None,
+    decimal: str | None = None,
+    shape: str | None = None,
+) -> Standing:
+    """Take results of designs that `ask` wrote: rows with `id` and outputs, in any order, or some alone.
+
+    An output that is "failed" or not finite marks an evaluation that failed. Every result is on disk
+    when this returns, and the directory holds the designs that are open then. Raises
+    ConfigurationError with every fault; nothing is written then.
+    """
+    from .commands.ask import tell as taking
+
+    table, place = readable(results, tables.ReadOptions(encoding, delimiter, decimal, shape))
+    found, notes = taking(Path(folder), table, place)
+    report_lines(tell, "note", notes)
+    return found
 
 
 def study(

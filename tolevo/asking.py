@@ -159,7 +159,7 @@ class Search:
     """A population search whose designs are evaluated by the user.
 
     `ask` and `tell` take turns. Which designs are asked for depends on problem, algorithm, seed,
-    engine, the designs to `start` with (n, all variables), and the outputs so far. Designs of whole
+    engine, the designs to `start` with (search vectors (n, variables)), and the outputs so far. Designs of whole
     numbers alone are asked for once: `ask` returns none when all of them have been evaluated.
     """
 
@@ -176,9 +176,6 @@ class Search:
         self._archive = Archive(problem.n_var, problem.n_obj)
         self._discrete = DiscreteDesigns.of(problem)
         self._start = start
-        if start is not None:
-            free = [problem.names.index(variable.name) for variable in problem.free]
-            self._start = np.clip(start[:, free], problem.xl, problem.xu)
         self._open: Array | None = None
         self._new: Array = np.empty((0, problem.n_var))
         self._failed = np.empty((0, problem.n_var))
@@ -190,7 +187,8 @@ class Search:
         while self._open is None:
             self._open = self._driver.ask()
             if self._start is not None:
-                self._open = self._driver.begin_with(self._start[: len(self._open)])
+                rows = np.linspace(0, len(self._start) - 1, min(len(self._start), len(self._open)))
+                self._open = self._driver.begin_with(self._start[rows.round().astype(np.int64)])
                 self._start = None
             self._new = self._open
             if self._discrete is not None:
@@ -217,7 +215,7 @@ class Search:
         raise_all(self._faults(outputs, len(self._new)))
         assert self._open is not None
         designs = self.problem.complete(self._new)
-        values = {name: np.asarray(outputs[name], dtype=float) for name in self._needed()}
+        values = {name: np.asarray(outputs[name], dtype=float) for name in self.needed()}
         f, g = self.problem.objective_values(values), self.problem.violations(designs, values)
         f, g, failed = mark_failures_infeasible(f, g, self.problem.box)
         self._archive.add(self._new, f, np.where(failed, np.inf, violation_of(g)))
@@ -238,15 +236,15 @@ class Search:
         failed = designs_frame(self.problem, self.problem.complete(self._failed))
         return Asked(front.sort_values(self.problem.objectives[0], ignore_index=True), self._evaluations, failed)
 
-    def _needed(self) -> list[str]:
-        """Objectives and limited outputs; a limited variable is known."""
+    def needed(self) -> list[str]:
+        """The outputs that `tell` takes: objectives and limited outputs; a limited variable is known."""
         limited = [limit.name for limit in self.problem.limits if limit.count]
         names = dict.fromkeys((*self.problem.objectives, *limited))
         return [name for name in names if name not in self.problem.names]
 
     def _faults(self, outputs: Mapping[str, Any] | pd.DataFrame, count: int) -> list[Fault]:
         faults = []
-        for name in self._needed():
+        for name in self.needed():
             if name not in outputs:
                 text = "is missing: state every objective and every output with a limit"
             elif np.shape(outputs[name]) != (count,):

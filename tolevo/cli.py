@@ -304,6 +304,35 @@ def analyse(
     return analyse(config, out, overwrite=overwrite, **asked.arguments())
 
 
+@command("ask")
+def ask(
+    config: Config,
+    *,
+    out: Annotated[Path, typer.Option("--out", help="The directory of the search; it may hold it already.")],
+    asked: Asked,
+) -> None:
+    """Write the next designs of a search, to be evaluated elsewhere; `tell` takes their results."""
+    from .api import ask
+
+    for line in ask(config, out, **asked.arguments()).lines:
+        typer.echo(line)
+
+
+@command("tell")
+def tell(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="The directory of `ask`.")],
+    results: Annotated[Path, typer.Argument(help="Table with id and outputs, any order, some rows alone.")],
+    *,
+    dialect: Dialect,
+    messages: MessageOptions,
+) -> None:
+    """Take results of designs that `ask` wrote; each is on disk when the command ends."""
+    from .api import tell
+
+    for line in tell(folder, results, tell=messages.report, **asdict(dialect)).lines:
+        typer.echo(line)
+
+
 @command("gap")
 def gap(
     config: Config,

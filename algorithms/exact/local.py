@@ -290,14 +290,16 @@ class Branch:
                 return
 
     def starts(self, run: Run) -> Array:
-        """Scaled coordinates (n, size) to begin from."""
+        """Scaled coordinates (n, size) to begin from: first those of the run with the integers of the branch."""
+        own = run.start[np.all(np.rint(run.start) == np.rint(self.smooth.x), axis=1, where=~self.smooth.moving)]
+        given = self.smooth.scaled(own[np.unique(np.linspace(0, len(own) - 1, min(len(own), STARTS)).astype(int))])
         provided = run.problem.starts()
         if len(provided):
             free = [run.problem.names.index(v.name) for v in run.problem.free]
-            return self.smooth.scaled(provided[:, free])
+            return np.vstack([given, self.smooth.scaled(provided[:, free])])
         names = [variable.name for variable in run.problem.free if not variable.integer]
         drawn = run.rng.random((STARTS, self.smooth.size))[:, np.argsort(np.argsort(names))]
-        return np.vstack([np.full(self.smooth.size, 0.5), drawn])
+        return np.vstack([given, np.full(self.smooth.size, 0.5), drawn])
 
     def at_most(self, objective: int, value: float) -> Array:
         """Limits (m,) that hold one objective at a value and leave the others free."""

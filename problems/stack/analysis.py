@@ -51,9 +51,9 @@ REQUIREMENT_COLUMNS = (
     "kept_statistical",
 )
 HOW = {
-    "corners": "those of the corners of the tolerances",
-    "bound": "a bound that no unit exceeds",
-    "sample": "those of a sample of the corners, and others may lie beyond",
+    "corners": "reached by units, and no corner of the tolerances lies beyond",
+    "bound": "bounds that no unit exceeds",
+    "sample": "the outermost of the units that were tried, and others may lie beyond",
 }
 """How the ends of a requirement that is not linear were found."""
 METHODS = ("rss", "worst_case")

@@ -268,10 +268,11 @@ class Stack(ToleranceProblem):
             outputs_of(definition.requirements, definition.parts, self.measured, definition.promise),
         )
         if definition.conditions and settings is not None:
-            from .conditions import limits_in_all
+            from ..conditions import limits_in_all
 
             known = {o.name for o in self.declaration.outputs} | {v.name for v in self.declaration.variables}
-            settings = replace(settings, limits=limits_in_all(definition.conditions, settings.limits, known))
+            names = [condition.name for condition in definition.conditions]
+            settings = replace(settings, limits=limits_in_all(names, settings.limits, known))
         super().__init__(settings)
 
     @classmethod
@@ -290,10 +291,11 @@ class Stack(ToleranceProblem):
         promise = read_promise(top)
         outputs = outputs_of(requirements, known, () if conditions else mechanisms, promise)
         if conditions:
-            from .conditions import limitable, requirements_at
+            from ..conditions import limitable
+            from .conditions import requirements_at
 
             every = outputs_of(requirements_at(conditions, requirements), known, mechanisms, promise)
-            outputs = limitable(every, outputs, conditions, top)
+            outputs = limitable(every, outputs, [condition.name for condition in conditions], top)
         declaration = _declare_stack(variables_of(known), outputs)
         declaration = replace(declaration, conditions=tuple(condition.name for condition in conditions))
         return ConfiguredProblem(declaration, cls, {"definition": definition})
@@ -579,4 +581,4 @@ class Stack(ToleranceProblem):
 
 
 def _declare_stack(variables: tuple[Variable, ...], outputs: tuple[Output, ...]) -> Declaration:
-    return Declaration(variables, outputs, objectives=OBJECTIVES, algorithm="exact")
+    return Declaration(variables, outputs, objectives=OBJECTIVES, algorithm="exact", tables=("condition",))

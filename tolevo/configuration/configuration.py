@@ -22,6 +22,7 @@ from ..section import Output, Section
 from .parameters import GEAR, UNRESOLVED, read_effects, read_gear, read_unresolved, resolved_gear
 from .plugins import SENSE, ZERO, read_labels, read_sense, read_zero
 from .resolved import resolved_measurement
+from .starts import Start
 
 if TYPE_CHECKING:
     from ..commands.run.plan import RunPlan
@@ -46,6 +47,7 @@ class Configuration:
     engine: str = "pymoo"
     budget: Budget = field(default_factory=Budget)
     choice: ChoiceSettings = field(default_factory=ChoiceSettings)
+    start: Start | None = None
     resolved: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     def plan(self) -> RunPlan:
@@ -65,6 +67,8 @@ class Configuration:
             title=self.problem_name,
             engine=self.engine,
             choice=self.choice,
+            start=None if self.start is None or not len(self.start.x) else self.start.x,
+            start_notes=() if self.start is None else self.start.notes,
         )
 
     @property

@@ -11,6 +11,7 @@ import pandas as pd
 from ...algorithms.settings import AlgorithmSettings, Budget
 from ...problems.tolerance_problem import ToleranceProblem, designs_of
 from ...records import RunResult
+from ...section import Array
 from .choice import ChoiceSettings
 
 
@@ -20,7 +21,8 @@ class RunPlan:
 
     `engine` is "pymoo" or "array". With `reference_search` the GA searches the least cost as a
     reference for a problem without published allocations as well. `workbook` are the bytes of the
-    configuration where it is one: the run writes it with its result.
+    configuration where it is one: the run writes it with its result. `start` are the search vectors
+    (n, variables) that the search begins from, `start_notes` what the user should know of them.
     """
 
     problem: ToleranceProblem
@@ -34,6 +36,8 @@ class RunPlan:
     choice: ChoiceSettings = field(default_factory=ChoiceSettings)
     reference_search: bool = False
     workbook: bytes = field(default=b"", repr=False)
+    start: Array | None = field(default=None, repr=False)
+    start_notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

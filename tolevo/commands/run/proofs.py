@@ -21,6 +21,7 @@ from ...algorithms.run import Run
 from ...algorithms.search import SearchResult
 from ...algorithms.settings import AlgorithmSettings, Budget
 from ...errors import Fault, ModelError, raise_all
+from ...execution import pinned
 from ...problems.forms import Form, largest_parts, least_value, spread_of
 from ...problems.limits import Limit, loosened
 from ...problems.tolerance_problem import ToleranceProblem
@@ -240,7 +241,8 @@ ATTEMPTS = 3
 def searchable(problem: ToleranceProblem, algorithm: AlgorithmSettings | None = None) -> None:
     """Raises InputError with every reason why a problem cannot be searched as it is set."""
     many = _too_many_choices(problem) if isinstance(algorithm, Exact) else []
-    raise_all([*many, *(problem.search_faults() or unreachable_limits(problem))])
+    with pinned():  # the search takes over what is computed here
+        raise_all([*many, *(problem.search_faults() or unreachable_limits(problem))])
 
 
 def _too_many_choices(problem: ToleranceProblem) -> list[Fault]:

@@ -395,7 +395,7 @@ def _conclude_run(
     alternative_costs = alternatives(plan.problem, front)
     remarks = (*plan.problem.remarks(front), *sentences(alternative_costs))
     failures = _failure_notes(search_result)
-    notes = (*failures, *warned, *remarks, *resume_notes, *_notes(references, dropped, joined))
+    notes = (*failures, *_start_notes(plan), *warned, *remarks, *resume_notes, *_notes(references, dropped, joined))
     decisions = decide(plan.problem, front, plan.choice)
     proven = (*proof_notes(plan.problem, front, front_proof), *end_notes(plan.problem, front), *notes, *decisions.notes)
     summary = _summary(plan, search_result, front, status, proven, time.monotonic() - start)
@@ -455,13 +455,22 @@ def _run_searches(
 
         with recording_steps(checkpoint.section("search")):
             search_result = search(
-                plan.problem, plan.algorithm, plan.budget, plan.seed, report, plan.engine, checkpoint, designs.values
+                plan.problem,
+                plan.algorithm,
+                plan.budget,
+                plan.seed,
+                report,
+                plan.engine,
+                checkpoint,
+                designs.results,
+                plan.start,
             )
         if search_result.interrupted:
             return search_result, sides.fronts()
         sides.finish()
     searches += searches_from_front(plan, printed, search_result.chosen)
     checkpoint.keep_only([side.key for side in searches])
+    plan.problem.release()
     with Sides(searches, workers, checkpoint, progress) as sides:
         sides.finish()
         return search_result, sides.fronts()
@@ -567,6 +576,20 @@ def _notes(references: pd.DataFrame, dropped: int, joined: int) -> list[str]:
             f"{removed} that {beaten} removed; the table of references compares them with the front of the search alone"
         )
     return notes
+
+
+def _start_notes(plan: RunPlan) -> list[str]:
+    """What the user should know of the designs that the search began from."""
+    if plan.start is None:
+        return []
+    f, g = plan.problem.searched(plan.start)
+    whole = np.isfinite(f).all(axis=1) & np.isfinite(g).all(axis=1)
+    failed, broken = int(np.count_nonzero(~whole)), int(np.count_nonzero(np.any(g > 0.0, axis=1) & whole))
+    words = [f"{failed} of them failed"] if failed else []
+    words += (
+        [f"{broken} of them break a limit of this run: they are searched from, but are no result"] if broken else []
+    )
+    return [*plan.start_notes, *words]
 
 
 def _failure_notes(search_result: SearchResult) -> list[str]:

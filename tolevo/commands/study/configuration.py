@@ -20,7 +20,7 @@ from ...configuration.plugins import merge, read_labels
 from ...configuration.reader import read_table
 from ...configuration.search import default_algorithm, evaluations, read_search, settings_of
 from ...configuration.source import Source, Table, folder_of, load, override
-from ...errors import Fault, InputError, nearest, raise_all
+from ...errors import Fault, InputError, nearest, raise_all, refuse
 from ...problems.settings import Labels
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import EVALUATIONS, POSITIVE, RUNS, SETTINGS, Range, Section, flat, shown, too_many
@@ -290,6 +290,8 @@ class _Builder:
         configuration = read_table(table, [])
         assert configuration.problem is not None
         assert configuration.algorithm is not None
+        if configuration.start is not None and len(configuration.start.x):
+            raise refuse("start", "has no place in a study, whose runs begin from their seeds alone: leave it out")
         self._numbers[key] = len(self.problems)
         self.problems.append(configuration.problem)
         return Point(self._numbers[key], configuration.algorithm, configuration.budget, configuration.engine)

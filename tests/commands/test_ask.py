@@ -1,0 +1,176 @@
+"""`tolevo ask` and `tolevo tell`: a search by files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import tolevo
+from tolevo.errors import InputError
+from tolevo.files import read_own_csv
+
+SETTINGS = {"name": "nsga2", "population": 10, "generations": 3}
+
+
+def stack(**more: Any) -> dict[str, Any]:
+    """A stack of two parts: cost 2 + 0.1 / a_t + 0.1 / b_t."""
+    part: dict[str, Any] = {"sensitivity": 1.0, "nominal": 5.0, "t_min": 0.01, "t_max": 0.2}
+    part["cost"] = {"model": "reciprocal", "a": 1.0, "b": 0.1}
+    return {
+        "problem": "stack",
+        "references": "none",
+        "requirement": {"name": "gap", "unit": "mm"},
+        "objectives": {"minimise": ["cost", "variation"]},
+        "algorithm": SETTINGS,
+        "part": [part | {"name": "a"}, part | {"name": "b"}],
+        **more,
+    }
+
+
+def answers(designs: pd.DataFrame) -> pd.DataFrame:
+    """The bench: cost and variation of designs, by hand."""
+    a, b = designs["a_t"].astype(float), designs["b_t"].astype(float)
+    return pd.DataFrame({"id": designs["id"], "cost": 2.0 + 0.1 / a + 0.1 / b, "variation": np.hypot(a, b)})
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    tolevo.ask(stack(), tmp_path / "search")
+    return tmp_path / "search"
+
+
+def read(folder: Path, name: str) -> pd.DataFrame:
+    return read_own_csv(folder / name)
+
+
+def test_files_find_what_run_finds(folder: Path) -> None:
+    for _ in range(SETTINGS["generations"]):  # type: ignore[arg-type]
+        results = answers(read(folder, "designs.csv")).sample(frac=1, random_state=3)
+        results.head(4).to_csv(folder / "some.csv", index=False)  # partly, in any order
+        tolevo.tell(folder, folder / "some.csv")
+        found = tolevo.tell(folder, results)  # the four again: counted once
+    assert found.done
+    assert found.told["id"].tolist() == list(range(1, 31))
+    loop = tolevo.search(stack())
+    for _ in range(3):
+        x = loop.ask()
+        loop.tell(x, answers(x.assign(id=0))[["cost", "variation"]])
+    pd.testing.assert_frame_equal(read(folder, "front.csv")[["a_t", "b_t"]], loop.result().front[["a_t", "b_t"]])
+    assert not len(read(folder, "designs.csv"))
+    more = tolevo.ask(stack(algorithm=SETTINGS | {"generations": 4}), folder)  # the budget may grow
+    assert more.designs["id"].tolist() == list(range(31, 41))
+
+
+def test_evaluations_are_never_exceeded(tmp_path: Path) -> None:
+    few = {"name": "nsga2", "population": 10, "evaluations": 14}
+    found = tolevo.ask(stack(algorithm=few), tmp_path / "s")
+    while not found.done:
+        found = tolevo.tell(tmp_path / "s", answers(found.designs))
+    assert len(found.told) == 14
+
+
+def test_failed_and_open_rows(folder: Path) -> None:
+    results = answers(read(folder, "designs.csv")).astype(object)
+    results.loc[0, "cost"], results.loc[1, ["cost", "variation"]] = "failed", ["", ""]
+    notes: list[str] = []
+    found = tolevo.tell(folder, results.astype(str), tell=notes.append)
+    assert "note: 9 results were taken" in notes
+    assert "note: 1 rows are not answered yet" in notes
+    assert found.designs["id"].tolist() == [2]
+    assert found.told.set_index("id").loc[1].isna().all()
+    assert 1 not in found.front["id"].tolist()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda t: t.assign(id=t["id"] + 5), "11 was never asked for"),
+        (lambda t: t.assign(cost=["x", *t["cost"][1:]]), 'must be a number, or "failed", got x'),
+        (lambda t: t.drop(columns="variation"), "variation is missing"),
+        (lambda t: t.drop(columns="id"), "id is missing"),
+        (lambda t: t.assign(id=t["id"] + 0.5), "must be a whole number"),
+        (lambda t: t.assign(a_t=0.123), "is not the design 1 that was asked for"),
+        (lambda t: pd.concat([t, t.head(1).assign(cost=1.0)], ignore_index=True), "contradicts the result of design 1"),
+    ],
+)
+def test_faults_write_nothing(folder: Path, change: Callable[[pd.DataFrame], pd.DataFrame], message: str) -> None:
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    with pytest.raises(InputError, match=message):
+        tolevo.tell(folder, change(answers(read(folder, "designs.csv"))))
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+def test_other_searches_and_directories_are_refused(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="holds a search with another seed"):
+        tolevo.ask(stack(seed=9), folder)
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("mine")
+    with pytest.raises(InputError, match="is not empty"):
+        tolevo.ask(stack(), tmp_path / "mine")
+    with pytest.raises(InputError, match="holds no search that was asked"):
+        tolevo.tell(tmp_path / "mine", pd.DataFrame({"id": [1]}))
+    with pytest.raises(InputError, match="evaluates designs itself"):
+        tolevo.ask(stack(algorithm={"name": "exact"}), tmp_path / "exact")
+
+
+CALLS = ("open", "replace", "fsync", "unlink", "ftruncate")
+"""Calls of the system before which a process is killed."""
+
+
+def killed(moment: int, act: Callable[[], object]) -> bool:
+    """Run `act` in a forked process that is killed before its call number `moment`; whether it was."""
+    child = os.fork()
+    if child == 0:
+        left = [moment]
+
+        def counting(call: Callable[..., Any]) -> Callable[..., Any]:
+            def wrapped(*arguments: Any, **options: Any) -> Any:
+                left[0] -= 1
+                if left[0] < 0:
+                    os.kill(os.getpid(), 9)
+                return call(*arguments, **options)
+
+            return wrapped
+
+        for name in CALLS:
+            setattr(os, name, counting(getattr(os, name)))
+        try:
+            act()
+        finally:
+            os._exit(0)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -9
+
+
+def test_killed_at_twenty_moments_nothing_is_lost_nor_counted_twice(tmp_path: Path) -> None:
+    """A bench that repeats each command until it has ended; each is killed at every moment in turn."""
+    clean, killed_often = tmp_path / "clean", tmp_path / "killed"
+    tolevo.ask(stack(), clean)
+    kills = 0
+    for moment in range(20):
+        if not killed(moment, lambda: tolevo.ask(stack(), killed_often)):
+            break
+        kills += 1
+    tolevo.ask(stack(), killed_often)
+    for _ in range(2):
+        results = answers(read(clean, "designs.csv"))
+        told = read(killed_often, "told.csv")
+        for moment in range(20):
+            if not killed(moment, lambda results=results: tolevo.tell(killed_often, results.head(6))):  # type: ignore[misc]
+                break
+            kills += 1
+            after = read(killed_often, "told.csv")
+            assert after["id"].is_unique
+            assert set(told["id"]) <= set(after["id"])  # nothing is lost
+            assert len(after) in (len(told), len(read(clean, "told.csv")) + 6)  # a table is taken whole or not
+            told = after
+        tolevo.tell(killed_often, results)
+        tolevo.tell(clean, results)
+        for name in ("designs.csv", "told.csv", "front.csv", "config.toml"):
+            assert (clean / name).read_bytes() == (killed_often / name).read_bytes()
+    assert kills >= 20

@@ -1,0 +1,283 @@
+"""`tolevo ask` and `tolevo tell`: a search whose designs are evaluated elsewhere, by files.
+
+The directory holds the configuration and every result that was told. Which designs are asked for
+follows from these two alone, so that a command that is killed leaves nothing to mend: what a table
+of results held is in `told.csv` whole, or not at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from .. import tables
+from ..algorithms.archive import nondominated
+from ..algorithms.settings import Budget
+from ..asking import DESIGN_TOLERANCE, Search, askable
+from ..configuration.configuration import Configuration
+from ..configuration.source import BUDGET_AND_ENGINE_KEYS
+from ..directory import BUSY, LOCK, OCCUPIED, is_occupied
+from ..directory.lock import Held, acquire
+from ..errors import Fault, raise_all, refuse
+from ..files import clear_parts, csv_text, read_own_csv, write_text
+from ..problems.tolerance_problem import designs_frame, designs_of
+from ..section import Array
+
+CONFIGURATION, DESIGNS, TOLD, FRONT = "config.toml", "designs.csv", "told.csv", "front.csv"
+ID, FAILED = "id", "failed"
+MARKS = (FAILED, "nan", "na", "n/a", "error", "inf", "-inf")
+"""Texts, in small letters, that mark an evaluation that failed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """What a directory asks for: the open designs, and the results so far.
+
+    `designs` has the column `id` and every variable, `told` the column `id` and every output that
+    is needed (NaN where the evaluation failed); `front` are the feasible designs told that no other
+    dominates. `done` states that the budget is used up.
+    """
+
+    configuration: Configuration
+    designs: pd.DataFrame
+    told: pd.DataFrame
+    front: pd.DataFrame
+    done: bool
+    folder: Path
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """A short summary for the terminal."""
+        failed = int(self.told.isna().any(axis=1).sum())
+        results = f"{len(self.told)} results so far, {failed} of them failed; {len(self.front)} Pareto points"
+        if self.done:
+            return (f"done: {results} in {self.folder / FRONT}",)
+        return (f"asked: {len(self.designs)} designs in {self.folder / DESIGNS}; {results}",)
+
+
+def ask(configuration: Configuration, folder: Path) -> Standing:
+    """Write the next designs of a search into `folder`, which continues the search that it holds.
+
+    Raises InputError where the directory holds something else, or the search of another
+    configuration; the budget alone may differ.
+    """
+    raise_all(askable(configuration.algorithm_name, configuration.algorithm))
+    known = folder / CONFIGURATION
+    if not (known.is_file() and (folder / TOLD).is_file()):
+        if is_occupied(folder) and not _is_begun(folder, configuration):
+            raise refuse("--out", OCCUPIED.format(folder).partition(";")[0] + "; name another directory")
+    elif differing := _differences(configuration, known):
+        raise refuse("--out", f"{folder} holds a search with another {', '.join(differing)}: name another directory")
+    with _held(folder, "ask"):
+        write_text(known, configuration.toml())
+        told = _told(folder, configuration) if (folder / TOLD).is_file() else _none_told(configuration)
+        found = standing(configuration, told, folder)
+        write_text(folder / TOLD, csv_text(told))
+        _write(found)
+    return found
+
+
+def tell(folder: Path, results: tables.Table, place: str) -> tuple[Standing, tuple[str, ...]]:
+    """Take a table of results, in any order and of some of the designs alone; notes for the user.
+
+    A row has the `id` of its design and every output that is needed; one without any of these is
+    not answered yet, one that is marked as failed counts as infeasible. What was told before is
+    left as it is. Raises InputError with every fault, and nothing is written then.
+    """
+    if not ((folder / CONFIGURATION).is_file() and (folder / TOLD).is_file()):
+        raise refuse(str(folder), "holds no search that was asked: begin with `tolevo ask CONFIG --out DIR`")
+    from ..configuration.reader import read
+
+    configuration = read(folder / CONFIGURATION)
+    with _held(folder, "tell"):
+        told = _told(folder, configuration)
+        before = standing(configuration, told, folder)
+        new, notes = _new_results(before, results, place)
+        if len(new):
+            told = pd.concat([told, new], ignore_index=True) if len(told) else new
+            write_text(folder / TOLD, csv_text(told.sort_values(ID)))
+        found = standing(configuration, told.sort_values(ID, ignore_index=True), folder) if len(new) else before
+        _write(found)
+    return found, (f"{len(new)} results were taken", *notes)
+
+
+def standing(configuration: Configuration, told: pd.DataFrame, folder: Path) -> Standing:
+    """The search repeated with the results told (any order) up to the first design that lacks one."""
+    plan = configuration.plan()
+    search = Search(plan.problem, plan.algorithm, plan.seed, plan.engine, plan.start)
+    known = told.set_index(ID)
+    asked, generation, first = [], 0, 1
+    while True:
+        x = search.ask()
+        left = _left(plan.budget, generation, first - 1)
+        ids = np.arange(first, first + len(x))[:left]
+        batch = x.head(left).assign(**{ID: ids})[[ID, *x.columns]]
+        asked.append(batch)
+        if not len(ids) or len(ids) < len(x) or not np.isin(ids, known.index).all():
+            break
+        search.tell(x, known.loc[ids].reset_index(drop=True).set_index(x.index))
+        generation, first = generation + 1, first + len(x)
+    everything = pd.concat(asked, ignore_index=True)
+    open_designs = batch[~batch[ID].isin(known.index)].reset_index(drop=True)
+    front = _front(configuration, everything, told)
+    return Standing(configuration, open_designs, told, front, not len(open_designs), folder)
+
+
+def _left(budget: Budget, generation: int, evaluations: int) -> int | None:
+    """Designs that a generation may still ask for, None for all of them."""
+    if budget.generations is not None and generation >= budget.generations:
+        return 0
+    return None if budget.evaluations is None else max(0, budget.evaluations - evaluations)
+
+
+def _front(configuration: Configuration, asked: pd.DataFrame, told: pd.DataFrame) -> pd.DataFrame:
+    """The feasible designs told that no other dominates, by the first objective, with their outputs."""
+    problem = configuration.problem
+    assert problem is not None
+    rows = asked.merge(told, on=ID, suffixes=("", " told"))
+    values = {name: rows[name].to_numpy(dtype=float) for name in told.columns if name != ID}
+    if not len(rows):
+        return rows
+    f, g = problem.objective_values(values), problem.violations(designs_of(problem, rows), values)
+    kept = np.flatnonzero(np.isfinite(f).all(axis=1) & np.all(g <= 0.0, axis=1))
+    kept = kept[nondominated(f[kept])] if len(kept) else kept
+    return rows.iloc[kept].sort_values(problem.objectives[0], ignore_index=True, kind="stable")
+
+
+def _needed(configuration: Configuration) -> list[str]:
+    """The outputs that a search needs of each design."""
+    plan = configuration.plan()
+    return Search(plan.problem, plan.algorithm, plan.seed, plan.engine).needed()
+
+
+def _none_told(configuration: Configuration) -> pd.DataFrame:
+    return pd.DataFrame({ID: np.zeros(0, dtype=np.int64)} | {n: np.zeros(0) for n in _needed(configuration)})
+
+
+def _told(folder: Path, configuration: Configuration) -> pd.DataFrame:
+    """The results on disk. Raises InputError where they are not as this command wrote them."""
+    try:
+        told = read_own_csv(folder / TOLD)
+        if list(told.columns) != [ID, *_needed(configuration)] or told[ID].duplicated().any():
+            raise ValueError("its columns or ids are not those of this search")
+        return told.astype({ID: np.int64} | dict.fromkeys(told.columns[1:], float))
+    except (OSError, ValueError) as error:
+        raise refuse(str(folder / TOLD), f"cannot be read: {error}; restore it, or ask into a new directory") from error
+
+
+def _new_results(before: Standing, results: tables.Table, place: str) -> tuple[pd.DataFrame, list[str]]:
+    """The results of a table that are not known yet. Raises InputError with every fault."""
+    cells, needed = results.cells, list(before.told.columns[1:])
+    missing = [Fault(place, f"column {name} is missing") for name in (ID, *needed) if name not in cells]
+    raise_all(missing)
+    faults, taken, again, empty = list[Fault](), dict[int, list[float]](), 0, 0
+    known, open_designs = before.told.set_index(ID), before.designs.set_index(ID)
+    variables = [name for name in open_designs.columns if name in cells]
+    for line, row in zip(cells.index, cells.to_dict("records"), strict=True):
+        where = f"{place}: row {line}"
+        texts = ["" if row[name] is None or row[name] != row[name] else str(row[name]).strip() for name in needed]
+        number = tables.number_in(str(row[ID]).strip())
+        if not np.isfinite(number) or number != round(number):
+            faults.append(Fault(f"{where}, column {ID}", f"must be a whole number, got {row[ID]}"))
+            continue
+        at = int(number)
+        if at not in open_designs.index and at not in known.index:
+            text = f"{at} was never asked for: the designs that are open are in {before.folder / DESIGNS}"
+            faults.append(Fault(f"{where}, column {ID}", text))
+        elif at in open_designs.index and (other := _other_design(row, open_designs.loc[at], variables)):
+            text = f"is not the design {at} that was asked for: it has {open_designs.loc[at, other]}, got {row[other]}"
+            faults.append(Fault(f"{where}, column {other}", text))
+        elif not any(texts):
+            empty += 1
+        elif wrong := [name for name, text in zip(needed, texts, strict=True) if not _is_result(text)]:
+            text = 'must be a number, or "failed"'
+            faults += [Fault(f"{where}, column {name}", f"{text}, got {row[name]}") for name in wrong]
+        else:
+            values = [np.nan if text.casefold() in MARKS else tables.number_in(text) for text in texts]
+            values = values if np.isfinite(values).all() else [np.nan] * len(values)
+            earlier = known.loc[at].tolist() if at in known.index else taken.get(at)
+            if earlier is None:
+                taken[at] = values
+            elif np.array_equal(earlier, values, equal_nan=True):
+                again += 1
+            else:
+                faults.append(Fault(where, f"contradicts the result of design {at} that was told before"))
+    raise_all(faults)
+    new = pd.DataFrame([[at, *values] for at, values in taken.items()], columns=[ID, *needed])
+    notes = [f"{again} were known already"] if again else []
+    return new, notes + ([f"{empty} rows are not answered yet"] if empty else [])
+
+
+def _is_result(text: str) -> bool:
+    """Whether a cell is a number or the mark of an evaluation that failed."""
+    return bool(text) and (text.casefold() in MARKS or bool(np.isfinite(tables.number_in(text))))
+
+
+def _other_design(row: dict[Any, Any], design: pd.Series[Any], variables: list[str]) -> str:
+    """The first variable of a row that is not that of its design, but for rounding; empty where there is none."""
+    for name in variables:
+        text = "" if row[name] is None or row[name] != row[name] else str(row[name]).strip()
+        value, asked = tables.number_in(text), design[name]
+        if not text or text == str(asked):
+            continue
+        if isinstance(asked, str) or not abs(value - asked) <= DESIGN_TOLERANCE * max(abs(asked), DESIGN_TOLERANCE):
+            return name
+    return ""
+
+
+def _write(found: Standing) -> None:
+    """The tables that follow from what was told."""
+    problem = found.configuration.problem
+    assert problem is not None
+    write_text(found.folder / DESIGNS, csv_text(_labelled(found.designs, problem)))
+    write_text(found.folder / FRONT, csv_text(_labelled(found.front, problem)))
+
+
+def _labelled(frame: pd.DataFrame, problem: Any) -> pd.DataFrame:
+    """A table whose designs are written as tables of designs are."""
+    if not len(frame):
+        return frame
+    designs: Array = designs_of(problem, frame)
+    return frame.assign(**{name: column.to_numpy() for name, column in designs_frame(problem, designs).items()})
+
+
+def _is_begun(folder: Path, configuration: Configuration) -> bool:
+    """Whether a directory holds what a killed `ask` of this configuration left, before it had written all."""
+    for name in (CONFIGURATION, TOLD):
+        if folder.is_dir():
+            clear_parts(folder / name)
+    names = {path.name for path in folder.iterdir()} - {LOCK} if folder.is_dir() else set()
+    known = folder / CONFIGURATION
+    return not names or (names == {CONFIGURATION} and not _differences(configuration, known))
+
+
+def _differences(configuration: Configuration, known: Path) -> list[str]:
+    """Tables in which the configuration of a file differs, the budget apart."""
+    from ..configuration.reader import read
+
+    here, there = configuration.tables(), read(known).tables()
+    for table in (here, there):
+        table["algorithm"] = {k: v for k, v in table["algorithm"].items() if k not in BUDGET_AND_ENGINE_KEYS[:-1]}
+    return [name for name in {**here, **there} if here.get(name) != there.get(name)]
+
+
+@contextmanager
+def _held(folder: Path, command: str) -> Iterator[None]:
+    """Hold the directory, made where there is none, against other processes."""
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        lock = acquire(folder, command)
+    except Held as holder:
+        raise refuse(str(folder), BUSY.format(holder)) from None
+    try:
+        for name in (CONFIGURATION, DESIGNS, TOLD, FRONT):
+            clear_parts(folder / name)
+        yield
+    finally:
+        lock.release()
