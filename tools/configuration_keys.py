@@ -43,6 +43,7 @@ OF_NAMES = frozenset(
         "condition[].limits",
         "costs",
         "design.at",
+        "effect[].bounds",
         "effect[].parameters",
         "free",
         "grouping",

@@ -139,7 +139,11 @@ BACKLASH: dict[str, Any] = {
 }
 EFFECTS = {
     "model": "rv_transmission",
-    "effect": [{"name": "drift", "parameters": {"rate_arcsec_per_s": 0.1}}],
+    "effect": [
+        {"name": "drift", "parameters": {"rate_arcsec_per_s": 0.1}},
+        {"name": "mine", "formula": "a * abs(torque_Nm) ** b", "output": "te_arcsec", "bounds": {"b": [0.5, 2.0]},
+         "parameters": {"a": 0.1, "b": 1.0}},
+    ],
     "unresolved": [
         {"output": "te_arcsec", "variable": "torque_Nm", "shape": "curve", "exponent": 1.0,
          "zero": 0.0, "scale": 1.0, "signed": True, "order": 1.0, "knots": [0.0, 1.0],

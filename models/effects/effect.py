@@ -289,8 +289,18 @@ class Effect(ABC):
             return self.own_action(measurements, values, target)
         return Action(changes={place.name: np.full(len(measurements), values[place.name])})
 
+    def kinds_of_rows(self, measurements: Measurements, whole: Array) -> NDArray[np.int64] | None:
+        """The kinds (n,) of rows in which its nonlinear parameters have to agree, given an output `whole`
+        (n,); None where there are none.
+        """
+        return None
+
     def described(self, values: Values, target: Target) -> dict[str, tuple[float, str]]:
         """Quantities reported in addition to the parameters (amplitude, phase): value and unit."""
+        return {}
+
+    def stated(self) -> dict[str, Any]:
+        """Further keys of the `[[effect]]` table that states it."""
         return {}
 
     def own_applies(self, target: Target) -> bool:

@@ -8,6 +8,7 @@ from itertools import pairwise
 from math import inf, sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...section import Array
 from ..measurable import Role
@@ -84,6 +85,16 @@ class Delay(Effect):
         if target.pace <= 0.0 or len(rough) == len(numbers):
             return None
         return {numbers[name].name: 0.0 for name in rough}
+
+    def kinds_of_rows(self, measurements: Measurements, whole: Array) -> NDArray[np.int64]:
+        """Rows in which the channel rises or falls, slowly or fast: a hysteresis has a loop of the same
+        width in fast rows as in slow ones, a delay a wider one.
+        """
+        order = measurements.in_order
+        steps = np.gradient(np.asarray(whole, dtype=float)[order])
+        kinds = np.empty(len(order), dtype=np.int64)
+        kinds[order] = 2 * (np.abs(steps) > np.median(np.abs(steps))) + (steps > 0.0)
+        return kinds
 
     def own_action(self, measurements: Measurements, values: Values, target: Target) -> Action:
         names = [own_parameter.name for own_parameter in self.own_parameters(target)]

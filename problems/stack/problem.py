@@ -125,6 +125,11 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
             f"{YIELD} counts the units of a sample that keep all requirements together: `exact` solves it by SLSQP on "
             "the sample, and no bound counts them together"
         )
+    if stack.declaration.objectives == stack.objectives == ("cost",) and stack.free and not stack.limits:
+        sentences.append(
+            "the requirements are in different units, so that the cost alone is minimised, and no output is limited: a "
+            "run takes the loosest tolerances; state limits, or name a variation in objectives.minimise"
+        )
     for values in stack.measured:
         if text := values.off_nominal:
             most = "fewer than half of the units conform whatever the tolerances" if values.off_limits else ""
@@ -581,4 +586,6 @@ class Stack(ToleranceProblem):
 
 
 def _declare_stack(variables: tuple[Variable, ...], outputs: tuple[Output, ...]) -> Declaration:
-    return Declaration(variables, outputs, objectives=OBJECTIVES, algorithm="exact", tables=("condition",))
+    """Its objectives are those that it has: requirements in different units have no variation together."""
+    own = tuple(name for name in OBJECTIVES if any(output.name == name for output in outputs))
+    return Declaration(variables, outputs, objectives=own, algorithm="exact", tables=("condition",))

@@ -5,10 +5,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from .. import registry
 from ..errors import nearest
 from ..models.capability import PartSample, read_sample
 from ..models.effects.effect import Effect, EffectParameter, Target
@@ -23,6 +27,9 @@ from ..registry import PLUGIN_FAULTS
 from ..section import PLAIN, POSITIVE, TOLERANCES, Kind, Parameter, Range, Section, Value, Variable, shown
 from ..units import split_unit, unit_hint
 from .plugins import ModelClass, load_named
+
+if TYPE_CHECKING:
+    from ..models.effects.formula import OfFormula
 
 
 def read_parameters(section: Section, declared: Iterable[Parameter]) -> dict[str, Value]:
@@ -311,7 +318,10 @@ def resolved_unresolved(effects: Iterable[Active]) -> dict[str, list[Mapping[str
     return {UNRESOLVED: tables} if tables else {}
 
 
-# `[[effect]]`: the effects that are active in the model, with their parameters.
+# `[[effect]]`: the effects that are active in the model, with their parameters; by name, or by a formula.
+
+
+FORMULA = "formula"
 
 
 def read_effects(
@@ -335,6 +345,8 @@ def read_effects(
 def _effect(section: Section, target: Target | None) -> Active | None:
     if "name" not in section:
         section.fault("name", "is missing: name an effect (see `tolevo list`)")
+    if FORMULA in section:
+        return _given_formula(section, target)
     kind = load_named(section, "name", "effects")
     parameters = section.section("parameters")
     section.finish()
@@ -350,6 +362,71 @@ def _effect(section: Section, target: Target | None) -> Active | None:
         return None
     values = _values(parameters, effect, target)
     return Active(effect, values) if values is not None else None
+
+
+LETTER = re.compile(r"[A-Za-z][0-9]*")
+"""What may be a parameter of a formula: a letter, perhaps with a number."""
+
+
+def _given_formula(section: Section, target: Target | None) -> Active | None:
+    """An effect that a formula states, with its parameters."""
+    parameters, effect = section.section("parameters"), formula_effect(section, target)
+    section.finish()
+    values = None if effect is None or target is None else _values(parameters, effect, target)
+    return None if effect is None or values is None else Active(effect, values)
+
+
+def formula_effect(section: Section, target: Target | None) -> OfFormula | None:
+    """The effect of an `[[effect]]` table with a formula; None where it is at fault."""
+    from ..models.effects.formula import OfFormula  # formulas are needed by few configurations
+    from ..models.expressions import Formula, FormulaError
+
+    name, text = section.text("name"), section.text(FORMULA)
+    stated: dict[str, Any] = {key: section.take(key) for key in ("output", "bounds") if key in section}
+    if name in registry.names("effects"):
+        section.fault("name", f'"{name}" is an effect of the library: give the formula another name')
+        return None
+    try:
+        formula = Formula(text or "")
+    except FormulaError as error:
+        section.fault(FORMULA, str(error))
+        return None
+    if target is None or not name:
+        return None
+    columns = sorted(column.name for column in target.columns if not column.text)
+    other = [symbol for symbol in formula.names if symbol not in columns]
+    effect = OfFormula(name, formula, tuple(symbol for symbol in other if LETTER.fullmatch(symbol)), stated)
+    faults = [*_column_faults(effect, columns, target), *_letter_faults(effect)]
+    for key, message in faults:
+        section.fault(key, message)
+    return None if faults else effect
+
+
+def _column_faults(effect: OfFormula, columns: list[str], target: Target) -> Iterator[tuple[str, str]]:
+    """Faults of the columns and the output of a formula, each with its key."""
+    for symbol in effect.tree.names:
+        if symbol not in columns and symbol not in effect.letters:
+            known = f"{nearest(symbol, columns)}; parameters are single letters, perhaps with a number"
+            yield FORMULA, f"{symbol} is no column of numbers{known}"
+    outputs = [output.name for output in target.outputs]
+    if effect.stated_keys.get("output", outputs[0] if len(outputs) == 1 else "") not in outputs:
+        yield "output", f"must be one of {', '.join(outputs)}"
+
+
+def _letter_faults(effect: OfFormula) -> Iterator[tuple[str, str]]:
+    """Faults of the letters: each part needs one that it is proportional to, the others need bounds."""
+    bounds = effect.stated_keys.get("bounds", {})
+    for letter, pair in bounds.items() if isinstance(bounds, Mapping) else [("bounds", bounds)]:
+        numbers = isinstance(pair, list) and len(pair) == 2 and all(isinstance(end, int | float) for end in pair)
+        if letter not in effect.letters or not numbers or not pair[0] < pair[1]:
+            yield "bounds", f"must give two increasing numbers for letters of the formula, got {letter} = {pair}"
+    for letter in effect.letters:
+        if letter not in effect.linear_letters and letter not in bounds:
+            yield "bounds", f"is missing: {letter} is not linear; write bounds = {{ {letter} = [low, high] }}"
+    at = dict.fromkeys(effect.tree.names, np.array([0.7, 1.3]))
+    left = effect.tree.value(at | dict.fromkeys(effect.linear_letters, np.zeros(2)))
+    if not effect.linear_letters or np.any(np.isfinite(left) & (left != 0.0)):
+        yield FORMULA, "has a part that no letter multiplies: multiply each part by a parameter, such as a"
 
 
 def _values(section: Section, effect: Effect, target: Target) -> dict[str, float] | None:
@@ -401,7 +478,7 @@ def resolved_effects(effects: Iterable[Active]) -> dict[str, list[Mapping[str, A
     """The `[[effect]]` and `[[unresolved]]` tables, none where there is neither."""
     active = tuple(effects)
     tables: list[Mapping[str, Any]] = [
-        {"name": entry.effect.name, "parameters": dict(entry.values)}
+        {"name": entry.effect.name, **entry.effect.stated(), "parameters": dict(entry.values)}
         for entry in active
         if not isinstance(entry.effect, Unresolved)
     ]

@@ -16,14 +16,23 @@ import tomli_w
 from ... import registry
 from ...configuration.configuration import TABLE, Configuration
 from ...configuration.cost_files import fill_files
-from ...configuration.parameters import GEAR, UNRESOLVED, check_gear, resolved_effects, resolved_gear
+from ...configuration.parameters import (
+    FORMULA,
+    GEAR,
+    UNRESOLVED,
+    check_gear,
+    formula_effect,
+    resolved_effects,
+    resolved_gear,
+)
 from ...configuration.plugins import KEYS as LABELS
 from ...configuration.plugins import SENSE, ZERO, ModelClass, foreign_model_message, model_belongs
 from ...configuration.reader import PROBLEM_ONLY, build_model, read_table, rebuild_model
 from ...configuration.source import Source, folder_of, load, override_source
 from ...directory import kind_of, standing
 from ...errors import Fault, InputError, nearest, raise_all
-from ...models.effects.measurements import EXTRAS
+from ...models.effects.effect import Effect
+from ...models.effects.measurements import EXTRAS, target_of
 from ...models.measurable import Column, MeasurableModel, MeasuredTable, Role
 from ...problems.settings import Labels
 from ...section import PLAIN, POSITIVE, Need, Output, Range, Section, completed, flat, shown
@@ -355,6 +364,7 @@ def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | N
     model = build_model(simulated) if simulated is not None else None
     noise = _noise(top.section("noise"), model.outputs if configuration and model else ()) if checkable else {}
     planned = read_next(top, model)
+    own = _own_effects(top, model, name or "")
     top.finish()
     if simulated is None:
         return None, faults
@@ -363,6 +373,7 @@ def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | N
         plan,
         free=free,
         library=tuple(name for name in library if name not in {active.effect.name for active in plan.active}),
+        own=own,
         noise=noise,
         blocks=blocks,
         drop_bad_rows=drop,
@@ -412,11 +423,31 @@ def _configuration(top: Section, name: str, table: Mapping[str, Any], faults: li
         return None
     known = (*MODEL_KEYS, "columns", *((GEAR,) if name == TABLE else _tables(name)))
     part = {key: table[key] for key in known if key in table}
+    if isinstance(given := part.get("effect"), list):  # those that are to be fitted are not in the model yet
+        part["effect"] = [entry for entry in given if not _is_open(entry)]
     try:
         return read_table(part, [])
     except InputError as error:
         faults += error.faults
         return None
+
+
+def _is_open(entry: Any) -> bool:
+    """Whether an `[[effect]]` table states a formula whose parameters are to be fitted."""
+    return isinstance(entry, Mapping) and FORMULA in entry and "parameters" not in entry
+
+
+def _own_effects(top: Section, model: MeasurableModel | None, name: str) -> tuple[Effect, ...]:
+    """The effects that `[[effect]]` states by formulas without parameters."""
+    target = None if model is None else target_of(model, name)
+    effects: list[Effect | None] = []
+    given = top.take("effect")
+    for at, entry in enumerate(given if isinstance(given, list) else ()):
+        if _is_open(entry):
+            section = top.item("effect", at)
+            effects.append(formula_effect(section, target))
+            section.finish()
+    return tuple(effect for effect in effects if effect is not None)
 
 
 def _labels(configuration: Configuration, run: Run | None) -> Labels:

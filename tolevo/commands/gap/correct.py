@@ -54,7 +54,7 @@ def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...]
         configuration["zero"] = zero
     terms = [table_of(member, model) for member in model.members if is_term(member)]
     more = [
-        {"name": member.name, "parameters": model.effect(member.name)}
+        {"name": member.name, **member.candidate.effect.stated(), "parameters": model.effect(member.name)}
         for member in model.members
         if not is_term(member)
     ]

@@ -75,6 +75,12 @@ MAX_CONTRIBUTION = 3.0
 """Rms of a number's contribution, over the rms by which the residual falls when it is added last, above
 which it cancels against others (variance inflation of 9).
 """
+MOVED = 0.05
+"""Fraction by which a size is changed to see what it does."""
+APART, SURE = 0.5, 4.0
+"""Difference of the sizes of an effect in two kinds of rows, as a fraction of its size, and in standard
+errors, from which it is not one number.
+"""
 REMEMBERED = 400
 """Members whose columns, or products with groups, are kept at most."""
 
@@ -237,6 +243,32 @@ class Fitter:
         large = (numbers[numbers != 0.0][moving] * size[moving]) ** 2 > least
         bad = large & (np.diag(inverse) > MAX_CONTRIBUTION**2)
         return tuple(dict.fromkeys(int(k) for k in owners[bad]))
+
+    def disagreeing(self, fit: Fit) -> tuple[int, ...]:
+        """The index of the effect that contributes most, where its size is another one in some kind of rows
+        and has to be one number: by more than `APART` of itself, and by more than `SURE` standard errors. The
+        sizes of smaller effects contain the errors of form of that one, and are not compared.
+        """
+        largest = max(fit.identified, key=lambda k: float(np.linalg.norm(self.contribution(fit, k))), default=None)
+        return () if largest is None or not self._disagrees(fit, largest) else (largest,)
+
+    def _disagrees(self, fit: Fit, at: int) -> bool:
+        member = fit.members[at]
+        kinds = self.columns.kinds_of_rows(member.candidate.effect) if member.candidate.is_nonlinear else None
+        if kinds is None:
+            return False
+        ends = [{name: size * value for name, value in member.shape.items()} for size in (1.0 - MOVED, 1.0 + MOVED)]
+        low, high = (self.columns.total(member.candidate, end) for end in ends)
+        slope = (high - low) / (2.0 * MOVED)
+        parts = np.column_stack([np.where(kinds == kind, slope, 0.0) for kind in np.unique(kinds)])
+        others = self.spanned([other for k, other in enumerate(fit.members) if k != at])
+        columns = project_out(self.space.whiten(parts), others)
+        inverse = np.linalg.pinv(columns.T @ columns, rcond=GONE)
+        sizes = inverse @ (columns.T @ fit.residual)
+        scale = max(1.0, fit.rss / max(self.space.count, 1))
+        variance = scale * (np.diag(inverse)[:, None] + np.diag(inverse)[None, :] - 2.0 * inverse)
+        apart = np.abs(sizes[:, None] - sizes[None, :])
+        return bool((apart > np.maximum(APART, SURE * np.sqrt(np.maximum(variance, 0.0)))).any())
 
     def fit(self, members: Sequence[Member]) -> Fit:
         """The fit of these members, their nonlinear parameters as they are."""

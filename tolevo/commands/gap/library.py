@@ -327,6 +327,12 @@ class Columns:
             )
         return np.concatenate([np.asarray(action.output.get(o.name, zero), dtype=float) for o in data.outputs])
 
+    def kinds_of_rows(self, effect: Effect) -> NDArray[np.int64] | None:
+        """The kinds (N,) of rows in which the nonlinear parameters of an effect have to agree."""
+        parts = [effect.kinds_of_rows(self.data.measurements, self._whole[o.name]) for o in self.data.outputs]
+        known = [part for part in parts if part is not None]
+        return np.concatenate(known) if len(known) == len(parts) else None
+
     def _of_units(self, act: Callable[[Array, float, np.random.Generator], Array]) -> Array:
         """The change (N,) of units at the mean by an effect on a population."""
         rng = np.random.default_rng(0)
@@ -340,11 +346,10 @@ def _step(parameter: EffectParameter) -> float:
     return 0.01 * end if np.isfinite(end) else 1.0
 
 
-def candidates(names: Iterable[str], data: GapData) -> list[Candidate]:
-    """The effects of these names that apply to the model and the columns of the data."""
+def candidates(names: Iterable[str], data: GapData, own: Iterable[Effect] = ()) -> list[Candidate]:
+    """The effects of these names, and of the user's own, that apply to the model and the columns of the data."""
     applicable = []
-    for name in names:
-        effect = registry.load("effects", name)()
+    for effect in (*(registry.load("effects", name)() for name in names), *own):
         applies = effect.applies(data.target) and not _at_one_angle(effect, data)
         known = effect.shown(data.measured, data.target) if applies else None
         if known is not None:

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ...configuration.plugins import sign_of
+from ...models.effects.effect import Effect
 from ...models.effects.measurements import Active
 from ...models.gear import Gear
 from ...models.measurable import Column, MeasurableModel, Role
@@ -108,7 +109,7 @@ class GapPlan:
     `model` is None for `model = "table"`, whose columns `columns` describes; `rebuild` makes it
     again from other `parameters`, of which the configuration itself set
     `stated_parameters`. `free` maps the parameters that may be recalibrated to their half-widths,
-    `library` are the effects considered.
+    `library` are the effects considered, `own` those that the configuration states by a formula.
     `noise` holds a known standard deviation by output, `blocks` is "auto" or a column. `run` are
     the raw tables of the configuration whose allocation the corrected model is to repeat (empty for
     none), `tables` the resolved ones of the model, `active` the effects that are in it already,
@@ -126,6 +127,7 @@ class GapPlan:
     stated_parameters: Mapping[str, Any] = field(default_factory=dict)
     free: Mapping[str, float] = field(default_factory=dict)
     library: tuple[str, ...] = ()
+    own: tuple[Effect, ...] = ()
     noise: Mapping[str, float] = field(default_factory=dict)
     blocks: str = "auto"
     columns: Mapping[str, ColumnRole] = field(default_factory=dict)

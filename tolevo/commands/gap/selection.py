@@ -103,8 +103,8 @@ class Search:
         return every if nearest is None else sorted(every, key=lambda fit: self.worse(fit, nearest))
 
     def cancelling(self, fit: Fit) -> tuple[int, ...]:
-        """The indices of the effects of a fit that cancel against others."""
-        return self.fitter.cancelling(fit, self.thresholds.library)
+        """The indices of the effects of a fit that cancel against others, or whose size is not one number."""
+        return (*self.fitter.cancelling(fit, self.thresholds.library), *self.fitter.disagreeing(fit))
 
     def _reached(self, members: Sequence[Member], candidates: Sequence[ScanResult]) -> float:
         """The largest gain with admissible signs; a scan respects those of single columns only."""
@@ -388,7 +388,7 @@ def concluding(search: Search, selection: Selection, fit: Fit, labels: Mapping[s
 
 SAME_COLUMNS = 1e-3
 """Difference in score below which two effects have the same columns."""
-INSTRUMENT = "instrument"
+INSTRUMENT, MEMORY, DELAY = "instrument", "memory", "delay"
 
 
 @dataclass(frozen=True)
@@ -468,12 +468,15 @@ def same_columns(name: str, alternatives: Sequence[Other]) -> frozenset[str]:
 def first_of_confounded(fit: Fit, alternatives: Sequence[Other], population: bool) -> Fit | None:
     """The fit with the preferred effect where another effect has the same columns, else None.
 
-    What may be the instrument is not attributed to physics. Of an offset that is the same in every
+    What may be the instrument is not attributed to physics. Where a memory fits as well as
+    a delay, the memory is preferred. Of an offset that is the same in every
     unit of a batch the process is preferred: an allocation can answer it, a gauge cannot.
     """
     for alternative in alternatives:
         new, replaced = alternative.fit.members[-1].candidate, alternative.instead_of
         current = next(m.candidate for m in fit.members if m.name == replaced[0])
+        if replaced == (DELAY,) and new.effect.family == MEMORY:
+            return alternative.fit
         if abs(alternative.distance) >= SAME_COLUMNS or len(replaced) > 1 or new.unread:
             continue
         of_instrument = [c.effect.family == INSTRUMENT for c in (new, current)]

@@ -241,7 +241,7 @@ def _setup_of(plan: GapPlan, data: GapData, predicted: Mapping[str, Array], note
         plan = replace(plan, model=plan.rebuild(at))  # the scatter of its units changes too
     parts = _parts(plan, data, at)
     forms, columns = generic(data, parts["predicted"])
-    library, more_notes = add_lot_offsets(candidates(plan.library, data), data, parts["residual"])
+    library, more_notes = add_lot_offsets(candidates(plan.library, data, plan.own), data, parts["residual"])
     laws = {o.name: law_of(plan, o.name) for o in data.outputs} if data.target.population else {}
     if why := unidentifiable_reason(data, laws):
         plan = replace(plan, settings=replace(plan.settings, effects_at_most=0))
