@@ -228,7 +228,7 @@ def _cheapest_design(problem: ToleranceProblem, form: Form, upper: Array) -> Arr
         if x is not None:
             return x
     limit, looser, x = upper, upper, np.empty((0, problem.n_var))
-    for _ in range(CORRECTIONS):
+    for at in range(CORRECTIONS):
         x = _cheapest_at_limit(problem, form, limit)
         if not len(x):  # moved too far
             limit = np.where(looser > limit, 0.5 * (limit + looser), limit)
@@ -236,7 +236,8 @@ def _cheapest_design(problem: ToleranceProblem, form: Form, upper: Array) -> Arr
         kept, excess = _check_by_full_model(problem, form, x, upper)
         if (form.exact and kept.all()) or not np.any(excess > 0.0):
             return _loosest_kept(problem, form, upper, (limit, looser), x) if form.stands else x
-        looser, limit = limit, limit - excess[0] * FURTHER
+        further = 2.0**at if form.stands else 1.0  # that no step ends just outside; then they are halved
+        looser, limit = limit, limit - excess[0] * FURTHER * further
     return _tightest_design(problem, form) if form.stands else x
 
 

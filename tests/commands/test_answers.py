@@ -80,6 +80,9 @@ def test_a_least_cost_lies_above_or_below_a_published_one() -> None:
     assert told == "the least cost that was found is 12 % lower"
     told = Sentences._gains(one, {"relaxed_cost_saving_percent": -24.6}, "relaxed_")
     assert told == "the least cost that was found is 24.6 % higher"
+    force: Any = SimpleNamespace(names=["peak_mesh_force_N"])
+    told = Sentences._gains(force, {"peak_mesh_force_N_gain_percent": 3.0}, "")
+    assert told == "the least peak mesh force that was found is 3 % lower"
     two: Any = SimpleNamespace(names=["cost", "backlash_arcmin"])
     told = Sentences._gains(two, {"cost_saving_percent": 12.0}, "")
     assert told == "there is an allocation that costs 12 % less at equal backlash"

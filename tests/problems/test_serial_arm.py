@@ -10,13 +10,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tolevo.algorithms.exact.bounds import proof, restrict_form
 from tolevo.algorithms.exact.choices import least_cost, search_vectors
-from tolevo.algorithms.exact.solver import exact_vectors
+from tolevo.algorithms.exact.solver import Exact, exact_vectors
+from tolevo.algorithms.search import search
+from tolevo.algorithms.settings import Budget
+from tolevo.configuration.reader import read
 from tolevo.models.serial_arm.kinematics import Chain, positions, singular_joints
 from tolevo.problems.serial_arm import SerialArmAllocation
 from tolevo.problems.serial_arm.definition import Definition, shipped_arm
@@ -71,6 +75,24 @@ def rms_of(problem: SerialArmAllocation, design: np.ndarray) -> np.ndarray:
     """Rms backlash of the joints [arcmin]."""
     square = problem.gears.at(problem._of_gears(design)).square[0, list(problem.gears.gear_of)]
     return np.asarray(np.sqrt(square) * problem.gears.factors)
+
+
+@pytest.mark.source_tree
+def test_a_loose_limit_on_the_accuracy_is_used_up() -> None:
+    """Six moves of the rms ended 3e-7 outside of 0.8 mm, and the tightest tolerances were told, at 914.7.
+
+    The front of the same arm has the points on either side of the limit.
+    """
+    path = Path(__file__).parents[2] / "configs" / "robot_arm_ur5.toml"
+    problem = read(path, overrides=['objectives.minimise=["cost"]', "limits.pose_accuracy_mm=0.8"]).problem
+    whole = read(path).problem
+    assert problem is not None and whole is not None
+    found = problem.outputs_of(problem.complete(search(problem, Exact(), Budget(), 1).chosen))
+    assert 0.8 * (1.0 - 1e-4) < found["pose_accuracy_mm"][0] <= 0.8
+    f = whole.tested(search(whole, Exact(points=12), Budget(), 1).chosen)[0]
+    f = f[np.argsort(f[:, 1])]
+    along = np.interp([0.8 * 0.8, 0.8 * 1.2], f[:, 1], f[:, 0])
+    assert along[1] < found["cost"][0] < along[0]
 
 
 class TestContract(ProblemContract):

@@ -22,6 +22,7 @@ from tolevo.commands.run.tolerances import step_of, values_of
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.problems.pose_accuracy import PoseAccuracy
+from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, Settings
 from tolevo.problems.tolerance_problem import ToleranceProblem
 
@@ -283,6 +284,49 @@ def test_a_sample_that_is_too_lenient_is_corrected_by_the_full_model() -> None:
     assert problem.cost_of(found[None])[0] < 1.001 * problem.cost_of(design[None])[0]
 
 
+class Fading(PoseAccuracy):
+    """A problem whose search is right at one design and the more lenient the farther away."""
+
+    right: np.ndarray
+
+    def outputs_of(self, designs: np.ndarray, searching: bool = False, errors: bool = True,
+                   known: Any = None) -> dict[str, np.ndarray]:  # fmt: skip
+        found = super().outputs_of(designs, searching, errors, known)
+        away = np.mean(np.abs(np.log(designs / self.right)), axis=1) if searching else 0.0
+        return found | {"squareness_mrad": (1.0 - 0.8 * away) * found["squareness_mrad"]}
+
+
+def test_a_search_that_is_too_lenient_away_from_the_design_is_corrected_where_it_arrives() -> None:
+    problem = Fading(Settings(objectives=("cost",), limits={"squareness_mrad": Bound(high=0.1)}))
+    object.__setattr__(problem, "right", problem._corner(tight=True))
+    design = problem._corner(tight=True)
+    design *= 0.1 / problem.outputs_of(design[None])["squareness_mrad"][0]
+    object.__setattr__(problem, "right", design)
+    grids = {name: 1.02 * own * 1.06 ** np.arange(-8.0, 9.0) for name, own in zip(problem.names, design, strict=True)}
+    found = round_design(problem, design, grids)
+    assert found.keys[0] == 0.0
+    assert problem.outputs_of(found.design[None])["squareness_mrad"][0] <= 0.1
+
+
+def test_settings_of_few_values_leave_tolerances_less_room_and_all_limits_are_kept() -> None:
+    """A mixture of two values of dr_rp keeps the backlash of the modification at 0, neither of them does; at
+    the prices of that mixture, each of the 4,096 combinations that were listed broke the yield.
+    """
+    problem = RvBacklash(Settings(objectives=("cost",), parameters={"reading": "printed"},
+                                  limits={"yield_percent": Bound(low=99.0)}))  # fmt: skip
+    known = dict(zip(problem.names, problem.references()["document B"].tolist(), strict=True)) | {
+        "pin_circle_radius_um": 5.021, "pin_position_um": 4.504, "pin_hole_radius_um": 3.861, "pin_radius_um": 2.021,
+        "pitch_um": 8.575, "runout_um": 5.147, "eccentricity_um": 8.0, "equidistance_um": 2.185, "shift_um": 3.121,
+        "crank_bearing_um": 2.808, "involute_grade": 6.0, "stagger_arcmin": 0.4, "dr_rp_mm": -0.055964,
+        "dr_p_mm": -0.096,
+    }  # fmt: skip
+    design = np.array([known[name] for name in problem.names])
+    rounded = round_design(problem, design, tables(problem, ChoiceSettings()))
+    assert rounded.keys[0] == 0.0
+    assert problem.frame(rounded.design[None])["feasible"].all()
+    assert problem.cost_of(rounded.design[None])[0] < 1.03 * problem.cost_of(design[None])[0]
+
+
 # A hundred random stacks: limits, costs and the best of all combinations by formulas of this test.
 
 
@@ -366,6 +410,9 @@ def test_a_hundred_stacks_keep_every_limit_and_lose_at_most_one_percent_where_th
         losses.append(after / before - 1.0)
         said = rounding_sentence(plan.problem, rounded, before, after, "")
         assert ("none that keeps all limits" in said) == (losses[-1] > 0.01)
+        broken = rounding_sentence(plan.problem, rounded, before, after, "backlash_max_arcmin gap.yield_percent")
+        assert "it breaks backlash max and gap yield: " in broken
+        assert "(as much)" in rounding_sentence(plan.problem, rounded, after, after * (1.0 + 1e-15), "")
         if losses[-1] > 0.01:  # no combination is cheaper, by the formulas above
             assert len(optimum) <= 3
             assert stack.best_possible(optimum, values) > 1.01 * before

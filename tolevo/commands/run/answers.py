@@ -247,8 +247,8 @@ class Sentences:
             if not np.isfinite(value):
                 continue
             amount = distance_words(abs(value))
-            if self.names == [COST]:
-                return f"the least cost that was found is {amount} {'lower' if value >= 0.0 else 'higher'}"
+            if len(self.names) == 1:
+                return f"the least {words(name)} that was found is {amount} {'lower' if value >= 0.0 else 'higher'}"
             others = join_with_and([words(n) for n in self.names if n != name])
             at = "the same cost" if others == COST else f"equal {others}"
             if value >= 0.0:

@@ -389,8 +389,14 @@ BEAM = 4096
 """Combinations of the least reduced costs that are held."""
 ROUNDS = 8
 """Rounds of pricing at most."""
+PRICED = 1.0, 1.05, 1.1, 1.2, 1.5, 2.0, 4.0
+"""Factors of the prices of limits, until a combination is predicted to keep them: a setting of few values
+may leave the others less room than a mixture of its values does.
+"""
 TRIED, TRIED_SAMPLED = 128, 24
 """Combinations that are evaluated of each prediction; where each takes a sample of units."""
+LEARNED = 4
+"""Times that the search is corrected at most, while all candidates break a limit."""
 VERIFIED = 24
 """Best candidates that are tested by the full model."""
 NEGLIGIBLE = 0.01
@@ -425,8 +431,8 @@ def round_design(
     the `bounds`) and is no worse in the other objectives; where there is none, the one that breaks
     the limits least, then the least worse. Up to `MAX_EXHAUSTIVE` combinations are all evaluated;
     else they are searched (`search_combinations`). The full model decides between the best
-    `VERIFIED`; where all of them break a limit, the search is repeated, corrected by the difference
-    of the full model at the design: on a sample of units the quick one may be the more lenient.
+    `VERIFIED`; where all of them break a limit, the search is repeated, corrected by the difference of the
+    full model, at the design and then at what was found: on a sample of units the quick one may be the more lenient.
     The `finer` values of some variables are used where the others add more than `NEGLIGIBLE` to the cost.
     """
     near = ladders(problem, design, values)
@@ -435,13 +441,17 @@ def round_design(
     quick = Ranking(problem, design, True, bounds)
     full = Ranking(problem.reported(), design, False, bounds)
     rounded = _best_combination(near, quick, full)
-    if rounded.keys[0] > 0.0:
-        quick.learn(full, design)
-        rounded = min(rounded, _best_combination(near, quick, full), key=lambda one: one.keys)
+    last = design
+    for _ in range(LEARNED):
+        if rounded.keys[0] <= 0.0:
+            break
+        quick.learn(full, last)
+        again = _best_combination(near, quick, full)
+        rounded, last = min(rounded, again, key=lambda one: one.keys), again.design
     cost = float(np.broadcast_to(problem.cost_of(design[None]), 1)[0])
     if finer and (rounded.keys[0] > 0.0 or rounded.keys[-1] > cost + NEGLIGIBLE * abs(cost)):
-        again = round_design(problem, design, {**values, **finer}, bounds)
-        rounded = min(rounded, again, key=lambda one: one.keys)
+        finest = round_design(problem, design, {**values, **finer}, bounds)
+        rounded = min(rounded, finest, key=lambda one: one.keys)
     return rounded
 
 
@@ -455,7 +465,8 @@ def rounding_sentence(problem: ToleranceProblem, rounded: Rounded, before: float
     tried = f"all {rounded.tried}" if rounded.every else f"{rounded.tried} of the"
     tried = f"{tried} combinations of the values next to it were tried"
     if broken:
-        return f"Rounded for the drawing, it breaks {words(broken)}: {tried} and none keeps all limits."
+        named = " and ".join(words(name) for name in broken.split())
+        return f"Rounded for the drawing, it breaks {named}: {tried} and none keeps all limits."
     currency = problem.settings.money.currency
     amount = f"{100.0 * abs(share):.2g} % {'more' if share > 0.0 else 'less'}"
     amount = amount if abs(share) > VALUE_TOLERANCE else "as much"
@@ -496,15 +507,18 @@ def search_combinations(near: Ladders, ranking: Ranking) -> Rungs:
 
     Each round evaluates every change of one variable of a base, first of the design itself, then of
     the best combination so far. Their effects added predict all combinations: those with the least
-    reduced cost are listed (`_least_reduced`), the best of them evaluated, and once more the best
-    by predictions that are corrected by the errors of the first ones.
+    reduced cost are listed (`_least_reduced`, at prices times `PRICED`), the best of them evaluated, and
+    once more the best by predictions that are corrected by the errors of the first ones.
     """
     most = TRIED_SAMPLED if ranking.problem.declaration.sampled else TRIED
     known, keys = np.empty((0, len(near.columns)), dtype=np.int64), np.empty((0, 3))
     base = near.design
     for _ in range(ROUNDS):
         base_use, base_cost, prices = _prices(near, base, ranking)
-        listed, more_use, more_cost = _least_reduced(near, base_use, *prices)
+        for dearer in PRICED:
+            listed, more_use, more_cost = _least_reduced(near, base_use, *prices, dearer)
+            if np.any(ranking.ranked(base_use + more_use, more_cost)[:, 0] <= 0.0):
+                break
         use, cost = base_use + more_use, base_cost + more_cost
         error = np.zeros(use.shape[1])
         before = keys[best(keys)[:1]].tolist()
@@ -534,17 +548,19 @@ def _prices(near: Ladders, base: Array, ranking: Ranking) -> tuple[Array, float,
     return use[0], float(cost[0]), (more_use.reshape(k, width, -1), more_cost.reshape(k, width))
 
 
-def _least_reduced(near: Ladders, base_use: Array, use: Array, cost: Array) -> tuple[Rungs, Array, Array]:
+def _least_reduced(
+    near: Ladders, base_use: Array, use: Array, cost: Array, dearer: float
+) -> tuple[Rungs, Array, Array]:
     """At most `BEAM` combinations (n, k) of the least reduced cost, with the use and cost that they add.
 
     The reduced cost of a rung is its cost plus its use of each limit at the price that the linear
     programme of all rungs has for it: what a combination costs above the least that is possible
-    without whole rungs, if it uses up the limits.
+    without whole rungs, if it uses up the limits. Limits are `dearer` by a factor.
     """
     valid = (np.arange(cost.shape[1]) < near.counts[:, None]) & np.isfinite(cost) & np.all(np.isfinite(use), axis=2)
     valid |= ~np.any(valid, axis=1, keepdims=True) & (np.arange(cost.shape[1]) == 0)
     use, cost = np.where(valid[:, :, None], use, 0.0), np.where(valid, cost, 0.0)
-    reduced = cost + use @ _limit_prices(base_use, use, cost, valid)
+    reduced = cost + dearer * use @ _limit_prices(base_use, use, cost, valid)
     reduced = np.where(valid, reduced, np.inf)
     reduced -= reduced.min(axis=1, keepdims=True)
     unit = np.max(reduced, initial=0.0, where=valid) or 1.0
