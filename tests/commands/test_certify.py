@@ -77,7 +77,8 @@ X = np.array([[0.5, 0.5, 0.5], [1.0, 0.4, 0.7]])
 VALUES = np.column_stack([(A / X).sum(axis=1), np.sqrt(((B * X) ** 2).sum(axis=1))])
 ROWS = [SimpleNamespace(variables=list(x), objectives=list(f)) for x, f in zip(X, VALUES, strict=True)]
 TRIALS = [
-    SimpleNamespace(params=dict(zip(("x1", "x2", "x3"), x, strict=True)), values=list(f)) for x, f in zip(X, VALUES)
+    SimpleNamespace(params={f"x{at}": value for at, value in enumerate(x, 1)}, values=list(f))
+    for x, f in zip(X, VALUES, strict=True)
 ]
 
 
