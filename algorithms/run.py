@@ -10,6 +10,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -21,6 +22,8 @@ from .engine import violation_of
 from .settings import Budget
 
 Key = tuple[int, ...]
+TaskT = TypeVar("TaskT")
+ResultT = TypeVar("ResultT")
 
 
 class DiscreteDesigns:
@@ -120,6 +123,14 @@ LISTED = 1000
 """Designs whose evaluation failed that are listed at most; all of them are counted."""
 
 
+class Shared(Protocol):
+    """Computes a function of the problem and of each task, some of them in other processes."""
+
+    def __call__(
+        self, function: Callable[[ToleranceProblem, TaskT], ResultT], tasks: Sequence[TaskT], /
+    ) -> Sequence[ResultT]: ...
+
+
 def values_of(problem: ToleranceProblem, x: Array) -> Values:
     """The values of search vectors, by pymoo's `_evaluate`, which a problem may have wrapped."""
     out: dict[str, Array] = {}
@@ -153,7 +164,7 @@ class Run:
 
     The budget of evaluations is honoured exactly. A budget of generations counts batches, and only
     with `counts_generations`. A batch is computed in parts of `grain` designs, as the problem's
-    declaration states, or a few more, by the function `values` where it is given; the parts do not
+    declaration states, or a few more, by the function `shared` where it is given; the parts do not
     depend on that function. `start` are the search vectors (n, variables) to begin from; `begun` are
     their objectives and constraints, once a solver has them.
     """
@@ -165,10 +176,10 @@ class Run:
         seed: int,
         report: Callable[[Progress], None] | None = None,
         counts_generations: bool = False,
-        values: Callable[[Sequence[Array]], Sequence[Values]] | None = None,
+        shared: Shared | None = None,
         start: Array | None = None,
     ) -> None:
-        self.problem = problem
+        self.problem = self._asked = problem
         self.budget = budget
         self.rng = np.random.default_rng(seed)
         self.archive = Archive(problem.n_var, problem.n_obj)
@@ -183,7 +194,7 @@ class Run:
         self.evaluations = self.asked = 0
         self.generations = budget.generations if counts_generations else None
         self._report = report
-        self._shared = values
+        self._shared = shared
         self._phase: tuple[str, float | None] = ("", None)
         self._start = time.monotonic()
         self._rows: list[Row] = []
@@ -282,11 +293,16 @@ class Run:
         if count < 2:
             return values_of(self.problem, x)
         parts = np.array_split(x, count)
-        if self._shared is None:
-            values: Sequence[Values] = [values_of(self.problem, part) for part in parts]
-        else:
-            values = self._shared(parts)
+        values = self.results(values_of, parts)
         return np.concatenate([f for f, _ in values]), np.concatenate([g for _, g in values])
+
+    def results(
+        self, function: Callable[[ToleranceProblem, TaskT], ResultT], tasks: Sequence[TaskT]
+    ) -> Sequence[ResultT]:
+        """`function(problem, task)` of each task, in other processes as well where the search has some."""
+        if self._shared is None or self.problem is not self._asked:
+            return [function(self.problem, task) for task in tasks]
+        return self._shared(function, tasks)
 
     def _remember(self, x: Array, f: Array, violation: Array) -> None:
         feasible = self.archive.add(x, f, violation)

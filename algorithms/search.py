@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any, Protocol
@@ -27,7 +27,7 @@ from ..section import Array, Integers
 from .archive import Course, SavedState, State, merge_states, nondominated, part
 from .engine import Space, violation_of
 from .exact.epsilon import finish_front, replace_violating_points
-from .run import BudgetSpent, Progress, Run, Values
+from .run import BudgetSpent, Progress, Run, Shared
 from .settings import AlgorithmSettings, Budget, Solver
 
 # One interface to all population searches: ask for designs, tell their values, save and resume.
@@ -251,19 +251,19 @@ def search(
     report: Callable[[Progress], None] | None = None,
     engine: str = "pymoo",
     keeper: Keeper | None = None,
-    values: Callable[[Sequence[Array]], Sequence[Values]] | None = None,
+    shared: Shared | None = None,
     start: Array | None = None,
 ) -> SearchResult:
     """Search until the budget is used up; an interrupt ends it with the result so far.
 
     `seed` is any integer >= 0. The result depends on problem, settings, evaluation or generation
     budget, seed and `engine` ("pymoo" or "array") alone: neither on interruptions, nor on the
-    function `values` that computes the parts of a batch, where it is given. A `Solver` starts from
+    function `shared` that computes parts of the work, where it is given. A `Solver` starts from
     its beginning after an interruption and takes no budget of generations. The search vectors `start`
     (n, variables) are evaluated first; the first generation, or the solver, begins from the best of them.
     """
     solver = isinstance(settings, Solver)
-    run = Run(problem, budget, seed, report, counts_generations=not solver, values=values, start=start)
+    run = Run(problem, budget, seed, report, counts_generations=not solver, shared=shared, start=start)
     interrupted = False
     try:
         drive(run, settings, seed, engine, keeper)

@@ -64,6 +64,10 @@ class Declaration:
     """Variables whose tolerances are made by the machines of a configuration."""
     conditions: tuple[str, ...] = ()
     """Names of the conditions of `[[condition]]`: outputs there are `<condition>.<output>`."""
+    unconditional: frozenset[str] = frozenset(["cost"])
+    """Outputs that no condition changes: effects and operating parameters have no part in them."""
+    operation: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Keys of a condition that stand for parameters of operation, which change no part of a unit."""
     tables: tuple[str, ...] = ()
     """Top-level tables of a configuration that only this problem reads."""
     reducers: tuple[str, ...] = ()

@@ -23,6 +23,7 @@ from ..tables import ColumnUse
 from ..units import unit_hint
 
 if TYPE_CHECKING:
+    from .conditions import OperatingConditions
     from .tolerance_problem import ToleranceProblem
 
 # `[promise]`: what is promised of the yield, and how it is meant.
@@ -200,7 +201,8 @@ class Settings:
     of the model, `sense` is -1 of those with the opposite sign; `gear` is that of a table,
     `columns` says what the columns of a file are, `labels` what readers know the mechanism by;
     `money` is what the costs are in, `notes` say how the configuration was understood, `machines`
-    make tolerances of a problem that is not a stack, `promise` is what such a problem promises.
+    make tolerances of a problem that is not a stack, `promise` is what such a problem promises;
+    `operating` are the conditions in which its units are evaluated.
     """
 
     parameters: Mapping[str, Value] = field(default_factory=dict)
@@ -221,6 +223,7 @@ class Settings:
     notes: tuple[str, ...] = ()
     machines: Mapping[str, tuple[Offer, ...]] = field(default_factory=dict)
     promise: Promise | None = None
+    operating: OperatingConditions | None = None
 
 
 # Assumptions: values in use that no document prints.
@@ -375,7 +378,7 @@ def add_currency(outputs: Iterable[Output], money: Money) -> tuple[Output, ...]:
     unit = unit_of_cost(money)
     more = f"; assumed: {', '.join(money.assumed)}" if money.assumed else ""
     return tuple(
-        replace(output, unit=unit, meaning=output.meaning.replace("relative ", "") + more)
+        replace(output, unit=unit, meaning=output.meaning.replace("relative ", "").removesuffix(more) + more)
         if output.name == "cost"
         else output
         for output in outputs

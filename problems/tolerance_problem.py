@@ -15,7 +15,7 @@ from pymoo.core.problem import Problem
 from ..errors import Fault, ModelError
 from ..journal import recall_columns
 from ..records import Bars, UnitsShown
-from ..section import Array, Assumption, Integers, Output, Section, Variable, completed
+from ..section import Array, Assumption, Integers, Output, Section, Value, Variable, completed
 from .declaration import ConfiguredProblem, Declaration, Interval
 from .limits import apart, limits_of, unreachable_limit_faults
 from .settings import (
@@ -128,6 +128,11 @@ class ToleranceProblem(Problem):
     def __getstate__(self) -> dict[str, Any]:
         """Everything but `_drawn_again`."""
         return {k: value for k, value in self.__dict__.items() if k not in self._drawn_again}
+
+    def release(self) -> None:
+        """Let go of `_drawn_again`: what a problem keeps in memory and draws alike when it is asked again."""
+        for name in self._drawn_again:
+            self.__dict__.pop(name, None)
 
     # ------------------------------------------------ what a subclass gives
 
@@ -394,6 +399,10 @@ class ToleranceProblem(Problem):
     def smooth(self) -> ToleranceProblem:
         """The same problem whose values in a search are smooth, for searches by gradients."""
         return self
+
+    def sample_sizes(self) -> Mapping[str, Value]:
+        """Parameters that hold the sizes of its samples at what they are here, whatever the objectives."""
+        return {}
 
     def needed(self, designs: Array) -> dict[str, Array]:
         """Outputs (n,) of full designs as reported: at least the cost, and those that objectives

@@ -27,6 +27,7 @@ DESIGN_TOLERANCE = 1e-6
 """Difference, as a fraction of the range of a variable, up to which designs are the same: a table
 may round them."""
 NOT_ASKED = "must be the designs that ask() returned last, in their order, or with its index or columns"
+OTHER = "belong to other designs than those that ask() returned last: see their columns"
 NO_ORDER = (
     "come in an order that is not known: their rows are not numbered as those of the designs; keep the index that "
     "ask() returned, or the columns {}, or bring them into its order"
@@ -57,12 +58,17 @@ def align_outputs(
     if set(_free(problem)) <= set(outputs):
         rows = _row_order(problem, asked, outputs)
         if rows is None:
-            raise refuse("outputs", "belong to other designs than those that ask() returned last: see their columns")
+            raise refuse("outputs", OTHER)
     else:
         rows = _align_by_index(x.index, outputs.index, order)
         if rows is None:
             raise refuse("outputs", NO_ORDER.format(", ".join(_free(problem))))
-    return outputs.iloc[rows].reset_index(drop=True)
+    outputs = outputs.iloc[rows].reset_index(drop=True)
+    stated = asked.assign(**{name: outputs[name].to_numpy() for name in _free(problem) if name in outputs})
+    wanted, given = _vectors(problem, asked), _vectors(problem, stated)
+    if wanted is None or given is None or not np.all(np.abs(given - wanted) <= DESIGN_TOLERANCE):
+        raise refuse("outputs", OTHER)
+    return outputs
 
 
 def _has_order_shape(column: Any, order: Integers) -> bool:
@@ -97,6 +103,13 @@ def _row_order(problem: ToleranceProblem, asked: pd.DataFrame, table: pd.DataFra
     distance = cdist(wanted, given, "chebyshev")
     rows = linear_sum_assignment(distance)[1]
     return rows if np.all(distance[np.arange(len(rows)), rows] <= DESIGN_TOLERANCE) else None
+
+
+def _first_text(column: Any) -> object | None:
+    """The first value of a column that is no number; None where all are, or are missing."""
+    known = pd.Series(np.asarray(column, dtype=object)).dropna()
+    wrong = known[pd.to_numeric(known, errors="coerce").isna()]
+    return None if wrong.empty else wrong.iloc[0]
 
 
 def _vectors(problem: ToleranceProblem, table: pd.DataFrame) -> Array | None:
@@ -236,6 +249,8 @@ class Search:
                 text = "is missing: state every objective and every output with a limit"
             elif np.shape(outputs[name]) != (count,):
                 text = f"must have shape ({count},), a value for each design"
+            elif (word := _first_text(outputs[name])) is not None:
+                text = f'must have numbers, and NaN where an evaluation failed, got "{word}"'
             else:
                 continue
             faults.append(Fault(f"outputs.{name}", text))

@@ -212,8 +212,9 @@ def pinned() -> AbstractContextManager[object]:
 
 @lru_cache(maxsize=1)
 def _controller() -> Any:
-    """What switches the libraries that are loaded; looking for them takes some milliseconds."""
+    """What switches the libraries that are loaded, scipy's own among them; to look for them takes some milliseconds."""
     try:
+        import scipy.linalg  # noqa: F401 - a library that is loaded later would keep its threads
         from threadpoolctl import ThreadpoolController
     except ImportError:  # then the environment variables alone hold
         return None

@@ -74,6 +74,7 @@ SHARED = (
     (r"^(?:part\[\]|variables\.NAME|machine\[\])\.(?=measured(?:\.|$))", ""),
     (r"^(?:part\[\]|part\[\]\.process\[\]|machine\[\])\.(?=setup(?:\.|$))", ""),
     (r"^part\[\]\.process\[\]\.(?=inspection(?:\.|$))", "part[]."),
+    (r"^condition\[\]\.(?=effect(?:\[\]|$)|parameters(?:\.|$))", ""),
     (r"^requirement(?=\.)", "requirement[]"),
     (r"(?<=limits\.NAME)(?:\.(?!min$|max$)[^.]+)+", ""),
     (r"(?<=weights\.NAME)\..*", ""),

@@ -17,7 +17,7 @@ from packaging.requirements import Requirement
 
 TABLE = Path(__file__).resolve().parents[1] / "docs" / "licences.csv"
 PAGE = TABLE.with_suffix(".md")
-EXTRAS = ("gap", "report", "study")
+EXTRAS = ("gap", "study")
 BY_HAND = {"graphemeu": "MIT"}
 """Licences of packages whose metadata do not say: read in their files."""
 KNOWN = {"moocore": "LGPL-2.1-or-later"}

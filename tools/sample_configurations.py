@@ -151,6 +151,24 @@ EFFECTS = {
     "sense": {"te_arcsec": -1},
     "columns": {"x": {"of": "te_arcsec", "unit": "arcsec", "role": "measured", "sense": -1}},
 }  # fmt: skip
+REDUCER: dict[str, Any] = {
+    "problem": "rv_reducer",
+    "parameters": {"wear_um_per_1000h": 0.1},
+    "objectives": {"minimise": ["cost"]},
+    "condition": [
+        {"name": "cold", "limits": {"backlash_max_arcmin": 1.0}},
+        {"name": "warm", "temperature_C": 40.0, "disc_temperature_C": 42.0, "housing_temperature_C": 40.0, "hours": 9.0,
+         "torque_Nm": 300.0, "parameters": {"te_torque_Nm": 100.0}, "limits": {"interference_probability": 0.05},
+         "effect": [{"name": "process_mean_shift", "parameters": {"shift_arcmin": 0.1}}]},
+    ],
+}  # fmt: skip
+"""A reducer cold and warm."""
+ROBOT: dict[str, Any] = {
+    "problem": "robot_joint",
+    "parameters": {"nested": False},
+    "objectives": {"minimise": ["cost"]},
+    "condition": [{"name": "laden", "payload_kg": 10.0, "limits": {"pose_rms_mm": 9.0}}],
+}
 GAP: dict[str, Any] = {
     **EFFECTS,
     "run": "configs/rv_transmission_error.toml",
@@ -232,7 +250,7 @@ def _of_kinds() -> list[dict[str, Any]]:
 
 
 SAMPLES: tuple[dict[str, Any], ...] = (
-    STACK, ONE, ARM, POSE, MANIPULATOR, BACKLASH, EFFECTS, GAP, TABLE,
+    STACK, ONE, ARM, POSE, MANIPULATOR, BACKLASH, REDUCER, ROBOT, EFFECTS, GAP, TABLE,
     *(TABLE | {"gear": gear} for gear in GEARS), *_of_kinds(),
 )  # fmt: skip
 """All of them."""

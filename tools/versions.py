@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PLACE = ROOT / ".venv-versions"
 PYTHONS = ("3.11", "3.12", "3.13")
 RESOLUTIONS = ("lowest-direct", "highest")
-EXTRAS = "dev,gap,report,study"
+EXTRAS = "dev,gap,study"
 UV = ROOT / ".venv" / "bin" / "uv"
 
 

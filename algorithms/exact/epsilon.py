@@ -11,10 +11,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from ...errors import Fault, raise_all
+from ...journal import recall_arrays
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Flags
 from ..archive import nondominated
@@ -42,6 +44,8 @@ HALVED = 10
 """Times that the step to the tightest tolerances is halved, where nothing else keeps the limits."""
 HELD = 3e-5
 """Part of the range of an objective by which a point may lie beyond its level."""
+GROUP = 6
+"""Points that are solved again side by side, and stored together for a run that resumes."""
 MAX_RESTORATION_STEP = 0.5
 """Fraction of a limit by which it is moved at most."""
 
@@ -54,13 +58,54 @@ def submit_retested_points(
 
     A point that breaks a limit on fresh units is solved again with the limit moved by the excess.
     """
-    for done, candidates in enumerate(points):
-        run.phase("fresh units", 0.9 + 0.1 * done / len(points))
-        solved = []
-        for branch, at in candidates:
-            level = branch.at_most(1, levels[done]) if len(levels) else np.full(1, np.inf)
-            solved.append(feasible_afresh(run, branch, branch.y[at], level, search=not run.spent))
-        run.choose(solved[0] if len(solved) == 1 else _cheapest(run, np.vstack(solved), levels[done]))
+    candidates = [
+        Candidate(branch, branch.y[at], branch.at_most(1, levels[place]) if len(levels) else np.full(1, np.inf))
+        for place, alike in enumerate(points)
+        for branch, at in alike
+    ]
+    apart = len(levels) > 0 and run.problem.finer() is not run.problem
+    solved: list[Array] = []
+    while len(solved) < len(candidates):
+        run.phase("fresh units", 0.9 + 0.1 * len(solved) / len(candidates))
+        if apart and not run.spent:
+            solved.extend(_solved_apart(run, candidates[len(solved) :][:GROUP]))
+        else:
+            branch, y, level = candidates[len(solved)]
+            solved.append(feasible_afresh(run, branch, y, level, search=not run.spent))
+    for place, alike in enumerate(points):
+        found, solved = solved[: len(alike)], solved[len(alike) :]
+        run.choose(found[0] if len(found) == 1 else _cheapest(run, np.vstack(found), levels[place]))
+
+
+class Candidate(NamedTuple):
+    """A point y (size,) of a branch, to be solved again at a level (m,) of the objectives."""
+
+    branch: Branch
+    y: Array
+    level: Array
+
+
+class Retest(NamedTuple):
+    """The same for another process: the integers of the branch as a search vector x, and its scale of objectives."""
+
+    x: Array
+    unit: Array
+    y: Array
+    level: Array
+
+
+def _solved_apart(run: Run, candidates: Sequence[Candidate]) -> Array:
+    """Search vectors (n, 1, variables) of candidates, each of which is solved on its own."""
+    run.pulse()
+    tasks = [Retest(branch.smooth.x, branch.unit, y, level) for branch, y, level in candidates]
+    inputs = [array for task in tasks for array in task]
+    return recall_arrays(inputs, lambda: (np.array(run.results(retested, tasks)),))[0]
+
+
+def retested(problem: ToleranceProblem, task: Retest) -> Array:
+    """The search vector (1, variables) of a task, solved again on more units and tested on fresh ones."""
+    run = Run(problem, Budget(), seed=0)
+    return feasible_afresh(run, Branch(run, task.x, task.unit), task.y, task.level, search=True)
 
 
 def _cheapest(run: Run, x: Array, level: float) -> Array:
@@ -77,8 +122,8 @@ def feasible_afresh(run: Run, branch: Branch, y: Array, level: Array, search: bo
 
     With `search` it is solved again on the larger sample of the problem, with the other objectives at
     most at their `level` (m,), and these and every limit moved by the difference between fresh units and
-    that sample, until little room is left. The best point accepted on fresh units is taken; else the
-    nearest.
+    that sample, until little room is left. The best point accepted on fresh units is taken; where none holds
+    its level, the last one, moved inside its limits, if that is nearer.
     """
     accepted: list[tuple[float, float, Array]] = []
     displacement, moved, target = _limit_displacement(run), np.zeros(0), level
@@ -100,7 +145,13 @@ def feasible_afresh(run: Run, branch: Branch, y: Array, level: Array, search: bo
         target = level - np.where(fresh != values, fresh - values + MARGIN * np.abs(values), 0.0)
         target[objective] = np.inf
         y = branch.solved(objective, branch.restored(y, moved, MAX_RESTORATION_STEP), target, moved)
-    return min(accepted, key=lambda point: point[:2])[2] if accepted else _push_inside_limits(run, branch, y)
+    accepted.sort(key=lambda point: point[:2])
+    if accepted and not (search and accepted[0][0]):
+        return accepted[0][2]
+    x = _push_inside_limits(run, branch, y)  # the last one, where none holds its level
+    (fresh,), (excess,) = run.problem.tested(x)
+    over = np.delete((fresh - level) / branch.unit, objective).max(initial=0.0)
+    return x if not accepted or (np.all(excess <= 0.0) and over - HELD < accepted[0][0]) else accepted[0][2]
 
 
 def _push_inside_limits(run: Run, branch: Branch, y: Array) -> Array:

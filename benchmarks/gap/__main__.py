@@ -29,7 +29,7 @@ from benchmarks.gap.scoring.scorer import figures
 from benchmarks.gap.trial import NAMERS, lines, namer_of, printed, scored
 
 SIZES = {"good": 150, "poor": 150, "pair": 80, "clean": 300, "size": 60, "delay": 60,
-         "outside": 100, "dominant": 200, "approximate": 100, "rows": 30,
+         "outside": 100, "dominant": 200, "approximate": 100, "rows": 30, "memory": 70, "plays": 10,
          "manipulator good": 12, "manipulator poor": 12, "manipulator clean": 12,
          "manipulator outside": 12, "uneven good": 100, "late good": 40}  # fmt: skip
 OF_MODELS = 20

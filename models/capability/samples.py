@@ -211,7 +211,8 @@ class PartSample:
     `knowledge` is the posterior of the process, `made_to` the half-width that the parts were made
     to (0 where it is not known), `offset` the deviation of the mean of all later parts. `limits`
     are deviations as well, None where there is none or a natural one: a coaxiality ends at 0.
-    `subpopulations` are the groups that differ, where the allocation is for parts of all of them.
+    `subpopulations` are the groups that differ, where the allocation is for parts of all of them, `blind`
+    says of which others the parts are too few to show a difference.
     Where a supplier states number, mean and standard deviation alone there are no deviations: n is 0.
     """
 
@@ -227,6 +228,7 @@ class PartSample:
     mid: float = 0.0
     subpopulations: Subpopulations | None = None
     unit: str = ""
+    blind: tuple[str, ...] = ()
 
     @property
     def parts(self) -> int:
@@ -262,8 +264,11 @@ class PartSample:
         return distribution_type(self.findings) if len(self.deviations) else ""
 
     def departures(self, owner: str) -> tuple[str, ...]:
-        """Departures from a single stable normal process; `owner` names what was measured."""
+        """Departures from a single stable normal process, and those that the parts are too few to show; `owner`
+        names what was measured.
+        """
         notes = tuple(f"{owner}, measured: {f.text} (by chance: {f.probability:.2g})" for f in self.findings)
+        notes += tuple(f"{owner}, measured: {text}" for text in self.blind)
         return notes + ((f"{owner}, measured: {text}",) if (text := self.correction_text()) else ())
 
     def correction_text(self) -> str:
@@ -367,6 +372,9 @@ def read_sample(
     if (selected := _subgroups(section, subgroups, groups, values - origin)) is None:
         return None
     deviations, departures = selected
+    detected = {finding.groups.kind for finding in departures if finding.groups is not None}
+    others = (one for one in subpopulations(values, groups) if one.kind not in detected)
+    blind = () if isinstance(subgroups, dict) else tuple(text for one in others if (text := one.blind_text(LEVEL)))
     differing = next((f.groups for f in departures if f.groups is not None and not isinstance(subgroups, dict)), None)
     scatter = None if differing is None else differing.as_found()
     if subgroups == "corrected" and differing is not None:
@@ -392,6 +400,7 @@ def read_sample(
         mid=mid,
         subpopulations=differing,
         unit=unit,
+        blind=blind,
     )
 
 

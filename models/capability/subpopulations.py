@@ -23,6 +23,8 @@ RANDOM = ("lot", "order")
 """Groups of which later parts have others; all other groups make later parts too."""
 LEAST_DF = 4.0
 """Degrees of freedom of few lots at least, as of five of them: the posterior mean of a variance needs them."""
+DIFFERENCE, SURE = 2.0, 0.95
+"""Standard deviations within a group by which one is off that a sample should show, and how surely."""
 PLURALS = {"cavity": "cavities", "lot": "lots"}
 
 
@@ -133,6 +135,25 @@ class Subpopulations:
         """Fractions and centres of the groups about the mean of all, and the scatter within them."""
         shares = self.counts / len(self.group)
         return tuple(shares.tolist()), tuple((self.means - shares @ self.means).tolist()), float(np.sqrt(self.within))
+
+    def power(self, level: float) -> float:
+        """The probability that a test at `level` detects that the smallest group is off by `DIFFERENCE`.
+
+        The F test of a noncentrality n_i (1 - n_i/n) DIFFERENCE^2 (Searle, Casella & McCulloch 1992).
+        """
+        fewest = float(np.min(self.counts))
+        excess = fewest * (1.0 - fewest / len(self.group)) * DIFFERENCE**2
+        return float(scipy.stats.ncf.sf(scipy.stats.f.isf(level, *self.df), *self.df, excess))
+
+    def blind_text(self, level: float) -> str:
+        """That the parts are too few to show a difference, empty where they are not."""
+        if (power := self.power(level)) >= SURE:
+            return ""
+        of = "to".join(f" {int(end)} " for end in sorted({np.min(self.counts), np.max(self.counts)})).strip()
+        return (
+            f"of {len(self.names)} {self.plural} of {of} parts one that is off by {DIFFERENCE:g} standard deviations "
+            f"would be detected in {100.0 * power:.0f} of 100 samples: that none is does not show that all are alike"
+        )
 
     def text(self) -> str:
         """How the groups differ."""

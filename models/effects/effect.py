@@ -24,6 +24,7 @@ FAMILIES = (
     "geometry by angle",
     "speed",
     "temperature, time",
+    "memory",
     "population",
     "manipulator",
     "assembly",
@@ -59,9 +60,16 @@ class EffectParameter:
         return self.name.removesuffix(f"_{unit_key(self.unit)}") if self.unit else self.name
 
 
-KINDS = {"angle": "an angle", "length": "a length", "speed": "a speed", "torque": "a torque", "force": "a force"}
+KINDS = {
+    "angle": "an angle",
+    "length": "a length",
+    "speed": "a speed",
+    "torque": "a torque",
+    "force": "a force",
+    "current": "a current",
+}
 """Kinds of outputs that an effect may name, in words."""
-_UNITS = {"angle": "rad", "length": "m", "speed": "rad/s", "torque": "Nm", "force": "N"}
+_UNITS = {"angle": "rad", "length": "m", "speed": "rad/s", "torque": "Nm", "force": "N", "current": "A"}
 
 
 def kind_of(unit: str) -> str:
@@ -101,7 +109,8 @@ class Target:
     Where the table is known, `largest` holds the largest magnitude of a column by role (in the
     units of `Measurements`), `labels` the labels of unit and lot, and `locked` whether the rows follow
     the load of a unit with a locked input (None where no table is known); `pace` is the usual
-    step of the clock [s], `derived` are roles that follow from another column. With `several`
+    step of the clock [s], `derived` are roles that follow from another column, `paths` the ranges of
+    columns that change in small steps from row to row, in the order of measuring. With `several`
     outputs the names of an effect's parameters begin with that of their output. `gear` has the
     orders of its errors, None where it is not known.
     """
@@ -119,6 +128,12 @@ class Target:
     gear: Gear | None = None
     pace: float = 0.0
     derived: frozenset[Role] = frozenset()
+    paths: Mapping[Role, float] = field(default_factory=_empty_mapping)
+
+    def travelled(self) -> frozenset[Role]:
+        """The roles of the columns, and the angle where speed and time give the travel."""
+        travel = {Role.ANGLE} if {Role.SPEED, Role.DIRECTION, Role.TIME} <= self.roles() else frozenset()
+        return self.roles() | travel
 
     def roles(self) -> frozenset[Role]:
         """The roles of the columns of the table."""

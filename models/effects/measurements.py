@@ -52,7 +52,7 @@ def play(x: Array, width: float, starts: NDArray[np.bool_] | None = None) -> Arr
 
 def play_along_path(measurements: Measurements, x: Array, width: float) -> Array:
     """`play` over rows in the order of measurement; each unit and repeat has a separate path."""
-    order, starts = measurements.in_order, _starts(measurements)
+    order, starts = measurements.in_order, path_starts(measurements)
     values = np.empty(len(x))
     values[order] = play(x[order], width, starts)
     return values
@@ -65,7 +65,7 @@ def follows_load(measurements: Measurements) -> bool:
     load = next((role for role in (Role.TORQUE, Role.FORCE) if role in measurements), None)
     if load is None or Role.DIRECTION not in measurements or _has_motion(measurements):
         return False
-    order, within = measurements.in_order, ~_starts(measurements)[1:]
+    order, within = measurements.in_order, ~path_starts(measurements)[1:]
     steps = np.diff(np.asarray(measurements[load], dtype=float)[order])[within]
     sign = np.asarray(measurements[Role.DIRECTION], dtype=float)[order]
     reversals = int(np.count_nonzero(np.diff(sign)))
@@ -82,15 +82,52 @@ def _has_motion(measurements: Measurements) -> bool:
     return bool(np.ptp(angle) > TWIST and np.median(steps) > 0.0)
 
 
-def _starts(measurements: Measurements) -> NDArray[np.bool_]:
-    """Where (n,) a path begins, in the order of measurement."""
+def path_starts(measurements: Measurements) -> NDArray[np.bool_]:
+    """Where (n,) a path begins, in the order of measurement: in each unit, repeat and session."""
     order, starts = measurements.in_order, np.zeros(len(measurements), dtype=bool)
     starts[:1] = True
-    for role in (Role.UNIT, Role.REPEAT):
-        if role in measurements:
-            labels = measurements[role][order]
-            starts[1:] |= np.asarray(labels[1:] != labels[:-1], dtype=bool)
+    columns = [measurements[role] for role in (Role.UNIT, Role.REPEAT) if role in measurements]
+    for column in (*columns, *(measurements.table[name] for name in (SESSION,) if name in measurements.table)):
+        labels = column[order]
+        starts[1:] |= np.asarray(labels[1:] != labels[:-1], dtype=bool)
     return starts
+
+
+DRIVING = (Role.ANGLE, Role.TORQUE, Role.FORCE, Role.INPUT)
+"""Roles of columns that may drive an effect with memory."""
+LEAST_PATH = 20
+"""Steps of a path, at least."""
+SMALL = 0.1
+"""Squared steps of a path, as a fraction of those of rows in random order."""
+
+
+def path_of(measurements: Measurements, role: Role, units: Mapping[Role, str]) -> Array:
+    """The column (n,) of that role; the travel [rad or m], integrated from the speed, where there is no angle."""
+    if role is not Role.ANGLE or role in measurements:
+        return np.asarray(measurements[role], dtype=float)
+    order, starts = measurements.in_order, path_starts(measurements)
+    speed = np.asarray(measurements[Role.SPEED] * measurements[Role.DIRECTION], dtype=float)[order]
+    time = np.asarray(measurements[Role.TIME], dtype=float)[order]
+    steps = 0.5 * (speed[1:] + speed[:-1]) * np.where(starts[1:], 0.0, np.diff(time))
+    travel = np.empty(len(speed))
+    travel[order] = np.r_[0.0, np.cumsum(steps)]
+    return travel if units.get(Role.SPEED) == "m/s" else travel * np.pi / 30.0
+
+
+def _paths_of(measurements: Measurements, units: Mapping[Role, str]) -> dict[Role, float]:
+    """The ranges of the driving columns that are paths in the order of measurement."""
+    within, order = ~path_starts(measurements)[1:], measurements.in_order
+    if np.count_nonzero(within) < LEAST_PATH:
+        return {}
+    roles = [role for role in DRIVING if role in measurements]
+    if Role.ANGLE not in measurements and {Role.SPEED, Role.DIRECTION, Role.TIME} <= {*measurements.by_role}:
+        roles.append(Role.ANGLE)
+    ranges = {}
+    for role in roles:
+        x = path_of(measurements, role, units)[order]
+        if 0.0 < float(np.mean(np.diff(x)[within] ** 2)) < SMALL * 2.0 * float(np.var(x)):
+            ranges[role] = float(np.ptp(x))
+    return ranges
 
 
 Table = Mapping[str, NDArray[Any]]
@@ -230,6 +267,7 @@ def target_from(
         locked=follows_load(measurements),
         pace=pace_of(measurements),
         derived=_derive_roles(roles, measurements),
+        paths=_paths_of(measurements, units) if not population else {},
     )
 
 

@@ -22,6 +22,8 @@ REACH = 37.0
 CELLS = 6144
 WIDTH = 2.0 * REACH / CELLS
 FIRST = -float(np.tanh(0.5 * REACH))
+ROWS = 2048
+"""Values of y whose quadrature is in memory at once: 6 MB."""
 COMMON = np.linspace(-9.0, 9.0, 361)
 """Nodes of the common cause [standard deviations]; the trapezoidal rule is exact to rounding."""
 COMMON_WEIGHTS = np.exp(-0.5 * COMMON**2) / np.sum(np.exp(-0.5 * COMMON**2))
@@ -127,9 +129,12 @@ def _inverse(c: Array, probability: Array) -> Array:
 def _density(y: Array, law: TighterPlanet) -> Array:
     """f(z) at z = tanh(y/2), shape of `y`, by quadrature over the common cause."""
     score = -np.sign(y) * ndtri(1.0 / (1.0 + np.exp(np.abs(y))))  # from the nearer limit
-    scaled = np.sqrt(1.0 - law.share) * score[..., None]
-    others = ndtr(np.sqrt(law.share) * COMMON - scaled) ** (law.planets - 1)
-    return np.asarray(0.5 * law.planets * (others @ COMMON_WEIGHTS))
+    flat = np.empty(y.size)
+    for rows in np.array_split(np.arange(y.size), 1 + y.size // ROWS):
+        scaled = np.sqrt(1.0 - law.share) * score.ravel()[rows, None]
+        others = ndtr(np.sqrt(law.share) * COMMON - scaled) ** (law.planets - 1)
+        flat[rows] = others @ COMMON_WEIGHTS
+    return 0.5 * law.planets * flat.reshape(y.shape)
 
 
 def _slope(y: Array) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -15,6 +15,10 @@ from .mechanism import CORNERS, Mechanism, box
 
 ENUMERATED = 16
 """Pieces whose corners are all tried, of those on which the requirement is not proven monotone."""
+MOVES, FINEST = 200, 1e-10
+"""Of a compass search: trials at most, and the step, as a fraction of a tolerance, below which it ends."""
+TRIED, ALIKE = 16, 1e-9
+"""Random units at which slopes by places are compared, and how far they may differ."""
 
 
 Ends = tuple[float, float]
@@ -25,7 +29,8 @@ class Extremes(NamedTuple):
     """Least and greatest value of a requirement for one design, in its unit, and what they are.
 
     `kind` is "corners" where units reach both and no corner of the tolerances lies beyond; "bound"
-    where no unit lies beyond either, but none may reach them; "sample" where corners may lie beyond.
+    where no unit lies beyond either, but none may reach them; "sample" where others than the units
+    that were tried may lie beyond.
     """
 
     least: float
@@ -37,11 +42,12 @@ def extremes(mechanism: Mechanism, t: Array) -> Extremes:
     """The worst case within tolerances t (p,) about the mid-limits, of the units for which the requirement has a value.
 
     A piece on which the formula rises or falls everywhere, by the interval of its slope, stands at
-    one end. Of up to `ENUMERATED` other pieces all corners are tried, and points between; of more,
-    the interval of the formula is the bound. Formulas with loops, whose slopes have no intervals here,
-    have all corners of up to `ENUMERATED` pieces tried, and a sample of more. A place in two directions
-    stands on the circle of its zone, at right angles from where the slopes say; that is exact where the
-    formula is linear in it, else "sample".
+    one end. Of up to `ENUMERATED` other pieces all corners are tried, and points between, and the best of
+    them is moved while that gains; of more, the interval of the formula is the bound. Formulas with loops,
+    whose slopes have no intervals here, have all corners of up to `ENUMERATED` pieces tried, and a sample of
+    more. Places in two directions that count by the length of one sum of them, as those of fasteners do,
+    stand on one line; others on the circle of their zones, at right angles from where the slopes say, which
+    is exact where the formula is linear in them, else "sample".
 
     Reference: Moore, Kearfott & Cloud (2009), Introduction to Interval Analysis, SIAM (test of
     monotonicity, mean value form).
@@ -65,6 +71,9 @@ def _extreme(mechanism: Mechanism, ends: Mapping[str, Ends], side: float) -> tup
     assert formula is not None
     places = [name for disc in mechanism.discs for name in disc.named(names) if ends.keys() >= set(disc.named(names))]
     at, rest, slopes = dict[str, Array](), dict(ends), dict[str, Interval]()
+    if places and _on_a_line(formula, ends, places):
+        at |= {name: np.asarray(0.5 * sum(rest.pop(name))) for name in places[1::2]}
+        places = []
     while rest and not formula.assembles:
         x: dict[str, Any] = at | {name: Interval(*pair) for name, pair in rest.items()}
         slopes = {name: Interval.of(slope) for name, slope in formula.dual(x, rest)[1].items()}
@@ -75,13 +84,63 @@ def _extreme(mechanism: Mechanism, ends: Mapping[str, Ends], side: float) -> tup
         at |= {name: np.asarray(rest.pop(name)[int(up == (side > 0.0))]) for name, up in rising.items()}
     if len(rest) > ENUMERATED and not formula.assembles:
         return _bound(formula, at, rest, slopes, side), "bound"
-    z = mechanism.rounded(_points(len(rest)), [names.index(name) for name in rest])
     straight = all(slopes[name].low == slopes[name].high for name in places) if slopes else not places
-    inside = {name: 0.5 * (a + b) + 0.5 * (b - a) * row for (name, (a, b)), row in zip(rest.items(), z, strict=True)}
-    values = side * np.broadcast_to(formula.value(at | inside), z.shape[1])
-    best = float(np.max(values[np.isfinite(values)], initial=-np.inf))
+
+    def values(z: Array) -> Array:
+        """The formula (m,), greater is better, at points (k, m) of the square; -inf where it has no value."""
+        z = mechanism.rounded(z, [names.index(name) for name in rest])
+        inside = zip(rest.items(), z, strict=True)
+        y = formula.value(at | {name: 0.5 * (a + b) + 0.5 * (b - a) * row for (name, (a, b)), row in inside})
+        y = side * np.broadcast_to(y, z.shape[1])
+        return np.where(np.isfinite(y), y, -np.inf)
+
+    best = _climbed(values, _points(len(rest)))
     kind = "corners" if len(rest) <= ENUMERATED and straight else "sample"
     return (side * best if np.isfinite(best) else np.nan), kind
+
+
+def _climbed(values: Callable[[Array], Array], z: Array) -> float:
+    """The greatest value of points (k, m) of [-1, 1]^k, and of a compass search from the best of them."""
+    y = values(z)
+    best, point, step = float(np.max(y)), z[:, int(np.argmax(y))], 1.0
+    directions = np.hstack([np.eye(len(point)), -np.eye(len(point))])
+    for _ in range(MOVES if len(point) else 0):
+        moves = np.clip(point[:, None] + step * directions, -1.0, 1.0)
+        y = values(moves)
+        if (step := step if (higher := float(np.max(y))) > best else 0.5 * step) < FINEST:
+            break
+        if higher > best:
+            best, point = higher, moves[:, int(np.argmax(y))]
+    return best
+
+
+def _on_a_line(formula: Formula, ends: Mapping[str, Ends], places: Sequence[str]) -> bool:
+    """Whether places (x, y, x, y, ...) count by the length of one sum of them alone, |sum_i c_i p_i|.
+
+    Then the slopes by all places are parallel, in ratios that the places do not change, and have no moment
+    about the middle: it is tested at random units of one set of sizes.
+    """
+    if formula.assembles:
+        return False
+    rng = np.random.default_rng(0)
+    x = {
+        name: low + (high - low) * rng.uniform(size=TRIED if name in places else 1)
+        for name, (low, high) in ends.items()
+    }
+    with np.errstate(all="ignore"):
+        slopes = formula.dual(x, places)[1]
+    if not all(name in slopes for name in places):
+        return False
+    g = np.stack([np.broadcast_to(slopes[name], TRIED) for name in places]).reshape(-1, 2, TRIED)
+    p = np.stack([x[name] - 0.5 * sum(ends[name]) for name in places]).reshape(-1, 2, TRIED)
+    longest = np.argmax(np.sum(g[..., 0] ** 2, axis=1))
+    first, size = g[longest], np.sum(g[longest] ** 2, axis=0)
+    ratios = np.sum(g * first, axis=1) / size
+    across = (g[:, 0] * first[1] - g[:, 1] * first[0]) / size
+    moment = np.sum(p[:, 0] * g[:, 1] - p[:, 1] * g[:, 0], axis=0) / np.sum(np.hypot(*p.swapaxes(0, 1)) * np.sqrt(size))
+    return bool(
+        np.all(np.abs(across) < ALIKE) and np.all(np.ptp(ratios, axis=1) < ALIKE) and np.all(abs(moment) < ALIKE)
+    )
 
 
 def _points(pieces: int) -> Array:

@@ -257,6 +257,8 @@ def declaration_of(definition: Definition, **more: Any) -> Declaration:
         limits=LIMITS,
         objectives=OBJECTIVES,
         algorithm="exact",
+        unconditional=frozenset(["cost", "cost_links", "cost_reducers"]),
+        operation={"payload_kg": ("payload_kg",)},
         **more,
     )
 

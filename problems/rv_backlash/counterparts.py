@@ -94,6 +94,12 @@ def _gap(values: Mapping[str, float], model: BacklashModel) -> Change:
     return Change(effective=gap + model.output_factor * play)
 
 
+def _wear(values: Mapping[str, float], model: BacklashModel) -> Change:
+    """Both halves of a gap between worn flanks, which has grown for `hours`."""
+    hours = values.get("hours", 0.0)
+    return Change(cycloid=2.0 * values.get("rate_arcmin_per_s", 0.0) * 3600.0 * hours * ARCMIN)
+
+
 COUNTERPARTS: Mapping[str, tuple[Callable[[Mapping[str, float], BacklashModel], Change], str]] = {
     "differential_thermal_expansion": (
         _expansion,
@@ -101,6 +107,7 @@ COUNTERPARTS: Mapping[str, tuple[Callable[[Mapping[str, float], BacklashModel], 
     ),
     "process_mean_shift": (_shift, "every unit's backlash changes by {effective:+.4g} arcmin"),
     "spread_inflation": (_inflation, "the backlash scatters {growth:.4g} % more about its mean"),
+    "wear": (_wear, "worn flanks: phi_2 changes by {cycloid:+.4g} arcmin"),
     "lost_motion": (_gap, "both halves of the gap add {effective:.4g} arcmin of backlash"),
     "bearing_clearance": (_gap, "the clearance adds {effective:.4g} arcmin of backlash"),
 }

@@ -282,6 +282,9 @@ class RvBacklash(Promising, Machined):
         objectives=DEFAULT_OBJECTIVES,
         model="rv_batch",
         algorithm="exact",
+        unconditional=frozenset(
+            ["cost", "radial_gap_mm", "clearance_min_mm", "conjugate_clearance_min_mm", "modification_backlash_arcmin"]
+        ),
         model_name="document",
         model_statement="document B's closed form",
         explained={

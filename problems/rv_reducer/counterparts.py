@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -13,20 +14,22 @@ from ...models.rv_reducer.contact.geometry import ContactGeometry
 from ...models.rv_reducer.cycloid import pin_circle_growth
 from ...models.rv_reducer.population.measures import Measure, Measures
 from ...models.rv_reducer.population.units import Statistic, share_within
-from ...section import Array
-from ...units import UM
+from ...section import Array, Value, number
+from ...units import ARCMIN, UM
 
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """What effects change: `circle` [um] is the growth of the pin circle relative to the discs and
-    `bearing` [um] a clearance of every crank bearing, both inside the contact. Outside of it every
+    """What effects change: `circle` [um] is the growth of the pin circle relative to the discs,
+    `bearing` [um] a clearance of every crank bearing and `wear` [um] what flanks of teeth and pins have
+    lost together, all inside the contact. Outside of it every
     unit has `gap` [arcmin] of backlash more, which moves no flank, and units differ from those of
     the drawing: they are off by `shift` [arcmin] and scatter by the fraction `growth` more.
     """
 
     circle: float = 0.0
     bearing: float = 0.0
+    wear: float = 0.0
     gap: float = 0.0
     shift: float = 0.0
     growth: float = 0.0
@@ -35,6 +38,7 @@ class Change:
         return Change(
             self.circle + other.circle,
             self.bearing + other.bearing,
+            self.wear + other.wear,
             self.gap + other.gap,
             self.shift + other.shift,
             (1.0 + self.growth) * (1.0 + other.growth) - 1.0,
@@ -48,7 +52,7 @@ class Change:
     @property
     def inside(self) -> Mapping[str, float]:
         """What is added to mid-limits [um], by name of the error."""
-        return {"pin_circle_radius": self.circle, "crank_bearing": self.bearing}
+        return {"pin_circle_radius": self.circle, "crank_bearing": self.bearing, "equidistance": self.wear}
 
     @property
     def outside(self) -> bool:
@@ -75,6 +79,25 @@ def _gap(values: Mapping[str, float], _: ContactGeometry) -> Change:
     return Change(bearing=values.get("bearing_clearance_um", 0.0), gap=2.0 * values.get("half_width_arcmin", 0.0))
 
 
+def worn(parameters: Mapping[str, Value], hours: float) -> Change:
+    """Flank wear after some hours: running in, then at a constant rate.
+
+    w = w_0 (1 - exp(-t/t_0)) + k t. By Archard's law k is in proportion to load times sliding; it is
+    scaled by the measured growth of the lost motion. In a turn every pin and tooth carries every phase
+    of the mesh once, so that all wear alike: w acts on backlash, not on pitch. It counts as even along
+    the flanks. Reference: Archard, J. Appl. Phys. 24, 1953.
+    """
+    running_in, constant = number(parameters["running_in_um"]), number(parameters["running_in_hours"])
+    rate = 1e-3 * number(parameters["wear_um_per_1000h"])
+    return Change(wear=running_in * (1.0 - math.exp(-hours / constant)) + rate * hours)
+
+
+def _wear(values: Mapping[str, float], geometry: ContactGeometry) -> Change:
+    """Both halves of a gap that has grown for `hours`, as wear of the flanks that leaves it."""
+    gap = 2.0 * values.get("rate_arcmin_per_s", 0.0) * 3600.0 * values.get("hours", 0.0)
+    return Change(wear=gap * ARCMIN * 0.5 * geometry.nominal.lever * geometry.output_ratio / UM)
+
+
 _OF_A_GAP = "both halves of the gap add {gap:.4g} arcmin of backlash"
 _IN_BEARINGS = "every crank bearing has {bearing:.4g} um more clearance inside the contact"
 COUNTERPARTS: Mapping[str, tuple[Callable[[Mapping[str, float], ContactGeometry], Change], str]] = {
@@ -92,6 +115,7 @@ COUNTERPARTS: Mapping[str, tuple[Callable[[Mapping[str, float], ContactGeometry]
         "the backlash, and the overlap, scatters {growth:.4g} % more about its mean; what is solved under load keeps "
         "to the contact",
     ),
+    "wear": (_wear, "flanks have lost {wear:.4g} um after the hours of the condition"),
     "lost_motion": (_gap, _OF_A_GAP),
     "bearing_clearance": (_gap, _OF_A_GAP),
 }
@@ -112,11 +136,16 @@ def changes_of(effects: Iterable[Active], geometry: ContactGeometry) -> Change:
 def sentence(active: Active, geometry: ContactGeometry) -> str:
     """What one effect does here, empty where it does nothing."""
     change = change_of(active, geometry)
-    if change == Change():
+    if change == Change() and active.effect.name != "wear":  # which does nothing in a new unit
         return ""
     text = _IN_BEARINGS if change.bearing else COUNTERPARTS[active.effect.name][1]
     return text.format(
-        circle=change.circle, bearing=change.bearing, gap=change.gap, shift=change.shift, growth=100.0 * change.growth
+        circle=change.circle,
+        bearing=change.bearing,
+        wear=change.wear,
+        gap=change.gap,
+        shift=change.shift,
+        growth=100.0 * change.growth,
     )
 
 

@@ -71,6 +71,11 @@ def _count(name: str, default: int, meaning: str, low: int, high: int, need: Nee
     return Parameter(name, default, "", meaning, "", low=low, high=high, need=need)
 
 
+def _wear(name: str, default: float, unit: str, meaning: str) -> Parameter:
+    open_low = name == "running_in_hours"
+    return Parameter(name, default, unit, meaning, "", low=0.0, high=1e6, open_low=open_low)
+
+
 UNITS = Need("unit", bytes=2e3)
 """Its errors, drawn."""
 MEASUREMENTS = Need("measurement", bytes=40.0)
@@ -118,6 +123,19 @@ CONTACT: tuple[Parameter, ...] = (
         0.0,
         "Nm",
         "torque under which the transmission error is measured; 0: the rated torque",
+        "",
+        low=0.0,
+        high=1e7,
+    ),
+    _wear("wear_um_per_1000h", 0.0, "um", "flank wear of tooth and pin together in 1000 h after running in"),
+    _wear("running_in_um", 0.0, "um", "flank wear of tooth and pin together while they run in"),
+    _wear("running_in_hours", 200.0, "h", "time constant of running in"),
+    _wear("hours", 0.0, "h", "hours of operation after which units are evaluated"),
+    Parameter(
+        "load_torque_Nm",
+        0.0,
+        "Nm",
+        "torque under which the greatest pin force is computed; 0: the rated torque",
         "",
         low=0.0,
         high=1e7,

@@ -65,6 +65,7 @@ class UnitModel(UnitBasis):
             series_stiffness=number(parameters["series_stiffness_Nm_per_arcmin"]) / ARCMIN,
             rated_torque=rated,
             te_torque=number(parameters["te_torque_Nm"]) or rated,
+            load_torque=number(parameters["load_torque_Nm"]),
         )
         preload = 0.01 * number(parameters["preload_percent_of_rated"]) * rated
         basis = UnitBasis.from_parameters(parameters, inputs, mids)
@@ -280,6 +281,8 @@ class Evaluation:
 
 POSITIONS_SHOWN = 1021
 """Positions of a turn at which the one unit is drawn: a prime, 26 to a turn of the crank."""
+PARTS_OF_TURN = 8
+"""Parts in which that turn is computed: 10 MB each instead of 90."""
 BINS = 80
 """Steps of the distribution over units."""
 INTERFERENCE = {
@@ -310,7 +313,7 @@ def _turn(evaluation: Evaluation) -> pd.DataFrame:
     largest = _largest_backlash(evaluation)
     unit = int(np.argsort(largest, kind="stable")[len(largest) // 2])
     rough = evaluation.turn.play[:, unit].astype(float)
-    fine = _population_of_one(evaluation, unit).turn(evaluation.design).play[:, 0].astype(float)
+    fine = _fine_turn(evaluation, unit)
     count = (len(rough), len(fine))
     play = np.concatenate([rough, fine])
     frame = pd.DataFrame(
@@ -324,12 +327,14 @@ def _turn(evaluation: Evaluation) -> pd.DataFrame:
     return frame.sort_values(["turn_deg", "measured"], kind="stable", ignore_index=True)
 
 
-def _population_of_one(evaluation: Evaluation, unit: int) -> Population:
-    """A population of one unit at `POSITIONS_SHOWN` positions."""
+def _fine_turn(evaluation: Evaluation, unit: int) -> Array:
+    """Backlash of the cycloid stage of one unit at `POSITIONS_SHOWN` positions [arcmin], part by part."""
     geometry = evaluation.model.geometry
     sample = evaluation.drawn.rigid.sample.part(slice(unit, unit + 1))
-    lattice = Lattice.of(geometry, turn_lattice(POSITIONS_SHOWN, geometry.nominal.cycloid_teeth))
-    return Population(lattice, sample, Slopes.of(geometry, sample))
+    slopes = Slopes.of(geometry, sample)
+    parts = np.array_split(turn_lattice(POSITIONS_SHOWN, geometry.nominal.cycloid_teeth), PARTS_OF_TURN)
+    turns = (Population(Lattice.of(geometry, angles), sample, slopes).turn(evaluation.design) for angles in parts)
+    return np.concatenate([turn.play[:, 0].astype(float) for turn in turns])
 
 
 def _population(evaluation: Evaluation) -> pd.DataFrame:

@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 
 from ...errors import Fault, ModelError
+from ...models.effects.measurements import Active
 from ...models.inputs import Uniform
 from ...models.rv_reducer import geometry as modification
+from ...models.rv_reducer.cycloid import pin_circle_growth
 from ...models.rv_reducer.geometry import RvGeometry
 from ...models.rv_reducer.population.errors import nearest_prime
 from ...models.rv_reducer.population.units import stem
 from ...records import UnitsShown
 from ...section import Array, Value, Variable, number
-from ...units import ARCMIN, MM
+from ...units import ARCMIN, MM, UM
 from ..declaration import Declaration, Interval
 from ..machined import Machined
 from ..rv_backlash.problem import DEFAULT_COSTS
@@ -26,7 +29,7 @@ from ..rv_backlash.shift import TERMS
 from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import Variant
 from . import declared
-from .counterparts import changes_of, outputs_without_rule, sentence
+from .counterparts import Change, changes_of, outputs_without_rule, sentence, worn
 from .declared import (
     DEFAULT_LIMITS,
     DEFAULT_OBJECTIVES,
@@ -109,13 +112,53 @@ def _centre_interference(problem: RvReducer, row: Array) -> Array:
     return row
 
 
+# Discs that jam because they are warmer than the housing.
+
+
+JAM_UNITS, JAM_POSITIONS = 16, 31
+"""Units without errors, and positions of a turn, that are tested for a jam."""
+HOTTEST = 500.0
+"""Difference of temperature [K] up to which a jam is sought."""
+
+
+def jam_faults(problem: RvReducer, effects: Iterable[Active]) -> list[Fault]:
+    """A fault where expansion closes even the most open profile without errors, with the temperature."""
+    effects = tuple(effects)
+    warmer = sum(active.values.get("temperature_difference_K", 0.0) for active in effects)
+    if warmer <= 0.0 or problem.settings.parameters["allow_interference"]:
+        return []
+    model = problem.model
+    per_kelvin = float(pin_circle_growth(model.geometry.nominal, np.array(1.0), np.array(0.0))) / UM
+    drawn = model.population(nearest_prime(JAM_POSITIONS, model.geometry), JAM_UNITS, 0, REPORT)
+    row = {name: problem.interval(name)[0] for name in problem.names if name == "involute_grade"}
+    row |= {v.name: 0.0 for v in VARIABLES if v.name != "involute_grade"}
+    row |= {"crank_bearing_um": problem.interval("crank_bearing_um")[1]}
+    row |= {"dr_rp_mm": problem.interval("dr_rp_mm")[1], "dr_p_mm": problem.interval("dr_p_mm")[0]}
+
+    def play(difference: float) -> float:
+        moved = {"pin_circle_radius": per_kelvin * (difference - warmer)}
+        return float(drawn.turn(model.design(row, moved)).play.mean(axis=0).max())
+
+    if play(warmer) >= 0.0:
+        return []
+    at = scipy.optimize.brentq(play, -HOTTEST, warmer, xtol=0.01) if play(-HOTTEST) > 0.0 else -HOTTEST
+    place = next(n for n, a in enumerate(effects) if a.values.get("temperature_difference_K", 0.0) > 0.0)
+    text = (
+        f"the discs jam: {warmer:g} K warmer than the housing they fill the pin circle; even the most open profile of "
+        f"the search ranges, without errors, has no backlash from {at:.3g} K on; lower the temperature, open the "
+        "profile (dr_rp_mm, dr_p_mm), or set parameters.allow_interference = true"
+    )
+    return [Fault(f"effect[{place}]", text)]
+
+
 # Limits of validity of the units of `rv_reducer`.
 
 
-def validity(parameters: Mapping[str, Value], uniform: bool) -> tuple[str, ...]:
-    """A sentence for each; `uniform`: every error is uniform over its zone."""
+def validity(parameters: Mapping[str, Value], uniform: bool, change: Change) -> tuple[str, ...]:
+    """A sentence for each; `uniform`: every error is uniform over its zone; `change`: what effects change."""
     zones = "Every error is uniform over its zone: skewed or centred processes give other fractions."
     given = "Distributions are those of the configuration, the same for all parts of a kind."
+    left_out = ["friction", *([] if change.circle else ["temperature"]), *([] if change.wear else ["wear"])]
     stage = (
         "The clearances of the planets are centred on each other, and the runout of the involute stage is not "
         "followed along the turn: phi_1 is a single number per unit.",
@@ -125,7 +168,7 @@ def validity(parameters: Mapping[str, Value], uniform: bool) -> tuple[str, ...]:
         zones if uniform else given,
         "Pitch error and runout of a disc are waves with one period per turn of the disc.",
         *(stage if parameters["involute_stage"] else ()),
-        "No friction, no temperature, no wear.",
+        f"No {', no '.join(left_out)}.",
         "Play of the crank bearings acts about the centre of the disc only; along the load of the bearing it would "
         "count about 1.15 times (an estimate, not tested).",
         "A pin circle that is offset does not centre itself under load: likely pessimistic.",
@@ -228,6 +271,8 @@ class RvReducer(PromisingUnits, Machined):
         grain=8,
         performance=SAMPLED_OUTPUTS - HOLD_INTERFERENCE.keys() - {"yield_percent"},
         unpriced=unpriced,
+        unconditional=frozenset(["cost", "radial_gap_mm", "modification_backlash_arcmin"]),
+        operation={"hours": ("hours",), "torque_Nm": ("load_torque_Nm", "te_torque_Nm")},
         reference_ga={
             "population": 100,
             "generations": 80,
@@ -244,7 +289,8 @@ class RvReducer(PromisingUnits, Machined):
         super().__init__(settings)
         given = self.settings
         units = UnitModel.of(given.parameters, given.variables, given.propagation.coverage)
-        change = changes_of(given.effects, units.geometry)
+        hours = number(given.parameters["hours"])
+        change = changes_of(given.effects, units.geometry) + worn(given.parameters, hours)
         lacking = outputs_without_rule(MEASURES, SAMPLED_OUTPUTS, SAMPLED_UNDER_LOAD) if change.outside else []
         if lacking:
             raise ModelError(f"{', '.join(lacking)}: no rule says what effects do; add its kind to RULES")
@@ -281,6 +327,9 @@ class RvReducer(PromisingUnits, Machined):
     @property
     def _search_units(self) -> int:
         return self.count("search_units") or (ALONE if len(self.objectives) == 1 else MANY)
+
+    def sample_sizes(self) -> Mapping[str, Value]:
+        return {"search_units": self._search_units}
 
     @cached_property
     def _reported(self) -> Populations:
@@ -479,7 +528,16 @@ class RvReducer(PromisingUnits, Machined):
             *unpriced_error_faults({variable.name for variable in self.free}, self.settings.costs),
             *(size_faults(self.count, MAX_CACHED_EVALUATIONS) or super().faults()),
         ]
+        faults = faults or [*self._idle_hours(), *jam_faults(self, self.settings.effects)]
         return faults or self.cost_bound().faults()
+
+    def _idle_hours(self) -> list[Fault]:
+        """A fault for hours in which nothing wears."""
+        hours = number(self.settings.parameters["hours"])
+        if not hours or self.model.change.wear:
+            return []
+        text = "change nothing: state parameters.wear_um_per_1000h, parameters.running_in_um or an effect of wear"
+        return [Fault("parameters.hours", f"{hours:g} h {text}")]
 
     def cost_bound(self) -> CommonErrorBound:
         from .bound import CommonErrorBound  # not before one is asked for
@@ -505,9 +563,15 @@ class RvReducer(PromisingUnits, Machined):
         teeth = f"{nominal.cycloid_teeth} teeth on {nominal.pins} pins"
         return f"{kind}, {teeth}: allocation on the exact contact"
 
+    def drawn(self, name: str) -> Mapping[str, str]:
+        """The phase of a journal is the place of its axis on the circle of the eccentricity."""
+        at = {"crank_phase_mrad": {"drawn_as": f"at {number(self.settings.parameters['eccentricity_mm'])!r} mm"}}
+        return at.get(name, {})
+
     def validity(self) -> tuple[str, ...]:
         given = [setting.distribution for setting in self.settings.variables.values()]
-        return validity(self.settings.parameters, all(d is None or isinstance(d, Uniform) for d in given))
+        uniform = all(d is None or isinstance(d, Uniform) for d in given)
+        return validity(self.settings.parameters, uniform, self.model.change)
 
     def shown_limit(self) -> tuple[str, float] | None:
         return "backlash_max_arcmin", number(self.settings.parameters["backlash_limit_arcmin"])

@@ -24,7 +24,7 @@ from .problem import Stack
 from .promises import WINDOW, Measured
 
 ROUNDED = 1e-12
-"""An end of the worst case that is so much smaller than the other is 0, as it is rounded."""
+"""Ends of the worst case, mean and nominal that are so much smaller than the larger end are 0, as they are rounded."""
 BINS = 40
 """Bars of a histogram of units."""
 PER_MILLION = 1e4
@@ -51,9 +51,9 @@ REQUIREMENT_COLUMNS = (
     "kept_statistical",
 )
 HOW = {
-    "corners": "those of the corners of the tolerances",
-    "bound": "a bound that no unit exceeds",
-    "sample": "those of a sample of the corners, and others may lie beyond",
+    "corners": "reached by units, and no corner of the tolerances lies beyond",
+    "bound": "bounds that no unit exceeds",
+    "sample": "the outermost of the units that were tried, and others may lie beyond",
 }
 """How the ends of a requirement that is not linear were found."""
 METHODS = ("rss", "worst_case")
@@ -125,8 +125,8 @@ def _requirement_row(
     mechanism, requirement = measured.mechanism, measured.requirement
     mean, std = _mean_and_deviation(measured, made, sample)
     least, greatest, kind = _worst_ends(measured, made)
-    small = ROUNDED * max(abs(least), abs(greatest))
-    least, greatest = (0.0 if abs(end) <= small else end for end in (least, greatest))
+    small, nominal = ROUNDED * max(abs(least), abs(greatest)), _nominal(measured)
+    least, greatest, mean, nominal = (0.0 if abs(end) <= small else end for end in (least, greatest, mean, nominal))
     rss = (mean - SIGMAS * std, mean + SIGMAS * std)
     lower, upper = mechanism.lower, mechanism.upper
     above, below = ((end / (SIGMAS * std) if std > 0.0 else np.inf) for end in (upper - mean, mean - lower))
@@ -136,7 +136,7 @@ def _requirement_row(
     return {
         "requirement": measured.label,
         "unit": requirement.unit,
-        "nominal": _nominal(measured),
+        "nominal": nominal,
         "mean": mean,
         "std": std,
         "worst_case_least": least,

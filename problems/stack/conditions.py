@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ...errors import Fault
 from ...models.stack import Mechanism, least_margin
-from ...section import Array, Assumption, Output, Range, Section, flat
+from ...section import Array, Assumption, Range, Section
 from ...units import family
-from ..settings import Bound
 from .definition import Condition, Definition, Part, Requirement
 from .formulas import domain_violation, linearise_mechanism
 
@@ -138,36 +137,6 @@ def _expanded(mechanism: Mechanism, parts: Sequence[Part], growth: Array) -> Mec
     loosest = np.array([part.high for part in parts])
     larger, _ = linearise_mechanism(larger, loosest[larger.owners])
     return replace(larger, undefined=domain_violation(larger, loosest, least_margin(larger, loosest[None, :])[0]))
-
-
-def limitable(
-    outputs: Sequence[Output], plain: Sequence[Output], conditions: Sequence[Condition], top: Section
-) -> tuple[Output, ...]:
-    """The `outputs` in every condition, and the `plain` ones, which limits may name; elsewhere it is a fault."""
-    limited = {output.name: output for output in (*plain, *outputs)}
-    alone = limited.keys() - {output.name for output in outputs}
-    objectives = top.section("objectives").take("minimise")
-    named = [("objectives.minimise", name) for name in objectives] if isinstance(objectives, list) else []
-    chosen = top.section("choice").take("limits")
-    named += [(f"choice.limits.{name}", name) for name in flat(chosen)] if isinstance(chosen, dict) else []
-    for place, name in named:
-        if name in alone:
-            text = f"{name} has a value in each condition: name one, like {conditions[0].name}.{name}"
-            top.fault(place, text)
-    return tuple(limited.values())
-
-
-def limits_in_all(
-    conditions: Sequence[Condition], limits: Mapping[str, Bound], outputs: Collection[str]
-) -> dict[str, Bound]:
-    """The limits of a run, those on outputs that there are only in conditions in each of them."""
-    spread = {name: bound for name, bound in limits.items() if name in outputs or not conditions}
-    for name in [name for name in limits if name not in spread]:
-        for condition in conditions:
-            own = spread.get(f"{condition.name}.{name}", Bound())
-            low, high = max(own.low, limits[name].low), min(own.high, limits[name].high)
-            spread[f"{condition.name}.{name}"] = Bound(low, high)
-    return spread
 
 
 def thermal_assumptions(definition: Definition) -> tuple[Assumption, ...]:

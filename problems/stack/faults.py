@@ -13,7 +13,7 @@ from ...section import Need, Section, too_many
 from ..settings import PROMISED, YIELD
 from .convex import has_process_within_limits, range_of
 from .definition import Requirement
-from .outputs import OBJECTIVES, VARIATIONS, common_unit
+from .outputs import VARIATIONS, common_unit
 from .promises import Measured, promise_faults
 
 if TYPE_CHECKING:
@@ -30,6 +30,10 @@ DEVIATIONS = Need("deviation", bytes=16.0)
 def faults_of(stack: Stack, inherited: Callable[[], list[Fault]]) -> list[Fault]:
     """Every fault; where the sample is too large, faults of any problem are not sought."""
     faults = promise_faults(stack.definition, stack.given.limits)
+    if stack.definition.conditions:
+        from ..conditions import contradictory
+
+        faults += contradictory(stack.settings.limits)
     faults += size_faults(stack) or inherited()
     faults += [*yield_faults(stack), *first_order_faults(stack), *range_faults(stack)]
     return faults or domain_faults(stack)
@@ -161,4 +165,4 @@ def read_output_names(top: Section) -> tuple[list[str], list[str]]:
     """Names of objectives and limits, as far as they can be read."""
     names, limits = top.section("objectives").take("minimise"), top.section("limits")
     named = [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
-    return (named if "objectives" in top else list(OBJECTIVES)), list(limits.all_keys())
+    return named, list(limits.all_keys())

@@ -147,7 +147,8 @@ def _read(
     size = _named(section, "size", owners, 1) or of[:1]
     unit = section.text("unit") or next((part.unit for _, part in size if part is not None), "") or length_unit
     if not _is_length(unit):
-        section.fault("unit", f'must be a length: write "mm", "um", ...; got "{unit}"')
+        if "unit" in section or not {"of", "size"} & set(stated):  # else those are at fault
+            section.fault("unit", f'must be a length: write "mm", "um", ...; got "{unit}"')
         unit = "mm"
     material = (section.text("material", kind.materials) if "material" in kind.takes else None) or kind.materials[0]
     process, lengths = _zone(section, kind, unit, material), tuple[float, ...]()

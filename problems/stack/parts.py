@@ -33,7 +33,7 @@ from ...models.iso286 import (
 )
 from ...models.machine_offers import Offer, Owner, read_offers
 from ...section import POSITIVE, Range, Section, is_forced, shown
-from ...units import family
+from ...units import family, fits
 from .definition import Part, Process, Requirement, natural_limit, processes_of
 from .formulas import name_complaint, read_sensitivities
 
@@ -494,8 +494,8 @@ def read_parts(top: Section, requirements: Sequence[Requirement], faults: list[F
 
 
 def placeholder_part(table: Mapping[str, Any], at: int) -> Part:
-    """A part with the names of a faulty one, so that the other tables can be checked."""
-    name, processes = table.get("name"), (Process(0.0, 1.0),) * 2
+    """A part with the names of a faulty one, so that the other tables can be checked; of any tolerance."""
+    name, processes = table.get("name"), (Process(0.0, np.inf),) * 2
     return Part(
         name if isinstance(name, str) else f"part_{at}", "", processes, Normal(), alternatives="process" in table
     )
@@ -525,7 +525,7 @@ def _read(section: Section, length_unit: str, requirements: Sequence[Requirement
     sensitivities = read_sensitivities(section, unit, requirements)
     expansion, material = _expansion(section, unit)
     distribution = read_distribution(section, Normal())
-    labels = _labels(section)
+    labels = _labels(section, unit)
     section.accept(("measured",))  # known, though it is not read where the zone has a fault
     if unit is None:
         section.accept(("nominal", "t_max", "cost", *KEYS))
@@ -607,12 +607,17 @@ def _sample(
     return None if stated else sample
 
 
-def _labels(section: Section) -> dict[str, str]:
-    """Geometrical characteristic, diameter or radius, number of the drawing, number of the characteristic
+def _labels(section: Section, unit: str | None) -> dict[str, str]:
+    """Geometrical characteristic, how it is drawn, number of the drawing, number of the characteristic
     on it, and where the tolerance comes from.
     """
     numbers = {key: drawing_number(section, key) for key in ("drawing", "characteristic")}
-    known = (("geometry", SYMBOLS), ("drawn_as", DRAWN_AS), ("source", ()))
+    angle = section.take("drawn_as")
+    if isinstance(angle, str) and angle.startswith("at "):
+        section.as_number("drawn_as", angle.removeprefix("at "), "mm", POSITIVE)
+        if unit is not None and not (unit and fits(unit, "rad")):
+            section.fault("drawn_as", f'is of an angle, and the part is in "{unit}": write {" or ".join(DRAWN_AS)}')
+    known = (("geometry", SYMBOLS), ("drawn_as", () if str(angle).startswith("at ") else DRAWN_AS), ("source", ()))
     texts = {key: section.text(key, choices) for key, choices in known}
     return numbers | {key: text or "" for key, text in texts.items()}
 

@@ -125,6 +125,11 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
             f"{YIELD} counts the units of a sample that keep all requirements together: `exact` solves it by SLSQP on "
             "the sample, and no bound counts them together"
         )
+    if stack.declaration.objectives == stack.objectives == ("cost",) and stack.free and not stack.limits:
+        sentences.append(
+            "the requirements are in different units, so that the cost alone is minimised, and no output is limited: a "
+            "run takes the loosest tolerances; state limits, or name a variation in objectives.minimise"
+        )
     for values in stack.measured:
         if text := values.off_nominal:
             most = "fewer than half of the units conform whatever the tolerances" if values.off_limits else ""
@@ -268,10 +273,11 @@ class Stack(ToleranceProblem):
             outputs_of(definition.requirements, definition.parts, self.measured, definition.promise),
         )
         if definition.conditions and settings is not None:
-            from .conditions import limits_in_all
+            from ..conditions import limits_in_all
 
             known = {o.name for o in self.declaration.outputs} | {v.name for v in self.declaration.variables}
-            settings = replace(settings, limits=limits_in_all(definition.conditions, settings.limits, known))
+            names = [condition.name for condition in definition.conditions]
+            settings = replace(settings, limits=limits_in_all(names, settings.limits, known))
         super().__init__(settings)
 
     @classmethod
@@ -290,10 +296,11 @@ class Stack(ToleranceProblem):
         promise = read_promise(top)
         outputs = outputs_of(requirements, known, () if conditions else mechanisms, promise)
         if conditions:
-            from .conditions import limitable, requirements_at
+            from ..conditions import limitable
+            from .conditions import requirements_at
 
             every = outputs_of(requirements_at(conditions, requirements), known, mechanisms, promise)
-            outputs = limitable(every, outputs, conditions, top)
+            outputs = limitable(every, outputs, [condition.name for condition in conditions], top)
         declaration = _declare_stack(variables_of(known), outputs)
         declaration = replace(declaration, conditions=tuple(condition.name for condition in conditions))
         return ConfiguredProblem(declaration, cls, {"definition": definition})
@@ -579,4 +586,6 @@ class Stack(ToleranceProblem):
 
 
 def _declare_stack(variables: tuple[Variable, ...], outputs: tuple[Output, ...]) -> Declaration:
-    return Declaration(variables, outputs, objectives=OBJECTIVES, algorithm="exact")
+    """Its objectives are those that it has: requirements in different units have no variation together."""
+    own = tuple(name for name in OBJECTIVES if any(output.name == name for output in outputs))
+    return Declaration(variables, outputs, objectives=own, algorithm="exact", tables=("condition",))

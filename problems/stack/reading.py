@@ -8,7 +8,7 @@ from typing import Any
 from ...errors import Fault, nearest
 from ...models.cost_reading import curve_table
 from ...models.costs import Reciprocal
-from ...models.expressions import Intermediate
+from ...models.expressions import Formula, FormulaError, Intermediate
 from ...models.input_reading import written
 from ...models.inputs import Normal
 from ...models.machine_offers import samples_of
@@ -16,8 +16,8 @@ from ...section import POSITIVE, Assumption, Range, Section
 from ...units import family
 from ..settings import SAMPLED, process_assumption, read_promise
 from .definition import METHODS, Condition, Correlation, Definition, Part, Process, Requirement
-from .formulas import form_complaint, mechanisms_of, nominal_sum, sensitivity_faults
-from .parts import read_parts
+from .formulas import form_complaint, mechanisms_of, nominal_sum, sensitivity_faults, unknown_name
+from .parts import MAX_PIECES, read_parts
 from .promises import WINDOW
 
 RESERVED = (
@@ -157,6 +157,8 @@ def read_definition(
     else:
         faults += _check_formula_or_sensitivities(requirements[0], top, parts)
     if faults or not parts:
+        known = {fault.place for fault in faults}
+        faults += [fault for fault in _name_faults(top, requirements, whole) if fault.place not in known]
         return parts, requirements, conditions, None
     mechanisms, stated = mechanisms_of(requirements, whole, correlations, steps, faults), requirements
     if conditions and not faults:
@@ -167,6 +169,31 @@ def read_definition(
         return parts, stated, conditions, None
     given = correlations, promise, conditions, stated, intermediate
     return parts, stated, conditions, Definition(requirements, tuple(whole), mechanisms, *given)
+
+
+def _name_faults(top: Section, requirements: tuple[Requirement, ...], parts: list[Part]) -> list[Fault]:
+    """Formulas that are none, and names in them that no table states, where other tables have faults."""
+    named = [str(table.get("name")) for key in ("part", "feature", "let") for table in top.tables(key)]
+    for table in top.tables("part"):
+        count = table.get("count")
+        pieces = min(count, MAX_PIECES) if isinstance(count, int) else 0
+        named += [f"{table.get('name')}_{at}" for at in range(1, 1 + pieces)]
+    named += [f"{table.get('name')}_{axis}" for table in top.tables("feature") for axis in "xy"]
+    for table in top.tables("loop"):
+        named += unknowns if isinstance(unknowns := table.get("unknown"), dict) else []
+    texts = [(f"{one.place}.formula", one.formula) for one in requirements]
+    texts += [(f"let[{at}].formula", table.get("formula")) for at, table in enumerate(top.tables("let"))]
+    faults = []
+    for place, text in texts:
+        try:
+            formula = Formula(text) if isinstance(text, str) and text else None
+        except FormulaError as error:
+            faults.append(Fault(place, str(error)))
+            continue
+        written_names = formula.written.items() if formula else ()
+        reasons = (unknown_name(name, column, parts, named) for name, column in written_names)
+        faults += [Fault(place, why) for why in reasons if why]
+    return faults
 
 
 def _conditions(top: Section, requirements: tuple[Requirement, ...], faults: list[Fault]) -> tuple[Condition, ...]:

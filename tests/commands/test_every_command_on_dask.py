@@ -106,7 +106,7 @@ def test_the_designs_of_a_search(address: str) -> None:
     for where in (Execution(1), Execution(dask=address)):
         with Designs(problem, where, lambda: 0) as designs:
             found.append(search(problem, NSGA2(population=32), Budget(generations=2), 3,
-                                values=designs.values))  # fmt: skip
+                                shared=designs.results))  # fmt: skip
             assert designs.helpers == (2 if where.dask else 0)
     for name in ("x", "f", "miss"):
         np.testing.assert_array_equal(*(getattr(one, name) for one in found))

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -100,6 +103,28 @@ def test_its_configuration_gives_the_same_front_on_two_processes(
     assert told.exit_code == 0, told.output
     for name in ("front.csv", "overlays.csv"):
         assert (out / name).read_bytes() == (finished / name).read_bytes(), name
+
+
+CHECKED_STARTS = """
+import sys
+from pathlib import Path
+from tolevo.commands.run.proofs import searchable
+from tolevo.configuration.reader import read
+problem = read(Path(sys.argv[1])).problem
+searchable(problem)
+print([problem.evaluation(start, True).value("backlash_max_arcmin").hex() for start in problem.starts()])
+"""
+
+
+def test_values_do_not_hang_on_the_threads_of_linear_algebra(tmp_path: Path) -> None:
+    """What is computed for the checks before a search is taken over by it."""
+    larger = SMALL.replace("positions = 11", "positions = 61").replace("search_units = 32", "search_units = 64")
+    words = (sys.executable, "-c", CHECKED_STARTS, str(written(tmp_path, larger + EVOLVED + LIMITED)))
+    one, two = (
+        subprocess.run(words, env=os.environ | {"OPENBLAS_NUM_THREADS": threads}, check=True, capture_output=True)
+        for threads in ("1", "2")
+    )
+    assert one.stdout == two.stdout != b""
 
 
 def test_a_search_without_a_limit_on_interference_is_refused(tmp_path: Path) -> None:

@@ -56,13 +56,13 @@ def started(designs: Designs, parts: list[Array]) -> None:
     until = time.monotonic() + 60.0
     while designs.helpers < 2:
         assert time.monotonic() < until
-        designs.values(parts)
+        designs.results(values_of, parts)
         time.sleep(0.05)  # what this process computes meanwhile is of no use
 
 
 def searched(problem: RvReducer, designs: Designs | None) -> SearchResult:
-    values = None if designs is None else designs.values
-    return search(problem, NSGA2(population=16), BUDGET, 5, values=values)
+    shared = None if designs is None else designs.results
+    return search(problem, NSGA2(population=16), BUDGET, 5, shared=shared)
 
 
 def test_processes_take_part_when_they_are_free_and_change_nothing(problem: RvReducer) -> None:
@@ -70,13 +70,13 @@ def test_processes_take_part_when_they_are_free_and_change_nothing(problem: RvRe
     free, parts = [0], batch(problem, 16)
     with Designs(problem, Execution(3), lambda: free[0]) as designs:
         before = {*active_children()}
-        assert same(designs.values(parts), here(problem, parts))
+        assert same(designs.results(values_of, parts), here(problem, parts))
         assert {*active_children()} == before
         free[0] = 2
         started(designs, parts)
         children = {*active_children()} - before
         assert len(children) == 2
-        assert same(designs.values(parts), here(problem, parts))
+        assert same(designs.results(values_of, parts), here(problem, parts))
         alone, shared = searched(problem, None), searched(problem, designs)
     assert alone.evaluations == shared.evaluations == 48
     for name in ("x", "f", "miss"):
@@ -91,17 +91,17 @@ def test_what_a_killed_process_had_is_computed_again(problem: RvReducer, designs
     for number, count in ((signal.SIGKILL, 2), (signal.SIGTERM, 1)):
         for child in active_children()[:count]:
             os.kill(child.pid or 0, number)
-        assert same(designs.values(parts), expected)
+        assert same(designs.results(values_of, parts), expected)
 
 
 def test_a_batch_of_cheap_designs_is_computed_at_once() -> None:
     """No grain: pymoo's batch is the problem's."""
     cheap, seen = RvBacklash(), list[object]()
 
-    def never(parts: object) -> list[Values]:
+    def never(function: object, parts: object) -> list[Values]:
         seen.append(parts)
         return []
 
-    run = Run(cheap, Budget(), 0, values=never)
+    run = Run(cheap, Budget(), 0, shared=never)
     f, _ = run.evaluate(np.tile(cheap.xu, (50, 1)))
     assert (len(f), seen) == (50, [])

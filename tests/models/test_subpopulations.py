@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from tolevo.models.capability import knowledge_of, subpopulations
-from tolevo.models.capability.samples import findings
+from tolevo.models.capability.samples import LEVEL, findings
 from tolevo.models.inputs import Mixture
 
 
@@ -91,3 +91,16 @@ def test_the_mixture_of_a_sample_has_its_moments() -> None:
     _, mean, square = Mixture(centres, (within,) * 3, shares).raw_moments(2)
     assert mean == pytest.approx(0.0, abs=1e-12)
     assert square == pytest.approx(values.var(ddof=1), rel=0.05)
+
+
+@pytest.mark.parametrize(("groups", "parts", "words"), [(8, 5, "of 8 cavities of 5 parts"), (4, 10, "")])
+def test_it_is_said_where_a_sample_cannot_show_a_difference(groups: int, parts: int, words: str) -> None:
+    """The power of the F test against a count: one of the groups is off by two standard deviations."""
+    rng = np.random.default_rng(6)
+    off = 2.0 * (np.arange(groups * parts) % groups == 1)
+    samples = [rng.normal(0.0, 1.0, groups * parts) + off for _ in range(2000)]
+    found = [subpopulations(one, {"cavity": labels(groups, parts)})[0] for one in samples]
+    detected = np.mean([one.probability < LEVEL for one in found])
+    assert found[0].power(LEVEL) == pytest.approx(detected, abs=4.0 * np.sqrt(0.25 / len(samples)))
+    assert words in (text := found[0].blind_text(LEVEL))
+    assert bool(text) == bool(words)

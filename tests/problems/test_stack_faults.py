@@ -208,6 +208,56 @@ def test_every_fault_at_once(tmp_path: Path) -> None:
                       "requirement.lower", "algorithm.population", "limits.variatoin"}  # fmt: skip
 
 
+EVERYWHERE = """
+problem = "stack"
+[objectives]
+minimise = ["cost"]
+[limits]
+"gap.yield_percent" = 120
+[rounding]
+a_t = [3.0]
+[[requirement]]
+name = "gap"
+unit = "mm"
+formula = "a - b - c +"
+[[requirement]]
+name = "tilt"
+unit = "mrad"
+formula = "(a - d)/20"
+[[part]]
+name = "a"
+nominal = 20
+unit = "mm"
+t_min = 0.01
+t_max = 0.05
+cost = { model = "reciprocal", a = 1.0, b = 0.1 }
+[[part]]
+name = "b"
+nominal = 10
+unit = "mm"
+tolerance = -0.1
+[[feature]]
+name = "at"
+kind = "position"
+zone = 0.1
+of = "bb"
+[[let]]
+name = "s"
+formula = "a + b + at_x + zz"
+[[condition]]
+name = "hot"
+temperature_C = "warm"
+"""
+
+
+def test_faults_of_formulas_features_and_rounding_come_with_those_of_parts(tmp_path: Path) -> None:
+    places = [fault.split(": ")[0] for fault in faults(EVERYWHERE, tmp_path)]
+    assert sorted(places) == [
+        "condition[0].temperature_C", "feature[0].of", "let[0].formula", "limits.gap.yield_percent",
+        "part[1].tolerance", "requirement[0].formula", "requirement[1].formula", "rounding.a_t",
+    ]  # fmt: skip
+
+
 def test_sensitivities_are_given_for_all(tmp_path: Path) -> None:
     text = WHOLE.replace('formula = "sqrt(a) + b/c"\n', "")
     text = text.replace('name = "a"', 'name = "a"\nsensitivity = 0.0')

@@ -82,12 +82,12 @@ FIXED = (
 )
 
 
-@pytest.mark.parametrize("text", [FLOATING, FIXED])
-def test_fasteners_of_asme_y14_5_appendix_b_just_pass(text: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("text", "greatest"), [(FLOATING, 0.8), (FIXED, 0.4)])
+def test_fasteners_of_asme_y14_5_appendix_b_just_pass(text: str, greatest: float, tmp_path: Path) -> None:
     """B.3, floating: H = F + T, 6.44 = 6 + 0.44; B.4, fixed: H = F + 2 T, 6.44 = 6 + 2 0.22 [mm].
 
     Of holes from 6.44 to 6.60 mm and bolts up to 6 mm the tightest pass with no clearance left over, whatever
-    the bonus.
+    the bonus; the most clearance has the largest hole, the thinnest bolt and both axes in one place.
     """
     stack = problem_of(text, tmp_path)
     mechanism = stack.definition.mechanism
@@ -96,7 +96,28 @@ def test_fasteners_of_asme_y14_5_appendix_b_just_pass(text: str, tmp_path: Path)
     (tmp_path / "c.toml").write_text('problem = "stack"\n' + text.replace("method =", "lower = 0.0\nmethod ="), "utf-8")
     row = tolevo.analyse(tmp_path / "c.toml").requirements.iloc[0]
     assert row["worst_case_least"] == 0.0
+    assert row["worst_case_greatest"] == pytest.approx(greatest, abs=1e-9)
+    assert row["worst_case_kind"] == "corners"
     assert row["kept_worst_case"]
+
+
+@pytest.mark.parametrize(
+    ("formula", "far", "kind"),
+    [
+        ("sqrt((a_x - 2*b_x)**2 + (a_y - 2*b_y)**2) + plate", (-0.05, 0.3), "corners"),  # of one length: on a line
+        ("(a_x**2 + a_y**2)*plate + b_x + b_y", (-0.1 * 2.0**0.5 - 1.25e-4, 0.1 * 2.0**0.5 + 1.25e-4), "sample"),
+        ("a_x*b_y - a_y*b_x + plate", (-0.055, 0.055), "sample"),  # at right angles
+    ],
+)
+def test_places_stand_on_a_line_where_the_formula_has_one_length_of_them(
+    formula: str, far: tuple[float, float], kind: str, tmp_path: Path
+) -> None:
+    text = requirement(formula) + part("plate", 0.0, "tolerance = 0.05")
+    text += feature("a", "position", "zone = 0.1") + feature("b", "position", "zone = 0.2")
+    (tmp_path / "c.toml").write_text('problem = "stack"\n' + text, encoding="utf-8")
+    row = tolevo.analyse(tmp_path / "c.toml").requirements.iloc[0]
+    assert row["worst_case_kind"] == kind
+    assert (row["worst_case_least"], row["worst_case_greatest"]) == pytest.approx(far, abs=1e-9)
 
 
 def test_a_projected_fixed_fastener_of_asme_y14_5_appendix_b_just_passes(tmp_path: Path) -> None:

@@ -386,3 +386,21 @@ def _skewed(rng: np.random.Generator, n: int, alpha: float) -> np.ndarray:
     delta = alpha / np.hypot(1.0, alpha)
     x = delta * np.abs(rng.standard_normal(n)) + np.sqrt(1.0 - delta**2) * rng.standard_normal(n)
     return np.asarray((x - delta * np.sqrt(2.0 / np.pi)) / np.sqrt(1.0 - 2.0 * delta**2 / np.pi))
+
+
+def test_requirements_in_different_units_have_the_cost_alone_as_objective() -> None:
+    """Without [objectives] and limits that is said, for a run would take the loosest tolerances."""
+    free = {"unit": "mm", "t_min": 0.01, "t_max": 0.1, "cost": {"model": "reciprocal", "a": 1.0, "b": 0.1}}
+    source: dict[str, Any] = {
+        "problem": "stack",
+        "requirement": [
+            {"name": "gap", "unit": "mm", "formula": "a - b", "upper": 0.2},
+            {"name": "tilt", "unit": "rad", "formula": "(a - b)/a"},
+        ],
+        "part": [{"name": "a", "nominal": 20.0, **free}, {"name": "b", "nominal": 19.9, **free}],
+    }
+    for limits, said in (({}, True), ({"gap.yield_percent": 99.0}, False)):
+        problem = read(source | {"limits": limits}).problem
+        assert problem is not None
+        assert problem.objectives == ("cost",)
+        assert any("the cost alone is minimised" in text for text in problem.warnings()) == said

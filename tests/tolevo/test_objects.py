@@ -279,9 +279,17 @@ def test_outputs_in_another_order_belong_to_their_designs(order: Any) -> None:
             "an order that is not known: .*the columns a_t, b_t",
         ),
         (lambda x, y: (x, y.assign(a_t=0.1)), "belong to other designs"),
+        (
+            lambda x, y: (x, y.sample(frac=1, random_state=3)[["a_t", *NEEDED]].reset_index(drop=True)),
+            "belong to other designs",
+        ),
         (lambda x, y: (x, y.head(5)), "outputs.cost: must have shape"),
+        (
+            lambda x, y: (x, y[NEEDED].astype(object).mask(np.eye(*y[NEEDED].shape) > 0, "broke")),
+            'outputs.cost: must have numbers, and NaN where an evaluation failed, got "broke"',
+        ),
     ],
-    ids=["another index", "a third order", "other designs", "too few"],
+    ids=["another index", "a third order", "other designs", "some columns", "too few", "text"],
 )
 def test_outputs_whose_order_is_not_known_are_refused(order: Any, text: str) -> None:
     stack = seat()

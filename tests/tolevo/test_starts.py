@@ -11,7 +11,7 @@ import pytest
 
 import tolevo
 from tolevo.algorithms.archive import nondominated
-from tolevo.algorithms.run import Run
+from tolevo.algorithms.run import Run, values_of
 from tolevo.algorithms.search import best_rows, search
 from tolevo.algorithms.settings import Budget
 from tolevo.errors import InputError
@@ -44,11 +44,11 @@ def test_every_algorithm_begins_with_the_start(name: str) -> None:
     assert plan.start is not None
     seen: list[np.ndarray] = []
 
-    def values(parts: Any) -> Any:
-        seen.extend(parts)
-        return [plan.problem.searched(part) for part in parts]
+    def values(function: Any, tasks: Any) -> Any:
+        seen.extend(tasks if function is values_of else [])
+        return [function(plan.problem, task) for task in tasks]
 
-    result = search(plan.problem, plan.algorithm, plan.budget, 0, engine=plan.engine, start=plan.start, values=values)
+    result = search(plan.problem, plan.algorithm, plan.budget, 0, engine=plan.engine, start=plan.start, shared=values)
     designs = result.chosen if len(result.chosen) else result.x
     for x in plan.start:  # none of these is dominated, so that all of them are in the result
         assert np.any(np.all(designs == x, axis=1))

@@ -652,9 +652,12 @@ def _values(characteristic: tables.Characteristic, place: str) -> Raw:
     kept = [at for at, value in enumerate(characteristic.values) if value is not None]
     numbers = [float(characteristic.values[at] or 0.0) for at in kept]
     values: Raw = {"values": numbers, "characteristic": characteristic.label}
+    notes = [f"{place}: {characteristic.label}: {text}" for text in characteristic.denied]
     if missing := len(characteristic.values) - len(kept):
         what = f"values of {characteristic.label} are missing or not valid (K0002), and left out"
-        values["notes"] = [f"{place}: {missing} of {len(characteristic.values)} {what}"]
+        notes.append(f"{place}: {missing} of {len(characteristic.values)} {what}")
+    if notes:
+        values["notes"] = notes
     try:
         if (study := characteristic.study) is not None:
             named = zip(("parts", "operators"), study, strict=True)

@@ -314,11 +314,16 @@ def resolved_unresolved(effects: Iterable[Active]) -> dict[str, list[Mapping[str
 # `[[effect]]`: the effects that are active in the model, with their parameters.
 
 
-def read_effects(top: Section, model: ModelClass | MeasurableModel | None, name: str) -> tuple[Active, ...]:
-    """The effects in the model `name`, of the class `model` (None where it is not known)."""
-    sections = top.items("effect")
+def read_effects(
+    top: Section, model: ModelClass | MeasurableModel | None, name: str, of: Section | None = None
+) -> tuple[Active, ...]:
+    """The effects in the model `name`, of the class `model` (None where it is not known); `of` a condition,
+    where it is given.
+    """
+    section = of or top
+    sections = section.items("effect")
     if sections and model is None and not name:
-        top.fault("effect", "needs a model: this problem has none that effects could act in")
+        section.fault("effect", "needs a model: this problem has none that effects could act in")
     target = target_of(model, name) if sections and model is not None else None
     if target is not None and isinstance(model, type):  # it is not built yet: its parameters give its gear
         parameters = top.take("parameters")

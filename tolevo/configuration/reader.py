@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from math import inf
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 from .. import registry
 from ..algorithms.settings import AlgorithmSettings
 from ..commands.run.choice import ALL, RULES, ChoiceSettings, Step
-from ..commands.run.tolerances import rounding_faults
+from ..commands.run.tolerances import coarse_steps, rounding_faults
 from ..errors import Fault, InputError, raise_all, refuse
 from ..problems.declaration import Declaration
 from ..problems.settings import METHODS, Bound, PropagationSetting, Settings, VariableSetting, unit_slips
@@ -250,6 +251,15 @@ def _seed(top: Section) -> int:
     return 0 if seed is None else seed
 
 
+def _single_thread(sampled: bool) -> AbstractContextManager[object]:
+    """One thread of linear algebra: tables of a sampled problem that are computed here are used by every search."""
+    if not sampled:
+        return nullcontext()
+    from ..execution import pinned  # not for problems that compute nothing yet
+
+    return pinned()
+
+
 def _read_problem(
     top: Section, faults: list[Fault], notes: Sequence[str], folder: Path, reachable: bool
 ) -> Configuration:
@@ -276,6 +286,11 @@ def _read_problem(
         and not model_belongs(top.take("problem"), problem_class.declaration.model, model_name, model)
     ):
         top.fault("model", foreign_model_message(top.take("problem"), model_name, model))
+    if configured is not None and "condition" in top and "condition" not in declared.tables:
+        from .conditions import with_conditions  # few runs have any
+
+        configured = with_conditions(configured, top, model, model_name)
+        declared = configured.declaration
     if configured is None:  # its sections cannot be checked
         tables = problem_class.declaration.tables if problem_class else ()
         top.accept(("parameters", "variables", "columns", *tables, *PROBLEM_ONLY))
@@ -296,9 +311,12 @@ def _read_problem(
     choice = read_choice(top, objectives, declared.outputs, declared.variables)
     opened = open_start(top, folder)
     top.finish()
-    raise_all(faults)
-    problem = configured(settings)
-    _check_as_a_whole(problem, choice, search["algorithm_name"], reachable)
+    if faults:  # those of the whole as far as they show without it
+        ranges = {v.name: (v.low, v.high) for v in declared.variables if v.low < v.high}
+        raise_all([*faults, *coarse_steps(ranges, declared.variables, choice)])
+    with _single_thread(declared.sampled):
+        problem = configured(settings)
+        _check_as_a_whole(problem, choice, search["algorithm_name"], reachable)
     assert search["algorithm"] is not None
     start = read_start(problem, opened, search["budget"])
     resolved = {

@@ -6,25 +6,22 @@ import io
 import json
 import re
 import tomllib
-import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
 
-from ..errors import Fault, InputError, raise_all
+from ..errors import Fault, InputError
 from ..models.costs import CURVES
 from ..models.inputs import DISTRIBUTIONS
 from ..models.stack.mechanism import mean_of, spread_of
 from ..problems.stack.definition import METHODS
 from ..problems.stack.problem import Stack
-from ..registry import needed
-from ..tables.workbook import has_formulas
+from ..tables.workbook import NOT_A_WORKBOOK, Live, fill, has_formulas, saved
 
 # The sheets: of keys and values, of tables in a list, and of costs.
 
@@ -82,9 +79,6 @@ NOTES: Mapping[str, Mapping[str, str]] = {
 """Columns that a new workbook has, and what each means: a note at its head."""
 LINES = 200
 """Rows that drop-down lists reach to at least."""
-EPOCH, DATE = (1980, 1, 1, 0, 0, 0), b"1980-01-01T00:00:00Z"
-"""The times that a written workbook states, so that it does not depend on the clock."""
-WIDEST = 44
 
 
 # From sheets to tables.
@@ -102,16 +96,14 @@ class Sheets:
 @lru_cache(maxsize=2)
 def read_sheets(content: bytes, place: str) -> Sheets:
     """The tables of a workbook; `place` names it in faults. Raises InputError where it is none, or too large."""
-    raise_all(needed("report"))
     from openpyxl import load_workbook
-    from openpyxl.utils.exceptions import InvalidFileException
 
     read = Sheets()
     try:
         computed = has_formulas(content, place)
         book = load_workbook(io.BytesIO(content), data_only=True)
         stated = load_workbook(io.BytesIO(content)) if computed else book
-    except (InvalidFileException, zipfile.BadZipFile, ElementTree.ParseError, KeyError, ValueError, OSError) as error:
+    except NOT_A_WORKBOOK as error:
         raise InputError([Fault(place, f"is not a workbook ({error})")]) from error
     titles = {_table_of(sheet.title): sheet.title for sheet in book.worksheets}
     for key in (GENERAL, *LISTS, COSTS):
@@ -333,7 +325,6 @@ def _inline(value: Any) -> str:
 
 
 def _book(sheets: Mapping[str, Sequence[Mapping[str, Any]]]) -> bytes:
-    raise_all(needed("report"))
     from openpyxl import Workbook
     from openpyxl.comments import Comment
     from openpyxl.worksheet.datavalidation import DataValidation
@@ -352,7 +343,7 @@ def _book(sheets: Mapping[str, Sequence[Mapping[str, Any]]]) -> bytes:
         columns = [*usual, *dict.fromkeys(key for row in rows for key in row if key not in usual)]
         sheet = book.create_sheet(title)
         cells = [[row.get(column) for column in columns] for row in rows]
-        _fill(sheet, columns, [[_inline(v) if isinstance(v, list | dict) else v for v in line] for line in cells])
+        fill(sheet, columns, [[_inline(v) if isinstance(v, list | dict) else v for v in line] for line in cells])
         for at, column in enumerate(columns, start=1):
             if column in usual:
                 sheet.cell(1, at).comment = Comment(usual[column], "tolevo", height=80, width=300)
@@ -360,46 +351,10 @@ def _book(sheets: Mapping[str, Sequence[Mapping[str, Any]]]) -> bytes:
                 allowed = DataValidation(type="list", formula1=choices[column], allow_blank=True)
                 allowed.add(f"{sheet.cell(2, at).coordinate}:{sheet.cell(parts, at).coordinate}")
                 sheet.add_data_validation(allowed)
-    return _saved(book)
-
-
-def _fill(sheet: Any, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """A bold head that stays in sight, the rows, and columns as wide as their texts; only `=` of ours is a formula."""
-    from openpyxl.styles import Font
-
-    for at, line in enumerate([columns, *rows], start=1):
-        for place, value in enumerate(line, start=1):
-            cell = sheet.cell(at, place)
-            cell.value = value
-            if isinstance(value, str):
-                cell.data_type = "f" if isinstance(value, Live) else "s"
-    for at, column in enumerate(columns, start=1):
-        head = sheet.cell(1, at)
-        head.font = Font(bold=True)
-        longest = max((len(str(row[at - 1])) for row in rows if not isinstance(row[at - 1], Live | None)), default=0)
-        sheet.column_dimensions[head.column_letter].width = min(WIDEST, max(longest, len(column)) + 3)
-    sheet.freeze_panes = "B2"
-
-
-def _saved(book: Any) -> bytes:
-    """The bytes of a workbook, the same every time."""
-    first, buffer = io.BytesIO(), io.BytesIO()
-    book.calculation.fullCalcOnLoad = True
-    book.save(first)
-    with zipfile.ZipFile(first) as old, zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as new:
-        for name in old.namelist():
-            content = old.read(name)
-            if name == "docProps/core.xml":
-                content = re.sub(rb"(<dcterms:\w+[^>]*>)[^<]*", rb"\g<1>" + DATE, content)
-            new.writestr(zipfile.ZipInfo(name, EPOCH), content, zipfile.ZIP_DEFLATED)
-    return buffer.getvalue()
+    return saved(book)
 
 
 # The result, on sheets that calculate without tolevo.
-
-
-class Live(str):
-    """A cell that a spreadsheet computes."""
 
 
 def with_result(content: bytes, problem: Stack, design: np.ndarray, allocation: pd.DataFrame | None = None) -> bytes:
@@ -418,7 +373,7 @@ def with_result(content: bytes, problem: Stack, design: np.ndarray, allocation: 
             book.remove(book[title])
     _allocation_sheet(book.create_sheet(ALLOCATION), problem, design, {str(row["variable"]): row for row in records})
     _analysis_sheet(book.create_sheet(ANALYSIS), problem, design)
-    return _saved(book)
+    return saved(book)
 
 
 OF_PARTS = ("part", "unit", "nominal", "mid", "tolerance", "before rounding", "on the drawing", "process", "spread")
@@ -446,7 +401,7 @@ def _allocation_sheet(sheet: Any, problem: Stack, design: np.ndarray, rows: Mapp
             line += [float(linear.slope[at]), float(linear.worst[at]), float(linear.covariance[at, at])]
             line += [float(linear.mean[at])]
         lines.append(line)
-    _fill(sheet, columns, lines)
+    fill(sheet, columns, lines)
 
 
 ANALYSED = (
@@ -501,4 +456,4 @@ def _analysis_sheet(sheet: Any, problem: Stack, design: np.ndarray) -> None:
             + [float(outputs[measured.name(kind)][0]) for kind in ("worst_case", "rss")]
             + [f"{LINEAR}; tolevo takes the formula for the worst case" if own.formula else f"linear: {LINEAR}"]
         )
-    _fill(sheet, list(ANALYSED), lines)
+    fill(sheet, list(ANALYSED), lines)

@@ -445,7 +445,7 @@ def _cell(value: Any, head: str) -> str:
 def requirements_view(requirements: pd.DataFrame) -> pd.DataFrame:
     """The requirements of an analysis as a page shows them: a range in a single cell."""
     rows = [{str(name): value for name, value in row.items()} for row in requirements.to_dict("records")]
-    bound = {"bound": " (bound)", "sample": " (some corners)"}
+    bound = {"bound": " (bound)", "sample": " (of the units tried)"}
     tolerances = {"tolerances": requirements["tolerances"]} if "tolerances" in requirements else {}
     return pd.DataFrame(
         {

@@ -227,6 +227,17 @@ class Characteristic:
         return Specification(self.nominal, self.lower, self.upper, natural)
 
     @property
+    def denied(self) -> list[str]:
+        """The limits that it states and denies at once: they are not used."""
+        stated = (("lower", "K2120", ("K2110", "K2112")), ("upper", "K2121", ("K2111", "K2113")))
+        return [
+            f"{key} = {self.keys[key]} is not used: {denial} = 0 states that there is no {side} limit"
+            for side, denial, keys in stated
+            for key in keys
+            if self.keys.get(denial) == "0" and self.keys.get(key, "").strip()
+        ]
+
+    @property
     def study(self) -> tuple[list[str], list[str]] | None:
         """The part and the operator of each value of a gauge study of type 2 or 3 (K2202), whose values are
         in the order of operators (K2220), parts (K2205), trials (K2221); None of other files.
@@ -462,6 +473,7 @@ def table_of_aqdef(path: Path, place: str, options: ReadOptions) -> tuple[Table 
         for name, characteristic in named.items()
         if None in characteristic.values
     )
+    notes += tuple(f"{name}: {text}" for name, characteristic in named.items() for text in characteristic.denied)
     cells, headers = Columns(columns, range(1, rows + 1)), {name: name for name in columns}
     stated = {name: c.specification for name, c in named.items()}
     return Table(cells, Dialect("aqdef", header=0), units, notes, tuple(names), headers, {}, stated), faults

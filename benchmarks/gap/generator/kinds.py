@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.gap.generator import approximate, tables
+from benchmarks.gap.generator import approximate, memory, tables
 from benchmarks.gap.generator.assemblies import ASSEMBLY, Builds, Faults, assembled, builds
 from benchmarks.gap.generator.hysteresis import LOCKED
 from benchmarks.gap.generator.manipulators import (
@@ -155,6 +155,12 @@ KINDS: dict[str, Kind] = {
     "bench": replace(ROTATING_TABLE, mechanisms=approximate.BENCH),
     "friction": replace(ROTATING_TABLE, outputs=("friction_Nm",), unit="N m", points=tables.in_motion,
                         mechanisms=approximate.FRICTION, simulate=static, noises=("white", "outliers")),
+    "presliding": replace(ROTATING_TABLE, outputs=("friction_Nm",), unit="N m", points=memory.driven,
+                          mechanisms=memory.PRESLIDING, simulate=static, noises=("white", "outliers")),
+    "yielding": replace(ROTATING_TABLE, points=memory.driven, mechanisms=memory.YIELDING, simulate=smooth,
+                        noises=("white", "outliers")),
+    "plays": replace(ROTATING_TABLE, outputs=("friction_Nm",), unit="N m", points=memory.driven,
+                     mechanisms=memory.PLAYS, simulate=static, noises=("white",)),
     "lost_motion": LOCKED_TABLE,
     "rv_transmission": replace(ROTATING_TABLE, model="rv_transmission", simulate=None),
     "rv_lost_motion": replace(LOCKED_TABLE, model="rv_lost_motion", simulate=None),

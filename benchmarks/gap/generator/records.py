@@ -124,6 +124,8 @@ GROUPS: dict[str, Task] = {
     "rows": Task(
         ("rotating",), noises=("white", "outliers"), n=(16_000, 16_000), snr=(0.5, 5.0), rows=(250, 2000, 16_000)
     ),
+    "memory": Task(("presliding", "yielding", "yielding"), n=(300, 2400), snr=(3.0, 30.0)),
+    "plays": Task(("plays",), n=(300, 2400), snr=(3.0, 30.0)),
 }
 BENCH_GROUPS = tuple(name for name in GROUPS if " " not in name)
 """The groups that need no model: `model = "table"`."""

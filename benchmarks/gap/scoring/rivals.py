@@ -203,7 +203,19 @@ def first_parameter(name: str, kind: str) -> str:
 
 
 KIND_TURNS: dict[str, bool] = dict.fromkeys(
-    ("rotating", "bench", "friction", "own gear", "unknown gear", "late", "rv_transmission"), True
+    (
+        "rotating",
+        "bench",
+        "friction",
+        "own gear",
+        "unknown gear",
+        "late",
+        "presliding",
+        "yielding",
+        "plays",
+        "rv_transmission",
+    ),
+    True,
 )
 KIND_TURNS |= dict.fromkeys(("lost_motion", "rv_lost_motion"), False)
 RIVALS: dict[str, tuple[Rival, ...]] = {
@@ -213,6 +225,9 @@ RIVALS: dict[str, tuple[Rival, ...]] = {
     "late": (*WITHOUT_GEAR, LATE),
     "bench": ROTATING_RIVALS,
     "friction": (HYSTERESIS, *FLIPPED, PRESSED, *TIMED, *IN_MOTION),
+    "presliding": (HYSTERESIS, *FLIPPED, PRESSED, *TIMED, *IN_MOTION),
+    "yielding": WITHOUT_GEAR,
+    "plays": (HYSTERESIS, *FLIPPED, PRESSED, *TIMED, *IN_MOTION),
     "rv_transmission": ROTATING_RIVALS,
     "lost_motion": LOCKED_RIVALS,
     "rv_lost_motion": LOCKED_RIVALS,

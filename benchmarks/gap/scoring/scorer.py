@@ -237,6 +237,7 @@ def figures(records: Sequence[Scored]) -> list[Figure]:
         *once_outside(records),
         *of_approximate(records),
         *of_rows(records),
+        *of_memory(records),
     ]  # fmt: skip
 
 
@@ -284,6 +285,18 @@ def of_rows(records: Sequence[Scored]) -> list[Figure]:
     ]
     held = [{*less.said.names} <= more.said.reported for less, more in pairs]
     return [share("more rows of a machine agree or refine", held, 1.0, 1.0, False)] if of else []
+
+
+def of_memory(records: Sequence[Scored]) -> list[Figure]:
+    """What depends on the rows before: its name, and delays that it is taken for."""
+    named = [one for one in records if one.truth.group == "memory"]
+    every = [one for one in records if one.truth.group in ("memory", "plays")]
+    if not every:
+        return []
+    return [
+        share("memory: named or among the alternatives", [holds_truth(one) for one in named], 0.85, 0.95, False),
+        share("memory: called a delay", ["delay" in one.said.names for one in every], 0.0, 0.0, True),
+    ]
 
 
 def near(one: Scored) -> list[bool]:

@@ -90,26 +90,30 @@ class Slopes:
     @classmethod
     def of(cls, geometry: ContactGeometry, sample: BaseSample) -> Slopes:
         """The slopes of a base sample: what a zone of 1 of each error alone makes of its units."""
-        by = {error: Scaled.of(geometry, sample, UnitDesign({error: 1.0})) for error in ERRORS}
+
+        def made(error: str) -> Scaled:
+            """The units of a zone of 1 of one error; they are let go of one by one."""
+            return Scaled.of(geometry, sample, UnitDesign({error: 1.0}))
+
         discs = sample.z["shift"].shape
         by_disc: list[Array | Complex] = [
-            by["equidistance"].normal,
-            -by["shift"].radial,
-            by["pitch"].pitch,
-            by["runout"].offset,
-            by["eccentricity"].turning.real,
-            by["eccentricity"].around,
-            by["crank_bearing"].play,
-            -by["bore"].offset,
-            by["bore"].ahead,
-            by["crank_phase"].turning.imag,
-            by["crank_phase"].around,
+            made("equidistance").normal,
+            -made("shift").radial,
+            made("pitch").pitch,
+            made("runout").offset,
+            made("eccentricity").turning.real,
+            made("eccentricity").around,
+            made("crank_bearing").play,
+            -made("bore").offset,
+            made("bore").ahead,
+            made("crank_phase").turning.imag,
+            made("crank_phase").around,
             np.broadcast_to(sides(geometry)[:, None], discs),
         ]
         columns = [part for errors in by_disc for part in _real_parts(errors)]
-        circle = by["circle_offset"].circle
-        radial = by["pin_circle_radius"].radial[0]
-        of_pins = (by["pin_position"].along, by["pin_hole_radius"].across, -by["pin_radius"].across)
+        circle = made("circle_offset").circle
+        radial = made("pin_circle_radius").radial[0]
+        of_pins = (made("pin_position").along, made("pin_hole_radius").across, -made("pin_radius").across)
         return cls(
             _single_precision(np.stack([radial, circle.real, circle.imag])),
             _single_precision(np.stack(columns, axis=1)),

@@ -25,29 +25,34 @@ LEAST_SHARE = 1e-4
 """Fraction of rated torque that replaces zero in the transmission error: one flank bears."""
 
 
+MAY_BE_ZERO = ("te_torque", "load_torque")
+
+
 @dataclass(frozen=True, slots=True)
 class Loading:
     """Stiffness, both assumptions, and torques.
 
     `normal_stiffness` [N/m] of a pin contact along its normal, `series_stiffness` [N m/rad] between
-    one disc and the carrier (`inf` without); `rated_torque` and `te_torque`, at which the
-    transmission error is taken, [N m] at the carrier. Raises ValueError where one is not above 0
-    (`te_torque`: below 0).
+    one disc and the carrier (`inf` without); `rated_torque`, `te_torque`, at which the
+    transmission error is taken, and `load_torque`, at which the pin force is (0: `rated_torque`),
+    [N m] at the carrier. Raises ValueError where one is not above 0 (the last two: below 0).
     """
 
     normal_stiffness: float = 2e8
     series_stiffness: float = 58.5 / ARCMIN
     rated_torque: float = 412.0
     te_torque: float = 412.0
+    load_torque: float = 0.0
 
     def __post_init__(self) -> None:
         wrong = [
             f"{field.name} must be above 0, got {getattr(self, field.name)}"
             for field in fields(self)
-            if field.name != "te_torque" and not getattr(self, field.name) > 0.0
+            if field.name not in MAY_BE_ZERO and not getattr(self, field.name) > 0.0
         ]
-        if not self.te_torque >= 0.0:
-            wrong.append(f"te_torque must not be below 0, got {self.te_torque}")
+        for name in MAY_BE_ZERO:
+            if not getattr(self, name) >= 0.0:
+                wrong.append(f"{name} must not be below 0, got {getattr(self, name)}")
         if wrong:
             raise ValueError("; ".join(wrong))
 
@@ -55,14 +60,14 @@ class Loading:
         """Torque at the carrier [N m] in a load case.
 
         "forward" and "backward" are those of lost motion; "none" is no torque, "rated" and
-        "te" are `rated_torque` and `te_torque`.
+        "te" are `load_torque`, else `rated_torque`, and `te_torque`.
         """
         small = LOST_MOTION_SHARE * self.rated_torque
         return {
             "forward": small,
             "backward": -small,
             "none": 0.0,
-            "rated": self.rated_torque,
+            "rated": self.load_torque or self.rated_torque,
             "te": max(self.te_torque, LEAST_SHARE * self.rated_torque),
         }[case]
 

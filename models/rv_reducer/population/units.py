@@ -511,6 +511,8 @@ DOUBLED = 2
 """Largest number of times the nodes are doubled."""
 ACCURACY = 10e-9
 """Error [m] of distances from the curve below which nodes are enough."""
+PHASES_AT_ONCE = 4096
+"""Phases whose weights of interpolation are in memory at once: 3 MB."""
 RANGE = (-150e-6, 30e-6)
 """Shift modifications [m] that one polynomial covers; another polynomial is made for others."""
 
@@ -535,7 +537,9 @@ class Profile:
         """The profile at phases within those of pins whose lever arms count."""
         nodes, table = _profile_table(geometry, contact_phases(geometry), shifts)
         count = table.shape[1]
-        values = _interpolation(nodes, phase) @ table.reshape(len(nodes), 4 * count)
+        columns = table.reshape(len(nodes), 4 * count)
+        blocks = np.array_split(phase, 1 + len(phase) // PHASES_AT_ONCE)
+        values = np.concatenate([_interpolation(nodes, block) @ columns for block in blocks])
         basis = chebyshev.chebvander(_nodes(count), count - 1)
         coefficients = np.linalg.solve(basis, values.T.reshape(count, 4 * len(phase)))
         wide = np.asarray(coefficients.reshape(count, 4, len(phase)), dtype=np.float64)

@@ -7,6 +7,7 @@ import pytest
 from tolevo.commands.run.tolerances import allocation, inspection, notation
 from tolevo.files import csv_text
 from tolevo.problems.rv_backlash import RvBacklash
+from tolevo.problems.rv_reducer import RvReducer
 from tolevo.section import Kind, Variable
 from tolevo.units import drawing_number
 
@@ -38,10 +39,20 @@ def test_notation(kind: Kind, nominal: float | None, mid: float, t: float, grade
         ("mrad", Kind.HALF_WIDTH, None, 0.5, "", "±0.5 mrad (±103.1″)"),  # 0.5e-3 * 180 * 3600 / pi
         ("arcmin", Kind.NOMINAL, None, -0.5, "", "\N{MINUS SIGN}0.5 arcmin (\N{MINUS SIGN}30″)"),
         ("deg", Kind.HALF_WIDTH, 60.0, 0.5, "", "60 ±0.5 deg"),
+        ("mrad", Kind.HALF_WIDTH, None, 0.5, "at 2.5 cm", "±0.5 mrad (±103.1″, ±12.5 um at R25 mm)"),
+        ("deg", Kind.HALF_WIDTH, 30.0, 0.18, "at 25 mm", "30 ±0.18 deg (±78.54 um at R25 mm)"),
     ],
 )
 def test_diameters_and_angles(unit: str, kind: Kind, nominal: float | None, t: float, shape: str, text: str) -> None:
     assert notation(Variable("a_t", unit, kind, 0.0, 1.0, "a part"), nominal, 0.0, t, "", shape) == text
+
+
+def test_the_phase_of_a_journal_is_a_place_at_the_radius_of_the_eccentricity() -> None:
+    """2/1.3 mrad at 1.3 mm are the 2 um that a journal has."""
+    problem = RvReducer()
+    variable = next(v for v in problem.variables if v.name == "crank_phase_mrad")
+    shape = problem.drawn("crank_phase_mrad")["drawn_as"]
+    assert notation(variable, None, 0.0, 2.0 / 1.3, "", shape).endswith("±2 um at R1.3 mm)")
 
 
 def test_a_radius_of_the_reducer_is_written_with_its_diameter_in_one_unit() -> None:

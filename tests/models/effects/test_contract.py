@@ -22,6 +22,8 @@ LIBRARY = {
     " sun_runout pitch_defect gear_order",
     "speed": "structural_resonance viscous_friction windage stribeck load_viscous",
     "temperature, time": "differential_thermal_expansion thermal_friction drift creep wear thermal_zero",
+    "memory": "dahl_friction lugre_friction bouc_wen_hysteresis load_creep double_load_creep stick_slip_backlash"
+    " dead_zone_with_friction",
     "population": "process_mean_shift spread_inflation tool_wear_drift lot_mixture lot_offset",
     "manipulator": "joint_zero_offset arm_length_error base_tilt gravity_sag thermal_growth"
     " drive_eccentricity joint_clearance",
@@ -29,8 +31,8 @@ LIBRARY = {
     "instrument": "gauge_bias read_out_lag encoder_harmonics quantisation clock_drift delay",
 }
 """Names to the letter, as the table of the library has them."""
-ELSEWHERE = ("population", "manipulator", "assembly")
-"""These have models of their own, and are tried there."""
+ELSEWHERE = ("memory", "population", "manipulator", "assembly")
+"""These need a path, or have models of their own, and are tried there."""
 APART = ("directional_offset", "gear_order", "delay")
 """These need another output, no gear, or rows in their order."""
 NAMES = [

@@ -115,6 +115,7 @@ def test_counts_of_an_attributive_characteristic(tmp_path: Path) -> None:
 def test_no_limit_where_the_file_says_so(tmp_path: Path) -> None:
     bore, _ = read(tmp_path, HEAD.replace("K2142/1", "K2120/1 0\nK2142/1") + KEYS)
     assert (bore.lower, bore.upper) == (None, 25.021)
+    assert bore.denied == ["K2110 = 25,000 is not used: K2120 = 0 states that there is no lower limit"]
 
 
 @pytest.mark.parametrize(

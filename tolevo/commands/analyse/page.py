@@ -25,8 +25,8 @@ from ...records import AnalysisResult, limits_text
 from ...units import plain_number
 
 CONTRIBUTIONS = (
-    "What each part contributes to each requirement: the change of the requirement per unit of the part, its share in "
-    "the variance, and its share in the worst case."
+    "What each part contributes to each requirement: the change of the requirement per unit of the part (of all its "
+    "pieces together, where it is built in several times), its share in the variance, and its share in the worst case."
 )
 WHAT_IF = (
     "Type a half-width, a shift of the mean, a change of the nominal size or a Cp, or choose a grade: the requirements "

@@ -148,6 +148,8 @@ FINEST = 0.01
 """Smallest delay that is tried, as a fraction of the longest."""
 BIT = 2.0 * log(2.0)
 """The least gain of a choice of two forms."""
+FEW = 4
+"""Values of each of three or more nonlinear parameters on the grid."""
 MAX_GRID_POINTS = 400
 """Points of the grid of an effect's nonlinear parameters, at most."""
 LINEAR_STEP = 0.05
@@ -462,7 +464,9 @@ def grid(candidate: Candidate, spread: float) -> list[dict[str, float]]:
 
     `spread` is the standard deviation of the residual: the scale of unbounded parameters.
     """
-    axes = [_axis(parameter, spread, len(candidate.shape)) for parameter in candidate.shape]
+    free = sum(not parameter.choices for parameter in candidate.shape)
+    coarse = FEW if free > 2 else 6
+    axes = [_axis(parameter, spread, len(candidate.shape), coarse) for parameter in candidate.shape]
     while np.prod([len(axis) for axis in axes]) > MAX_GRID_POINTS:
         longest = max(range(len(axes)), key=lambda k: len(axes[k]))
         axes[longest] = axes[longest][::2]
@@ -470,11 +474,11 @@ def grid(candidate: Candidate, spread: float) -> list[dict[str, float]]:
     return [dict(zip(names, point, strict=True)) for point in product(*axes)]
 
 
-def _axis(parameter: EffectParameter, spread: float, dimensions: int) -> list[float]:
+def _axis(parameter: EffectParameter, spread: float, dimensions: int, coarse: int) -> list[float]:
     if parameter.choices:
         return list(parameter.choices)
     low, high = parameter.low, parameter.high
-    count = 15 if dimensions == 1 else 24 if parameter.phase or parameter.unit == "Hz" else 6
+    count = 15 if dimensions == 1 else 24 if parameter.phase or parameter.unit == "Hz" else coarse
     if parameter.phase:
         return [float(x) for x in np.linspace(low, high, count, endpoint=False)]
     if np.isfinite(high) and low == -high and parameter.unit == "s":  # a delay of either sign

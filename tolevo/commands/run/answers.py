@@ -559,6 +559,7 @@ def _rows(
             limit = _level(branch, x) + scale[1]
         cost = _least(branch, x, limit)
         base = cost if np.isnan(base) else base
+        variant.problem.release()
         yield {
             "assumption": variant.assumption,
             "value": variant.value,

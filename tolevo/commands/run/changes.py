@@ -458,6 +458,7 @@ def rounding_sentence(problem: ToleranceProblem, rounded: Rounded, before: float
         return f"Rounded for the drawing, it breaks {words(broken)}: {tried} and none keeps all limits."
     currency = problem.settings.money.currency
     amount = f"{100.0 * abs(share):.2g} % {'more' if share > 0.0 else 'less'}"
+    amount = amount if abs(share) > VALUE_TOLERANCE else "as much"
     text = f"Rounded for the drawing, it costs {plain_number(after)} {currency}".rstrip() + f" ({amount})"
     if share <= NEGLIGIBLE:
         return f"{text}."

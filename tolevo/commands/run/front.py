@@ -21,7 +21,7 @@ from ...algorithms.archive import MIN_KEPT_DESIGNS, lowest_ranks, nondominated
 from ...algorithms.checkpoint import Checkpoint
 from ...algorithms.exact.bounds import restrict_form
 from ...algorithms.exact.choices import least_cost
-from ...algorithms.run import Values, values_of
+from ...algorithms.run import ResultT, TaskT
 from ...algorithms.search import SearchResult
 from ...algorithms.settings import Budget
 from ...directory import Ownership
@@ -227,24 +227,25 @@ def _least(problem: ToleranceProblem, asked: ToleranceProblem, row: pd.Series[An
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A task: search vectors (n, variables) of a batch, its part `at`, and the pickled problem."""
+    """A task of a search, by its place `at`: `function` of the pickled problem and an argument."""
 
     key: str
     version: str
     problem: bytes
     at: int
-    x: Array
+    function: Callable[[ToleranceProblem, Any], Any]
+    argument: Any
 
 
-def computed(task: Part) -> Values:
-    """Objectives and constraints of a part."""
-    check_version(task.version)
+def computed(part: Part) -> Any:
+    """The result of a part of a search."""
+    check_version(part.version)
     with pinned():
-        return values_of(built(task.problem), task.x)
+        return part.function(built(part.problem), part.argument)
 
 
 class Designs(Closing):
-    """Shares the parts of a batch with other processes; this one computes what none has begun.
+    """Shares the parts of a search with other processes; this one computes what none has begun.
 
     `free` returns how many processes are available in addition to this one; more are started when
     the number rises, and are used once they have computed a task. They end when the context is
@@ -257,7 +258,7 @@ class Designs(Closing):
         self._content = b""
         self._batches = 0
         self._executor: Executor | None = None
-        self._starting: tuple[Processes, Background[Part, Values]] | None = None
+        self._starting: tuple[Processes, Background[Part, Any]] | None = None
 
     def close(self) -> None:
         """End all other processes."""
@@ -271,33 +272,31 @@ class Designs(Closing):
         """Processes, or workers of a scheduler, that take part in addition to this process."""
         return 0 if self._executor is None else self._executor.workers
 
-    def values(self, parts: Sequence[Array]) -> list[Values]:
-        """Objectives and constraints of each part; the part of a lost worker is computed here."""
+    def results(self, function: Callable[[ToleranceProblem, TaskT], ResultT], tasks: Sequence[TaskT]) -> list[ResultT]:
+        """`function(problem, task)` of each task; that of a lost worker is computed here."""
         self._batches += 1
-        self._start(parts[0])
+        self._start(function, tasks[0])
         if self._executor is None:
-            return [values_of(self.problem, part) for part in parts]
-        tasks = deque(self._tasks(parts))
-        results: dict[int, Values] = {}
-        background = Background(self._executor, computed, partial(next_of, tasks))
-        while (task := next_of(tasks)) is not None:
-            results[task.at] = values_of(self.problem, task.x)
+            return [function(self.problem, task) for task in tasks]
+        parts = deque(self._parts(function, tasks))
+        results: dict[int, ResultT] = {}
+        background = Background(self._executor, computed, partial(next_of, parts))
+        while (part := next_of(parts)) is not None:
+            results[part.at] = function(self.problem, part.argument)
         background.wait()
         while pairs := background.taken():
-            for task, result in pairs:
-                if isinstance(result, Lost):
-                    results[task.at] = values_of(self.problem, task.x)
-                else:
-                    results[task.at] = result
-        return [results[at] for at in range(len(parts))]
+            for part, result in pairs:
+                lost = isinstance(result, Lost)
+                results[part.at] = function(self.problem, part.argument) if lost else result
+        return [results[at] for at in range(len(tasks))]
 
-    def _tasks(self, parts: Sequence[Array]) -> list[Part]:
+    def _parts(self, function: Callable[[ToleranceProblem, Any], Any], tasks: Sequence[Any]) -> list[Part]:
         if not self._content:
             self._content = pickle.dumps(self.problem)
-        name = f"{self._name}-{self._batches}"
-        return [Part(f"{name}-{at}", version("tolevo"), self._content, at, x) for at, x in enumerate(parts)]
+        name, installed = f"{self._name}-{self._batches}", version("tolevo")
+        return [Part(f"{name}-{at}", installed, self._content, at, function, task) for at, task in enumerate(tasks)]
 
-    def _start(self, part: Array) -> None:
+    def _start(self, function: Callable[[ToleranceProblem, Any], Any], task: Any) -> None:
         """Start processes where some are free, and take those that have started."""
         if self._where.dask:
             self._executor = self._executor or executor_of(self._where)
@@ -309,7 +308,7 @@ class Designs(Closing):
                 self._executor.close()
             self._executor, self._starting = begun, None
         if self._starting is None and (free := self._free()) > self.helpers:
-            processes, tasks = Processes(free), deque(self._tasks([part] * free))
+            processes, tasks = Processes(free), deque(self._parts(function, [task] * free))
             self._starting = processes, Background(processes, computed, partial(next_of, tasks))
 
 

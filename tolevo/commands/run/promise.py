@@ -506,7 +506,8 @@ def promise_outcome(
         summary |= _stack_assurance(problem, design)
     if drawing is not None:
         summary |= _drawing_compliance(problem, drawing)
-    return PromiseOutcome(summary, sentence(summary, promise.words(), costs), costs, ranking)
+    text = sentence(summary, promise.words(), costs, problem.settings.money.currency)
+    return PromiseOutcome(summary, text, costs, ranking)
 
 
 def _least(problem: ToleranceProblem, design: Array, promise: Promise, levels: Mapping[str, float]) -> Least:
@@ -571,8 +572,8 @@ def _least_of(row: Mapping[Any, Any], name: str) -> float:
     return min(map(float, values), default=float("nan"))
 
 
-def sentence(summary: dict[str, Any], words: str, costs: pd.DataFrame) -> str:
-    """The promise in one sentence, and what it costs."""
+def sentence(summary: dict[str, Any], words: str, costs: pd.DataFrame, currency: str) -> str:
+    """The promise in one sentence, and what it costs in a currency."""
     kept = float(summary[ASSURANCE])
     text = f"Promised: {words}"
     if summary["assured_withheld"] and summary["statement"] == ASSURED:
@@ -594,10 +595,10 @@ def sentence(summary: dict[str, Any], words: str, costs: pd.DataFrame) -> str:
     if np.isfinite(by.get(ASSURED, np.nan)) and np.isfinite(by.iloc[0]):
         text += (
             f". At the least cost the estimates alone would ask for {by.iloc[0]:.4g}, an expected yield for "
-            f"{by.get('predictive', np.nan):.4g}, assurance for {by[ASSURED]:.4g}"
+            f"{by.get('predictive', np.nan):.4g}, assurance for {by[ASSURED]:.4g} {currency}".rstrip()
         )
     elif not np.isfinite(by.get(ASSURED, np.nan)) and "kept" not in summary:
         text += ". There is no assured choice: even the tightest tolerances do not assure it"
-    if summary["hangs_on"]:
+    if summary["hangs_on"] and not by.get(ASSURED, np.nan) <= by.iloc[0]:  # else nothing is to be saved
         text += f". It depends most on {summary['hangs_on']}: measure more of it first"
     return f"{text}."

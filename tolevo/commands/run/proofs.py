@@ -21,6 +21,7 @@ from ...algorithms.run import Run
 from ...algorithms.search import SearchResult
 from ...algorithms.settings import AlgorithmSettings, Budget
 from ...errors import Fault, ModelError, raise_all
+from ...execution import pinned
 from ...problems.forms import Form, largest_parts, least_value, spread_of
 from ...problems.limits import Limit, loosened
 from ...problems.tolerance_problem import ToleranceProblem
@@ -240,7 +241,8 @@ ATTEMPTS = 3
 def searchable(problem: ToleranceProblem, algorithm: AlgorithmSettings | None = None) -> None:
     """Raises InputError with every reason why a problem cannot be searched as it is set."""
     many = _too_many_choices(problem) if isinstance(algorithm, Exact) else []
-    raise_all([*many, *(problem.search_faults() or unreachable_limits(problem))])
+    with pinned():  # the search takes over what is computed here
+        raise_all([*many, *(problem.search_faults() or unreachable_limits(problem))])
 
 
 def _too_many_choices(problem: ToleranceProblem) -> list[Fault]:
@@ -325,13 +327,13 @@ def requirements_of(
 ) -> tuple[pd.DataFrame, pd.DataFrame] | None:
     """What each requirement costs at a point of a front.
 
-    None where a problem has one requirement, no convex form, or a limit that its form leaves out and the
-    point uses up: that takes savings away. The multiplier is that of the least cost at the values of the
-    point; the saving is proven to lie between that of an allocation that is known to keep every limit and
-    that of the bound at the relaxed limit.
+    None where a problem has one requirement, no convex form, one whose rows are only necessary (a joint
+    yield), or a limit that its form leaves out and the point uses up: that takes savings away. The
+    multiplier is that of the least cost at the values of the point; the saving is proven to lie between
+    that of an allocation that is known to keep every limit and that of the bound at the relaxed limit.
     """
     form = problem.form()
-    if front.empty or form is None or len(set(form.outputs)) < 2 or reason(problem, form):
+    if front.empty or form is None or not form.exact or len(set(form.outputs)) < 2 or reason(problem, form):
         return None
     names = {*form.relaxed, *form.stands.values()}
     omitted = [limit for limit in problem.limits if limit.count and limit.name in names]

@@ -66,7 +66,9 @@ class SideSearch:
     ) -> pd.DataFrame | None:
         """Its reported front, None where it was interrupted; `report` is called with states that `keeper` saves."""
         result = search(self.problem, self.algorithm, self.budget, self.seed, report, self.engine, keeper)
-        return None if result.interrupted else reported_front(self.problem, result)
+        front = None if result.interrupted else reported_front(self.problem, result)
+        self.problem.release()
+        return front
 
 
 def documents(problem: ToleranceProblem) -> pd.DataFrame:

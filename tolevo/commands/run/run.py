@@ -462,7 +462,7 @@ def _run_searches(
                 report,
                 plan.engine,
                 checkpoint,
-                designs.values,
+                designs.results,
                 plan.start,
             )
         if search_result.interrupted:
@@ -470,6 +470,7 @@ def _run_searches(
         sides.finish()
     searches += searches_from_front(plan, printed, search_result.chosen)
     checkpoint.keep_only([side.key for side in searches])
+    plan.problem.release()
     with Sides(searches, workers, checkpoint, progress) as sides:
         sides.finish()
         return search_result, sides.fronts()

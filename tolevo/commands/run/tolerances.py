@@ -14,7 +14,7 @@ from ...models.costs import CostCurve, Table
 from ...models.iso286 import GRADES, MAX_SIZE_MM, grade_um
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Assumption, Kind, Variable
-from ...units import converted, drawing_number, fits, split_unit
+from ...units import converted, drawing_number, fits, split_unit, to_unit
 from .choice import ALL, IT_GRADES, PREFERRED, R20, ChoiceSettings, Step
 
 FINER = "finer"
@@ -153,14 +153,26 @@ def rounding_faults(problem: ToleranceProblem, settings: ChoiceSettings) -> list
         if step == IT_GRADES and concerned and all(size_mm(problem, v) is None for v in concerned):
             text = 'has no nominal size of at most 500 mm to look up a grade by: give a step, a list, or "preferred"'
             faults.append(Fault(place, text if name != ALL else f"no tolerance {text}"))
-        for variable in concerned if not isinstance(step, str) else ():
-            low, high = problem.interval(variable.name)
-            if not any(
-                low * (1.0 - 1e-9) <= value <= high * (1.0 + 1e-9) for value in values_of(problem, variable, step)
-            ):
-                which = f" for {variable.name}" if name == ALL else ""
+    return [*faults, *coarse_steps({name: problem.interval(name) for name in free}, problem.variables, settings)]
+
+
+def coarse_steps(
+    ranges: Mapping[str, tuple[float, float]], variables: Sequence[Variable], settings: ChoiceSettings
+) -> list[Fault]:
+    """Lists and steps of which no value lies in the range of a variable, by the ranges of those searched."""
+    faults = []
+    for name, step in settings.steps.items():
+        others = [v.name for v in variables if v.tolerance and not v.integer and v.name not in settings.steps]
+        for own in (others if name == ALL else [name]) if not isinstance(step, str) else ():
+            low, high = ranges.get(own, (0.0, np.inf))
+            if np.isinf(high):
+                continue
+            values = step if isinstance(step, tuple) else (np.floor(high * (1.0 + 1e-9) / step) * step,)
+            if not any(low * (1.0 - 1e-9) <= value <= high * (1.0 + 1e-9) for value in values):
+                which = f" for {own}" if name == ALL else ""
                 kind = "hold a value" if isinstance(step, tuple) else "have a multiple"
-                faults.append(Fault(place, f"must {kind} between {low:g} and {high:g}{which}: state finer ones"))
+                text = f"must {kind} between {low:g} and {high:g}{which}: state finer ones"
+                faults.append(Fault(f"rounding.{name}", text))
     return faults
 
 
@@ -171,7 +183,8 @@ def notation(
     variable: Variable, nominal: float | None, mid: float, t: float, grade: str = "", drawn_as: str = ""
 ) -> str:
     """Like "36.05 +0.012/-0.013 mm", "⌀25 ±0.0065 mm (IT6)", "-3 to 1 um" where no nominal size is known,
-    "R3 0/-0.002 mm (⌀6 0/-0.004 mm)", "0 to 5 um", "±1.5 mrad (±309.4″)", "grade 5". None begins with + or a
+    "R3 0/-0.002 mm (⌀6 0/-0.004 mm)", "0 to 5 um", "±1.5 mrad (±309.4″)", "±1.5 mrad (±309.4″, ±2 um at R1.3 mm)"
+    of an angle that is drawn "at 1.3 mm", "grade 5". None begins with + or a
     hyphen (a minus sign is another character), which a spreadsheet would compute.
 
     `nominal` is the nominal size, None where it is not known, `mid` the middle of the zone as a
@@ -196,7 +209,12 @@ def notation(
         return f"{_minus(mid - t)} to {_minus(mid + t)}{unit}{more}"
     if nominal is not None and (drawn_as == "radius" or ("_radius" in variable.name and variable.unit == "um")):
         return f"R{_zone(nominal, mid, t)}{unit} (⌀{_zone(2.0 * nominal, 2.0 * mid, 2.0 * t)}{unit})"
-    angle = f" (±{drawing_number(_seconds(t, variable.unit))}″)" if _is_small_angle(variable) else ""
+    angles = [f"±{drawing_number(_seconds(t, variable.unit))}″"] if _is_small_angle(variable) else []
+    if drawn_as.startswith("at "):
+        radius = float(to_unit(drawn_as.removeprefix("at "), "mm"))
+        length = 1e3 * radius * float(converted(t, variable.unit, "rad"))
+        angles.append(f"±{float(f'{length:.4g}'):g} um at R{drawing_number(radius)} mm")
+    angle = f" ({', '.join(angles)})" if angles else ""
     return f"{'⌀' if drawn_as == 'diameter' else ''}{_zone(nominal, mid, t)}{unit}{more}{angle}"
 
 

@@ -1,0 +1,77 @@
+"""Recursions along a path, compiled by numba: a row depends on all rows before it.
+
+numba is imported with this module alone, where an effect with memory acts.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+
+from ...section import Array
+
+FINE = 0.2
+"""Largest step of an integration, as a fraction of the presliding length."""
+SATURATED = 12.0
+"""Presliding lengths after which the state is that of steady sliding."""
+
+
+def _compile(function: Any) -> Any:
+    return numba.njit(cache=True, error_model="numpy")(function)
+
+
+@_compile
+def carry(kept: Array, added: Array) -> Array:
+    """z_i = kept_i z_(i-1) + added_i (n,); a path begins where nothing is kept."""
+    z = np.empty(kept.size)
+    before = 0.0
+    for i in range(kept.size):
+        before = kept[i] * before + added[i]
+        z[i] = before
+    return z
+
+
+@_compile
+def bouc_wen(steps: Array, length: float, share: float, exponent: float) -> Array:
+    """State z (n,) of dz/dx = (1 - (share sgn(dx z) + 1 - share) |z|^exponent)/length along steps (n,) of
+    x, by the midpoint rule; a step that is not a number begins a path, with z = 0.
+    """
+    z = np.empty(steps.size)
+    state = 0.0
+    for i in range(steps.size):
+        move = steps[i] / length
+        if np.isnan(move):
+            z[i] = state = 0.0
+            continue
+        move = min(max(move, -SATURATED), SATURATED)
+        count = int(np.ceil(abs(move) / FINE))
+        part = move / count if count else 0.0
+        way = 1.0 if part > 0.0 else -1.0
+        for _ in range(count):
+            half = state
+            for weight in (0.5, 1.0):
+                sign = way if half > 0.0 else -way
+                half = state + weight * part * (1.0 - (share * sign + 1.0 - share) * abs(half) ** exponent)
+            state = min(max(half, -1.0), 1.0)
+        z[i] = state
+    return z
+
+
+@_compile
+def stick_slip(x: Array, starts: Array, width: float, breakaway: float) -> Array:
+    """Deviation y - x (n,) of a table that follows x (n,) by a play of half-width `width`: it sticks until the
+    drive has been wound up by `breakaway` beyond the play, and then slips until that is released.
+    """
+    off = np.empty(x.size)
+    y = 0.0
+    for i in range(x.size):
+        if starts[i]:
+            y = x[i]
+        if x[i] - y > width + breakaway:
+            y = x[i] - width
+        elif y - x[i] > width + breakaway:
+            y = x[i] + width
+        off[i] = y - x[i]
+    return off

@@ -1,0 +1,457 @@
+"""A problem in several conditions of its life: the same units evaluated once in each of them.
+
+Each condition is the problem itself with the effects and operating parameters of that condition, drawn
+from the same seed: units and errors of parts are the same in all of them, so that differences between
+conditions are not those of samples. Outputs are named `<condition>.<output>`; those that no condition
+changes, as the cost, keep their names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import Fault
+from ..models.effects.measurements import Active
+from ..records import UnitsShown
+from ..section import Array, Output, Section, Value, flat
+from .declaration import Declaration, Interval
+from .settings import Bound, Settings
+from .tolerance_problem import ToleranceProblem, Variant
+
+if TYPE_CHECKING:
+    from .forms import CostBound
+
+# Names and limits of outputs in conditions, also of problems that have conditions of their own.
+
+
+def limitable(
+    outputs: Sequence[Output], plain: Sequence[Output], conditions: Sequence[str], top: Section
+) -> tuple[Output, ...]:
+    """The `outputs` in every condition, and the `plain` ones, which limits may name; elsewhere it is a fault."""
+    limited = {output.name: output for output in (*plain, *outputs)}
+    alone = limited.keys() - {output.name for output in outputs}
+    objectives = top.section("objectives").take("minimise")
+    named = [("objectives.minimise", name) for name in objectives] if isinstance(objectives, list) else []
+    chosen = top.section("choice").take("limits")
+    named += [(f"choice.limits.{name}", name) for name in flat(chosen)] if isinstance(chosen, dict) else []
+    for place, name in named:
+        if name in alone:
+            text = f"{name} has a value in each condition: name one, like {conditions[0]}.{name}"
+            top.fault(place, text)
+    return tuple(limited.values())
+
+
+def limits_in_all(conditions: Iterable[str], limits: Mapping[str, Bound], outputs: Collection[str]) -> dict[str, Bound]:
+    """The limits of a run, those on outputs that there are only in conditions in each of them."""
+    names = list(conditions)
+    spread = {name: bound for name, bound in limits.items() if name in outputs or not names}
+    for name in [name for name in limits if name not in spread]:
+        for condition in names:
+            own = spread.get(f"{condition}.{name}", Bound())
+            low, high = max(own.low, limits[name].low), min(own.high, limits[name].high)
+            spread[f"{condition}.{name}"] = Bound(low, high)
+    return spread
+
+
+def contradictory(bounds: Mapping[str, Bound], place: str = "limits") -> list[Fault]:
+    """A fault for each pair of limits on one output that no value keeps."""
+    return [
+        Fault(
+            f"{place}.{name}",
+            f"limits in all conditions and in this one contradict each other: at least {bound.low:g} and at most "
+            f"{bound.high:g}",
+        )
+        for name, bound in bounds.items()
+        if bound.low > bound.high
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """A state in the life of a unit: `effects` that act in it and operating `parameters`; `stated` is
+    its table as the configuration has it, without limits and objectives.
+    """
+
+    name: str
+    effects: tuple[Active, ...] = ()
+    parameters: Mapping[str, Value] = field(default_factory=dict)
+    hours: float = 0.0
+    stated: Mapping[str, Any] = field(default_factory=dict)
+
+    def effects_with(self, always: Iterable[Active]) -> tuple[Active, ...]:
+        """Those of the condition and those that act `always`, after the hours of the condition."""
+        every = (*always, *self.effects)
+        return tuple(replace(a, values={**a.values, "hours": self.hours}) for a in every) if self.hours else every
+
+
+@dataclass(frozen=True, slots=True)
+class OperatingConditions:
+    """The `conditions` of a problem and how it is made from settings without them."""
+
+    make: Callable[[Settings], ToleranceProblem]
+    conditions: tuple[Condition, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the conditions."""
+        return tuple(condition.name for condition in self.conditions)
+
+
+def declaration_in(names: Sequence[str], plain: Declaration) -> Declaration:
+    """The declaration of a problem whose outputs that conditions change exist in each of them."""
+
+    def everywhere(output: str) -> tuple[str, ...]:
+        return (output,) if output in plain.unconditional else tuple(f"{name}.{output}" for name in names)
+
+    own = {output.name for output in plain.outputs}
+    common = tuple(output for output in plain.outputs if output.name in plain.unconditional)
+    outputs = tuple(
+        replace(
+            output,
+            name=f"{name}.{output.name}",
+            meaning=f"{output.meaning} (condition {name})",
+            error_of=f"{name}.{output.error_of}" if output.error_of else "",
+        )
+        for name in names
+        for output in plain.outputs
+        if output.name not in plain.unconditional
+    )
+    limits = {
+        name: bound
+        for output, bound in plain.limits.items()
+        for name in (everywhere(output) if output in own else [output])
+    }
+    return replace(
+        plain,
+        outputs=(*common, *outputs),
+        limits=limits,
+        objectives=tuple(name for name in plain.objectives if name in plain.unconditional),
+        performance=frozenset(name for output in plain.performance for name in everywhere(output)),
+        explained={
+            name: other
+            for output, by in plain.explained.items()
+            for name, other in zip(everywhere(output), everywhere(by), strict=False)
+        },
+        conditions=tuple(names),
+    )
+
+
+def _of_plain(name: str) -> Any:
+    """A method that is the same in all conditions."""
+
+    def method(self: InConditions, *args: Any, **kwargs: Any) -> Any:
+        return getattr(self.plain, name)(*args, **kwargs)
+
+    return method
+
+
+class InConditions(ToleranceProblem):
+    """The problem of `Settings.operating` in every condition of it.
+
+    Known answer: none beyond those of the problem in one condition.
+    """
+
+    _drawn_again = frozenset(("_finer", "_starts"))
+
+    complete = _of_plain("complete")
+    costs_of = _of_plain("costs_of")
+    cost_slopes = _of_plain("cost_slopes")
+    _corner = _of_plain("_corner")
+    _corners = _of_plain("_corners")
+    references = _of_plain("references")
+    model_labels = _of_plain("model_labels")
+    misplaced = _of_plain("misplaced")
+    room = _of_plain("room")
+    zone = _of_plain("zone")
+    drawn = _of_plain("drawn")
+    curves_of = _of_plain("curves_of")
+    samples = _of_plain("samples")
+    title = _of_plain("title")
+    sketch = _of_plain("sketch")
+    tables = _of_plain("tables")
+
+    def __init__(self, settings: Settings | None = None) -> None:
+        assert settings is not None and settings.operating is not None
+        self.operating: OperatingConditions = settings.operating
+        objectives = ("cost",) if len(settings.objectives) == 1 else ()
+        self.plain = self.operating.make(replace(settings, operating=None, objectives=objectives, limits={}))
+        self.declaration = declaration_in(self.operating.names, self.plain.declaration)
+        known = {o.name for o in self.declaration.outputs} | {v.name for v in self.declaration.variables}
+        settings = replace(settings, limits=limits_in_all(self.operating.names, settings.limits, known))
+        super().__init__(settings)
+        self.alone = tuple(self._in(condition) for condition in self.operating.conditions)
+
+    def _in(self, condition: Condition) -> ToleranceProblem:
+        """The problem in one condition, with the limits and objectives there."""
+        prefix, common = f"{condition.name}.", self.plain.declaration.unconditional
+        limits = {name.removeprefix(prefix): b for name, b in self.settings.limits.items() if name.startswith(prefix)}
+        limits |= {name: b for name, b in self.settings.limits.items() if name in self.names or name in common}
+        objectives = [
+            name.removeprefix(prefix) for name in self.settings.objectives if name.startswith(prefix) or name in common
+        ]
+        given = replace(
+            self.plain.given,
+            objectives=tuple(objectives) or ("cost",),
+            limits=limits,
+            effects=condition.effects_with(self.given.effects),
+            parameters={**self.plain.given.parameters, **self.plain.sample_sizes(), **condition.parameters},
+        )
+        return self.operating.make(given)
+
+    def _completed(self, given: Settings) -> Settings:
+        completed = self.plain.settings
+        return replace(
+            completed,
+            objectives=given.objectives or self.declaration.objectives,
+            limits=dict(self.declaration.limits) | dict(given.limits),
+            operating=given.operating,
+        )
+
+    # ---------------------------------------------------------------- outputs
+
+    def _named(self, values: Iterable[Mapping[str, Array]]) -> dict[str, Array]:
+        """Values by output of each condition, by their names here."""
+        named: dict[str, Array] = {}
+        for condition, of_condition in zip(self.operating.names, values, strict=True):
+            for name, value in of_condition.items():
+                if name in self.plain.declaration.unconditional:
+                    named.setdefault(name, value)
+                else:
+                    named[f"{condition}.{name}"] = value
+        return named
+
+    def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
+        return self._named(problem.outputs_of(designs, searching, errors=False) for problem in self.alone)
+
+    def _verified(self, designs: Array, outputs: Mapping[str, Array]) -> dict[str, Array]:
+        common = self.plain.declaration.unconditional
+        own = [
+            {
+                name.removeprefix(f"{condition}."): value
+                for name, value in outputs.items()
+                if name in common or name.startswith(f"{condition}.")
+            }
+            for condition in self.operating.names
+        ]
+        return self._named(p._verified(designs, values) for p, values in zip(self.alone, own, strict=True))
+
+    def needed(self, designs: Array) -> dict[str, Array]:
+        return self._named(problem.needed(designs) for problem in self.alone)
+
+    def gradient(self, designs: Array) -> dict[str, Array]:
+        return self._named(problem.gradient(designs) for problem in self.alone)
+
+    def interval(self, output: str) -> Interval:
+        condition, _, name = output.partition(".")
+        if condition in self.operating.names and name:
+            return self.alone[self.operating.names.index(condition)].interval(name)
+        return self.plain.interval(output)
+
+    # ---------------------------------------------------------------- the same problem with other settings
+
+    def _like(self, changed: ToleranceProblem, base: ToleranceProblem) -> InConditions:
+        """The problem with what differs between two of its problems in one condition."""
+        if changed is base:
+            return self
+        before, after = base.given, changed.given
+        parameters = {name: v for name, v in after.parameters.items() if before.parameters.get(name) != v}
+        fields = {
+            name: getattr(after, name)
+            for name in ("variables", "costs", "propagation", "machines", "definition", "seed")
+            if getattr(after, name) is not getattr(before, name)
+        }
+        return InConditions(replace(self.given, parameters={**self.given.parameters, **parameters}, **fields))
+
+    def reported(self) -> ToleranceProblem:
+        return self._like(self.plain.reported(), self.plain)
+
+    def coarser(self) -> ToleranceProblem:
+        return self._like(self.plain.coarser(), self.plain)
+
+    def smooth(self) -> ToleranceProblem:
+        return self._like(self.plain.smooth(), self.plain)
+
+    def finer(self) -> ToleranceProblem:
+        return self._finer
+
+    @cached_property
+    def _finer(self) -> ToleranceProblem:
+        return self._like(self.plain.finer(), self.plain)
+
+    def relaxed(self, limits: Mapping[str, Bound]) -> ToleranceProblem:
+        same = self._like(self.plain.relaxed({}), self.plain)
+        return InConditions(replace(same.given, limits=dict(self.given.limits) | dict(limits)))
+
+    def without_effects(self) -> ToleranceProblem:
+        return InConditions(replace(self.given, effects=()))
+
+    def least_cost(self) -> tuple[str, ToleranceProblem] | None:
+        if not any(limit.name not in self.names for limit in self.limits) or self.plain.least_cost() is None:
+            return None
+        return "GA, least cost within the limits", InConditions(replace(self.given, objectives=("cost",))).coarser()
+
+    def variants(self) -> tuple[Variant, ...]:
+        """Those of the condition that has most of them, and the run without each condition that only limits it."""
+        most = max(self.alone, key=lambda problem: len(problem.variants()))
+        known = most.variants()
+        if not known:
+            return ()
+        small = self._like(known[0].problem, most)
+        changed = [Variant(v.assumption, v.value, small._like(v.problem, known[0].problem)) for v in known]
+        return (*changed, *small._without_conditions())
+
+    def _without_conditions(self) -> Iterator[Variant]:
+        """The problem without each condition that nothing is minimised in."""
+        for condition in self.operating.conditions:
+            prefix = f"{condition.name}."
+            others = tuple(other for other in self.operating.conditions if other is not condition)
+            if others and not any(name.startswith(prefix) for name in self.objectives):
+                limits = {name: b for name, b in self.given.limits.items() if not name.startswith(prefix)}
+                operating = replace(self.operating, conditions=others)
+                problem = InConditions(replace(self.given, limits=limits, operating=operating))
+                if not problem.search_faults():  # else its cheapest designs are those that no limit holds
+                    yield Variant("conditions", f"without {condition.name}", problem)
+
+    # ---------------------------------------------------------------- where a search begins, and its bounds
+
+    def starts(self) -> Array:
+        """Of the starts in every condition, those that break the limits of all of them least."""
+        return self._starts.copy()
+
+    @cached_property
+    def _starts(self) -> Array:
+        each = [starts for problem in self.alone if len(starts := problem.starts())]
+        if not each:
+            return self.plain.starts()
+        rows = []
+        for candidates in zip(*each, strict=False):
+            designs = np.array(candidates)
+            broken = self.violations(designs, self.outputs_of(designs, searching=True))
+            rows.append(designs[int(np.argmin(np.maximum(broken, 0.0).sum(axis=1)))])
+        return np.array(rows)
+
+    def cost_bound(self) -> CostBound | None:
+        bounds = {
+            name: bound
+            for name, problem in zip(self.operating.names, self.alone, strict=True)
+            if (bound := problem.cost_bound()) is not None
+        }
+        return GreatestBound(bounds) if bounds else None
+
+    # ---------------------------------------------------------------- faults, and what a reader is told
+
+    def faults(self) -> list[Fault]:
+        faults = [*contradictory(self.settings.limits), *self._idle(), *self._without_counterpart()]
+        if faults:
+            return faults
+        for name, problem in zip(self.operating.names, self.alone, strict=True):
+            faults += [replace(fault, place=self._place(fault.place, name)) for fault in problem.faults()]
+        return list({(fault.place, fault.message): fault for fault in faults}.values())
+
+    def _place(self, place: str, condition: str) -> str:
+        """The place of a fault that the problem of one condition has."""
+        table, _, name = place.partition(".")
+        at = self.operating.names.index(condition)
+        if table == "parameters" and name in self.operating.conditions[at].parameters:
+            return f"condition[{at}].{name}"
+        if table.startswith("effect["):
+            return f"condition[{at}]"
+        own = table == "limits" and f"{condition}.{name}" in self.settings.limits
+        return f"limits.{condition}.{name}" if own else place
+
+    def _idle(self) -> list[Fault]:
+        """A fault for every condition that no limit and no objective belongs to."""
+        held = {name.partition(".")[0] for name in (*self.settings.limits, *self.objectives) if "." in name}
+        text = "has no limit and no objective: state limits or minimise in it, or a limit that holds in all conditions"
+        return [
+            Fault(f"condition[{at}]", f"{name} {text}")
+            for at, name in enumerate(self.operating.names)
+            if name not in held
+        ]
+
+    def _without_counterpart(self) -> Iterator[Fault]:
+        """A fault for every effect of a condition that changes nothing in this problem."""
+        for at, (condition, problem) in enumerate(zip(self.operating.conditions, self.alone, strict=True)):
+            does = problem.counterparts()[len(self.given.effects) :]
+            for effect, words in zip(condition.effects, does, strict=True):
+                if not words:
+                    text = (
+                        f"{effect.effect.name} has no counterpart in this problem, or does nothing here: leave it out"
+                    )
+                    yield Fault(f"condition[{at}]", text)
+
+    def search_faults(self) -> list[Fault]:
+        """Those that every condition has: what one of them limits is limited."""
+        first, *others = [problem.search_faults() for problem in self.alone]
+        return [fault for fault in first if all(fault in other for other in others)]
+
+    def out_of_reach(self) -> list[Fault]:
+        return [
+            replace(fault, place=self._place(fault.place, name))
+            for name, problem in zip(self.operating.names, self.alone, strict=True)
+            for fault in problem.out_of_reach()
+        ]
+
+    def warnings(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(text for problem in self.alone for text in problem.warnings()))
+
+    def validity(self) -> tuple[str, ...]:
+        texts = tuple(dict.fromkeys(text for problem in self.alone for text in problem.validity()))
+        return (*texts, "Units and errors of their parts are the same in all conditions.")
+
+    def counterparts(self) -> tuple[str, ...]:
+        """What each effect that acts in all conditions does, in the last of them."""
+        return self.alone[-1].counterparts()[: len(self.given.effects)]
+
+    def effect_notes(self) -> tuple[str, ...]:
+        return tuple(
+            f"condition {name}: {note}"
+            for name, problem in zip(self.operating.names, self.alone, strict=True)
+            for note in problem.effect_notes()
+        )
+
+    def shown_limit(self) -> tuple[str, float] | None:
+        limit = self.plain.shown_limit()
+        return None if limit is None else (f"{self.operating.names[0]}.{limit[0]}", limit[1])
+
+    def shown_units(self, design: Array) -> UnitsShown | None:
+        """Those of the first condition."""
+        return self.alone[0].shown_units(design)
+
+    def more_tables(self) -> dict[str, Any]:
+        return {
+            **self.plain.more_tables(),
+            "condition": [dict(condition.stated) for condition in self.operating.conditions],
+        }
+
+
+class GreatestBound:
+    """The greatest of the bounds of the cost in the conditions, each of which holds for the run."""
+
+    def __init__(self, bounds: Mapping[str, CostBound]) -> None:
+        self.bounds = {name: bound for name, bound in bounds.items() if not bound.missing}
+        self._missing = "; ".join(f"{name}: {bound.missing}" for name, bound in bounds.items())
+
+    @property
+    def missing(self) -> str:
+        """Why there is none, empty where there is one."""
+        return "" if self.bounds else self._missing
+
+    @property
+    def statement(self) -> str:
+        """What the bounds hold for."""
+        stated = "; ".join(f"in condition {name}: {bound.statement}" for name, bound in self.bounds.items())
+        return stated or self._missing
+
+    def least_costs(self, values: Mapping[str, Array], points: int) -> Array:
+        """The greatest bound (points,) of any condition; NaN where none is known."""
+        greatest = np.full(points, np.nan)
+        for condition, bound in self.bounds.items():
+            own = {name.removeprefix(f"{condition}."): value for name, value in values.items()}
+            greatest = np.fmax(greatest, bound.least_costs(own, points))
+        return greatest

@@ -1,0 +1,284 @@
+"""A problem in several conditions: each of them against the problem with the effects of that condition alone."""
+
+from __future__ import annotations
+
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+
+import tolevo
+from tolevo.configuration.reader import read
+from tolevo.errors import InputError
+from tolevo.problems.conditions import InConditions
+from tolevo.problems.tolerance_problem import ToleranceProblem
+
+SMALL = {"search_units": 128, "search_positions": 31, "report_units": 256, "positions": 31, "elastic_units": 16}
+PLAIN: dict[str, Any] = {"problem": "rv_reducer", "seed": 3, "parameters": SMALL, "references": "none"}
+WARM = {"name": "warm", "temperature_difference_K": 2.0, "limits": {"interference_probability": 0.05}}
+COLD = {"name": "cold", "limits": {"backlash_max_arcmin": 1.0}}
+TWO: dict[str, Any] = {**PLAIN, "objectives": {"minimise": ["cost"]}, "condition": [COLD, WARM]}
+
+
+def problem_of(table: dict[str, Any]) -> ToleranceProblem:
+    problem = read(table).problem
+    assert problem is not None
+    return problem
+
+
+def faults_of(table: dict[str, Any]) -> list[str]:
+    with pytest.raises(InputError) as raised:
+        read(table)
+    return [str(fault) for fault in raised.value.faults]
+
+
+def designs(problem: ToleranceProblem) -> np.ndarray[Any, np.dtype[np.float64]]:
+    nominal = list(problem.references().values())[:2]
+    return np.array(nominal)
+
+
+def test_every_condition_is_the_problem_with_its_effects_on_the_same_units() -> None:
+    """Common random numbers: not a digit differs from a run in that condition alone, of the same seed."""
+    in_all = problem_of({**TWO, "limits": {"yield_percent": {"min": 1.0}}})
+    effect = {"name": "differential_thermal_expansion", "parameters": {"temperature_difference_K": 2.0}}
+    limits = {"interference_probability": 0.05, "yield_percent": {"min": 1.0}}
+    alone = {
+        "cold": problem_of({**PLAIN, "limits": limits}),
+        "warm": problem_of({**PLAIN, "limits": limits, "effect": [effect]}),
+    }
+    rows = designs(in_all)
+    values = in_all.outputs_of(rows)
+    for name, problem in alone.items():
+        for output, column in problem.outputs_of(rows).items():
+            key = output if output in values else f"{name}.{output}"
+            np.testing.assert_array_equal(values[key], column, err_msg=key)
+    slopes, warm = in_all.gradient(rows), alone["warm"].gradient(rows)
+    np.testing.assert_array_equal(slopes["warm.interference_probability"], warm["interference_probability"])
+    assert np.all(values["warm.backlash_max_arcmin"] < values["cold.backlash_max_arcmin"])
+
+
+def test_a_warm_disc_takes_half_a_tenth_of_an_arc_minute_per_kelvin() -> None:
+    """-0.058'/K (note on conditions): 0.75 um/K of the radial gap at 0.0767'/um."""
+    table = {**TWO, "condition": [COLD, {**WARM, "temperature_difference_K": 0.5}]}
+    problem = problem_of({**table, "limits": {"backlash_mean_arcmin": 5.0}})
+    design = problem.references()["document B"]
+    design[problem.names.index("dr_rp_mm")] += 0.01  # so open that no unit interferes
+    values = problem.outputs_of(design[None, :])
+    name = "backlash_mean_arcmin_mean"
+    fallen = float(values[f"cold.{name}"][0] - values[f"warm.{name}"][0])
+    assert fallen / 0.5 == pytest.approx(0.0767 * 0.736, rel=0.01)
+
+
+def test_temperatures_of_disc_and_housing_are_their_difference() -> None:
+    stated = {"name": "warm", "disc_temperature_C": 57.0, "housing_temperature_C": "55 degC", "limits": WARM["limits"]}
+    one, other = (problem_of({**TWO, "condition": [COLD, warm]}) for warm in (WARM, stated))
+    rows = designs(one)
+    name = "warm.interference_probability"
+    np.testing.assert_array_equal(one.outputs_of(rows, True)[name], other.outputs_of(rows, True)[name])
+
+
+def test_a_limit_without_a_condition_holds_in_all_of_them() -> None:
+    problem = problem_of({**TWO, "limits": {"overlap_p95_arcmin": 0.3, "cost": 90.0}})
+    limits = {limit.name: limit.high for limit in problem.limits}
+    assert limits["cold.overlap_p95_arcmin"] == limits["warm.overlap_p95_arcmin"] == 0.3
+    assert limits["cost"] == 90.0
+    assert "warm.backlash_max_arcmin" not in limits
+
+
+def test_the_torque_of_a_condition_acts_on_pin_force_alone() -> None:
+    """A third of the torque: less than a third of the force more or less, and the same backlash."""
+    light = {"name": "light", "torque_Nm": 137.0}
+    problem = problem_of({**TWO, "limits": {"peak_pin_force_N": 9e3}, "condition": [COLD, light]})
+    values = problem.outputs_of(np.array([problem.references()["document B"]]))
+    assert values["light.backlash_max_arcmin"] == values["cold.backlash_max_arcmin"]
+    assert values["light.lost_motion_arcmin"] == values["cold.lost_motion_arcmin"]
+    ratio = float((values["light.peak_pin_force_N"] / values["cold.peak_pin_force_N"])[0])
+    assert 1.0 / 3.0 < ratio < 0.6  # fewer pins share a small torque
+
+
+def test_the_resolved_configuration_is_the_same_problem() -> None:
+    shift = {"name": "process_mean_shift", "parameters": {"shift_arcmin": 0.1}}
+    warm = {**WARM, "effect": [shift], "torque_Nm": 300.0, "minimise": ["backlash_max_arcmin"]}
+    first = read({**TWO, "condition": [COLD, warm], "limits": {"overlap_p95_arcmin": 0.5}})
+    again = read(first.resolved)
+    assert again.resolved == first.resolved
+    assert first.problem is not None and again.problem is not None
+    assert again.problem.objectives == ("cost", "warm.backlash_max_arcmin")
+    rows = designs(first.problem)
+    name = "warm.backlash_max_arcmin"
+    np.testing.assert_array_equal(*(p.outputs_of(rows, True)[name] for p in (first.problem, again.problem)))
+
+
+def test_a_copy_in_another_process_evaluates_the_same() -> None:
+    problem = problem_of(TWO)
+    rows = designs(problem)
+    copy = pickle.loads(pickle.dumps(problem))
+    np.testing.assert_array_equal(*(p.outputs_of(rows, True)["warm.interference_probability"] for p in (problem, copy)))
+
+
+def test_other_accuracies_keep_the_conditions() -> None:
+    problem = problem_of(TWO)
+    for other in (problem.coarser(), problem.finer(), problem.relaxed({"cold.backlash_max_arcmin": tolevo_bound(2.0)})):
+        assert isinstance(other, InConditions)
+        assert [o.name for o in other.outputs] == [o.name for o in problem.outputs]
+    relaxed = problem.relaxed({"cold.backlash_max_arcmin": tolevo_bound(2.0)})
+    assert {limit.name: limit.high for limit in relaxed.limits}["cold.backlash_max_arcmin"] == 2.0
+    assert problem.finer().settings.parameters["search_units"] == SMALL["report_units"]
+
+
+def tolevo_bound(high: float) -> Any:
+    from tolevo.problems.settings import Bound
+
+    return Bound(high=high)
+
+
+@pytest.mark.parametrize("algorithm", ["exact", "nsga2", "ga"])
+def test_algorithms_search_all_conditions(algorithm: str) -> None:
+    """A point that keeps the cold backlash and the warm interference, dearer than each limit alone allows."""
+    budget = {} if algorithm == "exact" else {"population": 24, "generations": 12}
+    minimise = ["cost"] if algorithm != "nsga2" else ["cost", "cold.backlash_max_arcmin"]
+    grade = {"involute_grade": {"value": 4}}
+    cold = {"name": "cold", "limits": {"backlash_max_arcmin": 1.4}}
+    table = {**TWO, "condition": [cold, WARM], "variables": grade, "objectives": {"minimise": minimise}}
+    table["algorithm"] = {"name": algorithm, **budget}
+    front = tolevo.run(table).front
+    assert np.all(front["feasible"])
+    assert np.all(front["cold.backlash_max_arcmin"] <= 1.4)
+    assert np.all(front["warm.interference_probability"] <= 0.05)
+    assert np.all(front["cold.interference_probability"] < front["warm.interference_probability"])
+
+
+def test_every_fault_of_conditions_is_placed() -> None:
+    wrong = [
+        COLD,
+        {"name": "hot", "temperature_C": -300.0, "hours": -1.0, "foo": 3},
+        {"name": "cost", "disc_temperature_C": 40.0},
+        {"parameters": {"positions": 3}, "torque_Nm": -3.0},
+        {"name": "too hot", "temperature_difference_K": 1e3},
+        {"name": "cold", "temperature_difference_K": 1.0, "disc_temperature_C": 30.0, "limits": {"foo": 1.0}},
+    ]
+    faults = faults_of({**TWO, "condition": wrong, "promise": {"yield_percent": 99.0, "statement": "plug_in"}})
+    places = [fault.split(": ")[0] for fault in faults]
+    for place in (
+        "condition[1].temperature_C",
+        "condition[1].hours",
+        "condition[1].foo",
+        "condition[2].name",
+        "condition[2].housing_temperature_C",
+        "condition[3].name",
+        "condition[3].torque_Nm",
+        "condition[3].parameters.positions",
+        "condition[4].name",
+        "condition[4].temperature_difference_K",
+        "condition[5].name",
+        "condition[5].disc_temperature_C",
+        "promise",
+    ):
+        assert place in places, (place, faults)
+
+
+def test_conditions_without_a_limit_and_contradictory_limits_are_faults() -> None:
+    idle = {"name": "idle", "temperature_difference_K": 1.0}
+    faults = faults_of({**TWO, "condition": [COLD, WARM, idle]})
+    assert faults == [
+        "condition[2]: idle has no limit and no objective: state limits or minimise in it, or a limit that holds in "
+        "all conditions"
+    ]
+    faults = faults_of({**TWO, "limits": {"backlash_max_arcmin": {"min": 1.5}}})
+    assert [fault.split(": ")[0] for fault in faults] == ["limits.cold.backlash_max_arcmin"]
+    assert "contradict" in faults[0]
+
+
+def test_an_output_of_conditions_needs_one_of_them_as_an_objective() -> None:
+    faults = faults_of({**TWO, "objectives": {"minimise": ["cost", "backlash_max_arcmin"]}})
+    assert "like cold.backlash_max_arcmin" in faults[0]
+
+
+def test_discs_that_jam_are_refused_with_the_temperature() -> None:
+    """The radial play of a fixed profile, at 0.736 um/K: what 0.0767'/um of its nominal backlash allow."""
+    fixed = {"dr_rp_mm": {"value": -0.04}, "dr_p_mm": {"value": -0.07}, "crank_bearing_um": {"value": 2.0}}
+    hot = {**WARM, "temperature_difference_K": 30.0}
+    (fault,) = faults_of({**TWO, "variables": fixed, "condition": [COLD, hot]})
+    assert fault.startswith("condition[1]: the discs jam: 30 K")
+    at = float(fault.split("no backlash from ")[1].split(" K")[0])
+    # by hand: 0.1118' of the profile, mid-limits of the document, the play of 2 um of the bearings
+    mids = -0.0767 * (1.0 + 1.0) + 0.1313 * (2.5 + 1.0 - 1.0)
+    assert at == pytest.approx((0.1118 + mids + 0.1847) / (0.0767 * 0.736), rel=0.03)
+
+
+def test_an_effect_without_a_counterpart_and_a_promise_are_refused() -> None:
+    nothing = {**WARM, "effect": [{"name": "differential_thermal_expansion", "parameters": {"temperature_K": 1.0}}]}
+    faults = faults_of({**TWO, "condition": [COLD, nothing]})
+    assert faults and faults[0].startswith("condition[1].effect[0]")
+
+
+def test_a_robot_with_two_payloads() -> None:
+    """Conditions by operating parameters serve problems without effects as well."""
+    base: dict[str, Any] = {"problem": "robot_joint", "seed": 1, "parameters": {"nested": False}}
+    conditions = [
+        {"name": "empty", "payload_kg": 0.0, "limits": {"pose_accuracy_mm": 3.0}},
+        {"name": "laden", "payload_kg": 10.0, "limits": {"pose_accuracy_mm": 3.0}},
+    ]
+    table = {**base, "objectives": {"minimise": ["cost"]}, "condition": conditions}
+    problem = problem_of(table)
+    row = problem.complete(0.5 * (problem.xl + problem.xu)[None, :])
+    values = problem.outputs_of(row)
+    for condition in conditions:
+        alone = problem_of({**base, "parameters": {"nested": False, "payload_kg": condition["payload_kg"]}})
+        for name in ("wind_up_mm", "pose_accuracy_mm"):
+            np.testing.assert_array_equal(values[f"{condition['name']}.{name}"], alone.outputs_of(row)[name])
+    assert values["laden.wind_up_mm"] != values["empty.wind_up_mm"]
+
+
+WORN = {"wear_um_per_1000h": 0.05, "running_in_um": 0.4, "running_in_hours": 200.0}
+
+
+def test_a_worn_unit_has_more_backlash_by_what_its_flanks_lost() -> None:
+    """1 um = 0.131' (note on conditions) of lost motion and backlash, on a design at which no unit interferes."""
+    old = {"name": "old", "hours": 6000.0}
+    table = {**TWO, "parameters": {**SMALL, **WORN}, "limits": {"lost_motion_arcmin": 3.0}, "condition": [COLD, old]}
+    problem = problem_of(table)
+    design = problem.references()["document B"]
+    design[problem.names.index("dr_rp_mm")] += 0.01
+    values = problem.outputs_of(design[None, :])
+    lost = 0.4 * (1.0 - np.exp(-30.0)) + 0.05 * 6.0
+    for name, within in (("backlash_mean_arcmin_mean", 0.005), ("lost_motion_arcmin_mean", 0.03)):
+        grown = float(values[f"old.{name}"][0] - values[f"cold.{name}"][0])
+        assert grown == pytest.approx(0.1313 * lost, rel=within), name
+    pitch = "transmission_error_arcsec_mean"
+    assert float(values[f"old.{pitch}"][0]) == pytest.approx(float(values[f"cold.{pitch}"][0]), rel=0.05)
+
+
+def test_hours_in_which_nothing_wears_are_a_fault() -> None:
+    faults = faults_of({**TWO, "condition": [COLD, {**WARM, "hours": 100.0}]})
+    assert len(faults) == 1
+    assert faults[0].startswith("condition[1].hours: 100 h change nothing")
+
+
+def test_wear_that_was_identified_grows_with_the_hours_of_a_condition() -> None:
+    """Half of the gap per second, as `gap` finds it on a record of lost motion."""
+    wear = {"name": "wear", "parameters": {"rate_arcmin_per_s": 1e-8}}
+    table = {**TWO, "model": "rv_lost_motion", "effect": [wear], "limits": {"yield_percent": {"min": 1.0}}}
+    old = {"name": "old", "hours": 1000.0}
+    problem = problem_of({**table, "condition": [COLD, old]})
+    design = problem.references()["document B"]
+    design[problem.names.index("dr_rp_mm")] += 0.01
+    values = problem.outputs_of(design[None, :], searching=False)
+    name = "backlash_mean_arcmin_mean"
+    grown = float(values[f"old.{name}"][0] - values[f"cold.{name}"][0])
+    assert grown == pytest.approx(2.0 * 1e-8 * 3.6e6, rel=0.01)
+
+
+@pytest.mark.slow
+def test_the_price_of_a_warm_disc() -> None:
+    """+19 +- 3 % of the cost at 20 degC where interference is kept 2 K warm (note on conditions)."""
+    at_grade_4 = {"involute_grade": {"value": 4}}
+    base = {"problem": "rv_reducer", "seed": 1, "references": "none", "variables": at_grade_4}
+    base["objectives"] = {"minimise": ["cost"]}
+    both = {"backlash_max_arcmin": 1.0, "interference_probability": 0.05}
+    cold = tolevo.run({**base, "limits": both}).front.iloc[0]
+    warm = tolevo.run({**base, "condition": [COLD, WARM]}).front.iloc[0]
+    assert 100.0 * (warm["cost"] / cold["cost"] - 1.0) == pytest.approx(19.0, abs=3.0)
+    assert warm["cold.backlash_max_arcmin"] <= 1.0
+    assert warm["warm.interference_probability"] <= 0.05
