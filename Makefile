@@ -99,7 +99,7 @@ lock: $(READY)  ## renews requirements.lock and benchmarks/requirements.lock
 	$(BIN)/pip install --quiet uv
 	$(BIN)/uv pip compile --quiet --no-strip-extras --universal --python-version 3.11 --fork-strategy fewest --upgrade \
 		--generate-hashes --no-annotate --custom-compile-command "make lock" \
-		--extra dev --extra docs --extra gap --extra study --output-file requirements.lock pyproject.toml
+		--extra dev --extra docs --extra gap --extra mcp --extra study --output-file requirements.lock pyproject.toml
 	$(BIN)/uv pip compile --quiet --no-strip-extras --universal --python-version 3.11 --fork-strategy fewest --upgrade \
 		--generate-hashes --no-annotate --custom-compile-command "make lock" \
 		--constraint requirements.lock --group peers --output-file benchmarks/requirements.lock pyproject.toml

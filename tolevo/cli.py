@@ -464,6 +464,20 @@ def review(
     typer.echo(reviewed(folder, parts, since or (), ReadOptions(**asdict(dialect))))
 
 
+@command("mcp")
+def mcp(
+    directory: Annotated[
+        Path | None,
+        typer.Option("--directory", help="Files are read and written in it alone.", show_default="none: read-only"),
+    ] = None,
+) -> None:
+    """Serve the commands as tools of the Model Context Protocol, over stdin and stdout."""
+    raise_all(registry.needed("mcp"))
+    from .agents import serve
+
+    serve(directory)
+
+
 @command("list")
 def list_(json_: Annotated[bool, typer.Option("--json", help="As JSON.")] = False) -> None:
     """List models, problems, algorithms, effects and calculations, including those of plugins."""
