@@ -286,8 +286,10 @@ class Designs(Closing):
         background.wait()
         while pairs := background.taken():
             for part, result in pairs:
-                lost = isinstance(result, Lost)
-                results[part.at] = function(self.problem, part.argument) if lost else result
+                if isinstance(result, Lost):
+                    results[part.at] = function(self.problem, part.argument)
+                else:
+                    results[part.at] = result
         return [results[at] for at in range(len(tasks))]
 
     def _parts(self, function: Callable[[ToleranceProblem, Any], Any], tasks: Sequence[Any]) -> list[Part]:
