@@ -14,6 +14,7 @@ import sys
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
+from mimetypes import knownfiles
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any
@@ -37,7 +38,9 @@ BLOCKED = ("socket.connect", "socket.bind", "socket.getaddrinfo", "socket.sendto
 CHANGES = ("os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.link", "os.symlink", "os.truncate", "os.chmod",
            "shutil.rmtree", "shutil.move", "shutil.copyfile")  # fmt: skip
 """Events that change files: their first arguments are paths."""
-READABLE = ("/proc", "/sys", "/dev", "/etc/localtime", "/usr/share/zoneinfo")
+READABLE = ("/proc", "/sys", "/dev", "/etc/localtime", "/usr/share/zoneinfo", "/usr/share/fonts",
+            "/usr/local/share/fonts", *knownfiles)  # fmt: skip
+"""What the packages of figures and workbooks read of the system: fonts, and the kinds of files."""
 OUTSIDE = "lies outside of the directory of this server"
 NO_DIRECTORY = "this server reads and writes no files: start it with --directory DIR, or give the content itself"
 
