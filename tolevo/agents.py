@@ -3,7 +3,8 @@
 Results are small, with units, bounds and assumptions; faults are structured. Without a directory
 nothing is read or written but what a call holds itself. With one, files are read and written in it
 alone: every path is checked before a call is answered, and an audit hook of the interpreter refuses
-every other file, every connection and every process afterwards, whoever asks for it.
+every other file but what the packages read of their own, every connection and every process
+afterwards, whoever asks for it.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ import sys
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
+from errno import EACCES
+from mimetypes import knownfiles
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any
@@ -37,7 +40,9 @@ BLOCKED = ("socket.connect", "socket.bind", "socket.getaddrinfo", "socket.sendto
 CHANGES = ("os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.link", "os.symlink", "os.truncate", "os.chmod",
            "shutil.rmtree", "shutil.move", "shutil.copyfile")  # fmt: skip
 """Events that change files: their first arguments are paths."""
-READABLE = ("/proc", "/sys", "/dev", "/etc/localtime", "/usr/share/zoneinfo")
+READABLE = ("/proc", "/sys", "/dev", "/etc/localtime", "/usr/share/zoneinfo", "/usr/share/fonts",
+            "/usr/local/share/fonts", *knownfiles)  # fmt: skip
+"""What the packages of figures and workbooks read of the system: fonts, and the kinds of files."""
 OUTSIDE = "lies outside of the directory of this server"
 NO_DIRECTORY = "this server reads and writes no files: start it with --directory DIR, or give the content itself"
 
@@ -54,6 +59,8 @@ class Guard:
     def __init__(self, directory: Path | None, scratch: Path) -> None:
         self.root = None if directory is None else directory.resolve()
         self.scratch = scratch.resolve()
+        self.own = self.root or self.scratch
+        """Where the paths in a configuration that is given as text begin."""
         package = Path(__file__).resolve().parent
         own = (Path(sys.prefix), Path(sys.base_prefix), package, package.parent)
         self._read = tuple(str(path.resolve()) for path in own) + READABLE
@@ -63,17 +70,20 @@ class Guard:
         """The path of a name in the directory. Raises InputError where it is not inside."""
         if self.root is None:
             raise refuse(place, NO_DIRECTORY)
+        if "\0" in name:
+            raise refuse(place, "must be the name of a file")
         path = (self.root / name).resolve()
-        if "\0" in name or not path.is_relative_to(self.root):
+        if not path.is_relative_to(self.root):
             raise refuse(place, f"{name} {OUTSIDE}")
         return path
 
-    def faults(self, value: Any, place: str = "") -> list[Fault]:
-        """A fault for each text in the tables of a configuration that names a file that is out of reach."""
+    def faults(self, value: Any, folder: Path, place: str = "") -> list[Fault]:
+        """A fault for each text in the tables of a configuration in `folder` that names a file out of reach."""
         if isinstance(value, Mapping):
-            return [f for key, inner in value.items() for f in self.faults(inner, f"{place}.{key}".lstrip("."))]
+            inside = [(f"{place}.{key}".lstrip("."), inner) for key, inner in value.items()]
+            return [fault for name, inner in inside for fault in self.faults(inner, folder, name)]
         if isinstance(value, list):
-            return [f for at, inner in enumerate(value) for f in self.faults(inner, f"{place}[{at}]")]
+            return [f for at, inner in enumerate(value) for f in self.faults(inner, folder, f"{place}[{at}]")]
         if not isinstance(value, str) or len(value) > 4096 or "\n" in value:
             return []
         if place in ("problem", "model", "algorithm.name") and ":" in value:
@@ -81,8 +91,7 @@ class Guard:
         named = Path(value)
         if named.is_absolute() or value.startswith("~") or ".." in named.parts:
             return [Fault(place, f"{value} {OUTSIDE}")]
-        folder = self.root or self.scratch
-        if os.path.lexists(folder / named) and not (folder / named).resolve().is_relative_to(folder):
+        if os.path.lexists(folder / named) and not (folder / named).resolve().is_relative_to(self.own):
             return [Fault(place, f"{value} {OUTSIDE}")]
         return []
 
@@ -107,7 +116,7 @@ class Guard:
         caches = "__pycache__" in whole and writes  # compiled code of the packages themselves
         allowed = self._write if writes and not caches else (*self._write, *self._read)
         if not any(whole == root or whole.startswith(root + os.sep) for root in allowed):
-            raise PermissionError(f"{os.fsdecode(path)} {OUTSIDE}")
+            raise PermissionError(EACCES, OUTSIDE, os.fsdecode(path))
 
 
 def serve(directory: Path | None = None) -> None:
@@ -120,7 +129,7 @@ def serve(directory: Path | None = None) -> None:
 
         tempfile.tempdir = name
         guard = Guard(directory, Path(name))
-        os.chdir(guard.root or guard.scratch)  # where the paths in a configuration that is given as text begin
+        os.chdir(guard.own)
         server = Server(Tools(guard))
         sys.addaudithook(guard.audit)
         server.run()
@@ -138,8 +147,10 @@ class Server(MCPServer[Any]):
 
     async def call_tool(self, name: str, arguments: dict[str, Any], context: Any = None) -> Any:
         """The answer of a tool; wrong arguments are structured faults, as those of its configuration."""
-        known = next((tool.input_schema["properties"] for tool in await self.list_tools() if tool.name == name), None)
-        if known is not None and (unknown := [key for key in arguments if key not in known]):
+        if name not in self._functions:
+            return _refused(refuse("name", f"{name} is no tool{nearest(name, self._functions)}"))
+        known = next(tool.input_schema["properties"] for tool in await self.list_tools() if tool.name == name)
+        if unknown := [key for key in arguments if key not in known]:
             faults = [Fault(key, f"is no argument of {name}{nearest(key, known)}") for key in unknown]
             return _refused(InputError(faults))
         try:
@@ -162,15 +173,29 @@ def answering(tool: Callable[..., dict[str, Any]]) -> Callable[..., CallToolResu
             return _result(tool(*arguments, **options), False)
         except InputError as error:
             return _refused(error)
-        except (TolevoError, OSError) as error:
-            return _result({"faults": [{"place": "", "message": str(error)}]}, True)
+        except OSError as error:
+            return _refused(refuse(str(error.filename or ""), error.strerror or str(error)))
+        except TolevoError as error:
+            return _refused(refuse("", str(error)))
+        except Exception as error:  # a defect of a model or of this suite: said, never a traceback
+            return _refused(refuse("", f"the computation failed: {type(error).__name__}: {error}"))
 
     answer.__annotations__ = {**tool.__annotations__, "return": CallToolResult}
     return answer
 
 
+PLACES = {"--out": "out", "frame": "designs", "result": "designs", "data.csv": "data"}
+"""Names of the commands and the Python interface, and the arguments of the tools that they are."""
+
+
 def _refused(error: InputError) -> CallToolResult:
-    return _result({"faults": [asdict(fault) for fault in error.faults]}, True)
+    """The faults, each at an argument of the tool or in a configuration."""
+    faults = []
+    for fault in error.faults:
+        name, colon, rest = fault.place.partition(":")
+        message = fault.message.replace(", or add --overwrite or --resume", "")
+        faults.append({"place": PLACES.get(name, name) + colon + rest, "message": message})
+    return _result({"faults": faults}, True)
 
 
 def _result(content: dict[str, Any], wrong: bool) -> CallToolResult:
@@ -211,9 +236,11 @@ class Tools:
         try:
             text = configuration if path is None else path.read_text(encoding="utf-8")
             tables = tomllib.loads(text)
-        except (OSError, ValueError) as error:
-            raise refuse("file" if file else "configuration", f"cannot be read: {error}") from None
-        if found := self._guard.faults(tables):
+            found = self._guard.faults(tables, self._guard.own if path is None else path.parent)
+        except (OSError, ValueError, RecursionError) as error:
+            text = str(getattr(error, "strerror", None) or error)
+            raise refuse("file" if file else "configuration", f"cannot be read: {text}") from None
+        if found:
             raise InputError(found)
         return tables if path is None else path
 
@@ -237,14 +264,19 @@ class Tools:
     def analyse(self, configuration: Toml = "", file: File = "", out: Out = "") -> dict[str, Any]:
         """Worst case, statistics, yield and contributions of a stack at its tolerances, without a search."""
         found = api.analyse(self._tables(configuration, file), self._out(out))
-        return {"requirements": found.requirements, "contributions": found.contributions, "words": list(found.lines)}
+        return {
+            "requirements": found.requirements,
+            "contributions": found.contributions,
+            "words": list(found.lines),
+            "assumptions": found.summary["assumptions"],
+        }
 
     @answering
     def run(self, configuration: Toml = "", file: File = "", out: Out = "", rows: Rows = ROWS) -> dict[str, Any]:
         """Optimise: the front with bounds and gaps, units, what is proven, and what is assumed."""
         read = api.read(self._tables(configuration, file))
         done = api.run(read, self._out(out), workers=1)
-        front, problem = done.front, read.problem
+        problem, front = read.problem, done.front
         assert problem is not None
         limited = [limit.name for limit in problem.limits]
         names = [*problem.names, *problem.objectives, *limited, "bound", "gap_percent", "knee"]
@@ -254,8 +286,8 @@ class Tools:
             "status": done.status,
             "points": len(front),
             "front": front.iloc[at][chosen],
-            "units": _units(read),
             "words": list(done.lines),
+            **_stated(read, front[chosen]),
             "assumptions": done.summary["assumptions"],
         }
 
@@ -263,7 +295,8 @@ class Tools:
     def evaluate(self, designs: Designs, configuration: Toml = "", file: File = "") -> dict[str, Any]:
         """Every output and limit margin of a problem at given designs."""
         read = api.read(self._tables(configuration, file))
-        return {"designs": api.evaluate(read, pd.DataFrame(designs)), "units": _units(read)}
+        found = api.evaluate(read, pd.DataFrame(designs))
+        return {"designs": found, **_stated(read, found)}
 
     @answering
     def gap(self, data: str, configuration: Toml = "", file: File = "", out: Out = "") -> dict[str, Any]:
@@ -287,14 +320,22 @@ class Tools:
         evaluations: Annotated[int, Field(ge=100, le=100_000)] = 4000,
     ) -> dict[str, Any]:
         """How far designs are from the optimum: proven bound, best known, scatter, and what each says."""
-        tables = self._tables(configuration, file)
-        found = api.certify(tables, pd.DataFrame(designs), seeds=seeds, evaluations=evaluations)
-        return {"points": found.points, "bounded": found.bounded, "words": list(found.lines), "scatter": found.scatter}
+        read = api.read(self._tables(configuration, file))
+        found = api.certify(read, pd.DataFrame(designs), seeds=seeds, evaluations=evaluations)
+        return {
+            "points": found.points,
+            "bounded": found.bounded,
+            "scatter": found.scatter,
+            "words": list(found.lines),
+            **_stated(read, found.points),
+        }
 
 
-def _units(configuration: Configuration) -> dict[str, str]:
-    """Units of the variables and outputs that have one."""
+def _stated(configuration: Configuration, shown: pd.DataFrame) -> dict[str, Any]:
+    """Units of the columns that are shown, and what the problem assumes."""
     problem = configuration.problem
     assert problem is not None
-    units = {variable.name: variable.unit for variable in problem.variables if variable.unit}
-    return units | {output.name: output.unit for output in problem.outputs if output.unit}
+    units = {variable.name: variable.unit for variable in problem.variables}
+    units |= {output.name: output.unit for output in problem.outputs}
+    units = {name: unit for name, unit in units.items() if unit and name in shown}
+    return {"units": units, "assumptions": [asdict(assumption) for assumption in problem.assumptions()]}

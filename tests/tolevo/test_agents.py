@@ -57,7 +57,7 @@ def calls(directory: Path | None, wanted: list[tuple[str, dict[str, Any]]]) -> t
 
 def test_tools_answer_with_units_bounds_and_assumptions() -> None:
     designs = [{"a_t": 0.1, "b_t": 0.1}]
-    tools, (listed, checked, analysed, ran, evaluated, unknown, wrong, typed, written) = calls(
+    tools, (listed, checked, analysed, ran, evaluated, unknown, wrong, typed, written, short, deep, none) = calls(
         None,
         [
             ("list", {}),
@@ -69,6 +69,9 @@ def test_tools_answer_with_units_bounds_and_assumptions() -> None:
             ("check", {"configuration": STACK.replace("t_min = 0.01", "t_min = -1.0")}),
             ("run", {"configuration": STACK, "rows": "many"}),
             ("run", {"configuration": STACK, "out": "here"}),
+            ("evaluate", {"configuration": STACK, "designs": [{"a_t": 0.1}]}),
+            ("check", {"configuration": "a = " + "[" * 5000}),
+            ("chek", {}),
         ],
     )
     assert set(tools) == {"list", "check", "analyse", "run", "evaluate", "gap", "certify"}
@@ -86,7 +89,10 @@ def test_tools_answer_with_units_bounds_and_assumptions() -> None:
     assert any("t_min" in fault["place"] for fault in wrong.structured_content["faults"])
     assert typed.structured_content["faults"][0]["place"] == "rows"
     assert "--directory" in written.structured_content["faults"][0]["message"]
-    assert all(answer.is_error for answer in (unknown, wrong, typed, written))
+    assert short.structured_content["faults"] == [{"place": "designs", "message": "column b_t is missing"}]
+    assert deep.structured_content["faults"][0]["place"] == "configuration"
+    assert "`check`" in none.structured_content["faults"][0]["message"]
+    assert all(answer.is_error for answer in (unknown, wrong, typed, written, short, deep, none))
 
 
 def start(name: str) -> str:
@@ -113,6 +119,7 @@ ESCAPES: list[Callable[[Path], tuple[str, dict[str, Any]]]] = [
     lambda outside: ("check", {"configuration": STACK + '[costs]\nfile = "linked/secret.csv"\n'}),
     lambda outside: ("check", {"configuration": STACK + '[part.measured]\nfile = "link.csv"\n'}),
     lambda outside: ("gap", {"configuration": 'model = "rv_lost_motion"', "data": "../secret.csv"}),
+    lambda outside: ("run", {"file": "sub/own.toml"}),
     lambda outside: ("check", {"configuration": STACK.replace('"stack"', f'"{outside}/own.py:Own"')}),
 ]
 
@@ -123,6 +130,8 @@ def test_nothing_outside_of_the_directory_is_read_or_written(tmp_path: Path) -> 
     (outside / "secret.toml").write_text(STACK)
     (outside / "secret.csv").write_text("a_t,b_t\n0.15,0.15\n")
     (inside / "own.toml").write_text(STACK)
+    (inside / "sub" / "own.toml").write_text(start('"link.csv"'))
+    (inside / "sub" / "link.csv").symlink_to(outside / "secret.csv")
     (inside / "link.toml").symlink_to(outside / "secret.toml")
     (inside / "link.csv").symlink_to(outside / "secret.csv")
     (inside / "linked").symlink_to(outside, target_is_directory=True)
@@ -140,12 +149,15 @@ def test_nothing_outside_of_the_directory_is_read_or_written(tmp_path: Path) -> 
 def test_the_guard_refuses_files_connections_and_processes(tmp_path: Path) -> None:
     """What a path that nobody checked would do: the events of the interpreter themselves."""
     from tolevo.agents import Guard
+    from tolevo.errors import InputError
 
     (tmp_path / "in").mkdir()
     (tmp_path / "scratch").mkdir()
     guard = Guard(tmp_path / "in", tmp_path / "scratch")
     guard.audit("open", (str(tmp_path / "in" / "a"), "w", 1))
     guard.audit("open", (sys.executable, "r", 0))
+    with pytest.raises(InputError, match="must be the name of a file"):
+        guard.path("a\0b", "file")
     for event, arguments in (
         ("open", (str(tmp_path / "a"), "r", 0)),
         ("open", (str(tmp_path / "in" / ".." / "a"), "w", 1)),
