@@ -296,4 +296,5 @@ def _units(configuration: Configuration) -> dict[str, str]:
     """Units of the variables and outputs that have one."""
     problem = configuration.problem
     assert problem is not None
-    return {entry.name: entry.unit for entry in (*problem.variables, *problem.outputs) if entry.unit}
+    units = {variable.name: variable.unit for variable in problem.variables if variable.unit}
+    return units | {output.name: output.unit for output in problem.outputs if output.unit}

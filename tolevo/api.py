@@ -494,7 +494,7 @@ def certify(
     faults = [
         Fault(name, f"must be a whole number of at least {least}, got {value}")
         for name, value, least in (("seeds", seeds, 1), ("evaluations", evaluations, 100), ("seed", seed, 0))
-        if not isinstance(value, int) or value < least
+        if value != round(value) or value < least
     ]
     configuration = collected(lambda: _with_problem(read(problem)), faults)
     raise_all(faults)

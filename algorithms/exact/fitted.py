@@ -14,9 +14,10 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from scipy.optimize import linprog, minimize, nnls
+from scipy.optimize import linprog, nnls
 
 from ...section import Array
+from .slsqp import slsqp
 
 AGREES = 1e-8
 """Part of the range of a row's values up to which a form agrees with them."""
@@ -203,18 +204,17 @@ def least_value(rows: Sequence[Row], limits: Array, box: tuple[Array, Array], st
 
     first = np.clip(np.log(start) if logs else start, low, high)
     unit = max(1.0, abs(float(values(first)[0][0])))
-    found = minimize(
-        lambda z: values(z)[0][0] / unit,
+    found = slsqp(
+        lambda z: float(values(z)[0][0] / unit),
+        lambda z: values(z)[1][0] / unit,
+        lambda z: most - values(z)[0][1:],
+        lambda z: -values(z)[1][1:],
         first,
-        jac=lambda z: values(z)[1][0] / unit,
-        bounds=list(zip(low, high, strict=True)),
-        constraints=[{"type": "ineq", "fun": lambda z: most - values(z)[0][1:], "jac": lambda z: -values(z)[1][1:]}]
-        if len(rows) > 1
-        else [],
-        method="SLSQP",
-        options={"ftol": 1e-14, "maxiter": 300},
+        (low, high),
+        1e-14,
+        300,
     )
-    points = [first, np.clip(found.x, low, high)]
+    points = [first, found.x]
     best = -np.inf
     for _ in range(ROUNDS):
         bound, at = _by_tangents([values(z) for z in points], np.array(points), most, low, high)
@@ -244,7 +244,7 @@ def _by_tangents(
     found = linprog(np.eye(variables + 1)[-1], a / scale[:, None], b / scale, bounds=bounds, method="highs")
     if found.status == 2:
         return np.inf, None
-    if found.status != 0:
+    if found.status != 0 or found.x is None:
         return -np.inf, None
     multipliers = np.maximum(-np.asarray(found.ineqlin.marginals) / scale, 0.0)
     total = float(np.sum(multipliers[:n]))

@@ -53,12 +53,14 @@ class OfFormula(Effect):
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         bounds = self.stated_keys.get("bounds", {})
+        ends = {letter: bounds.get(letter, (-inf, inf)) for letter in self.letters}
         return tuple(
             EffectParameter(
                 letter,
                 "",
                 f"{letter} of the formula",
-                *bounds.get(letter, (-inf, inf)),
+                ends[letter][0],
+                ends[letter][1],
                 linear=letter in self.linear_letters,
             )
             for letter in self.letters

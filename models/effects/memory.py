@@ -199,9 +199,11 @@ class LoadCreep(Memory, OneColumn):
         last = target.largest.get(Role.TIME, 0.0)
         pace = target.pace
         splits = np.geomspace(2.0 * pace, 0.5 * last, len(self.stems) + 1) if last > 4.0 * pace > 0.0 else None
+        lows = [0.0] * len(self.stems) if splits is None else splits[:-1].tolist()
+        highs = [inf] * len(self.stems) if splits is None else splits[1:].tolist()
         return tuple(
-            quantity(stem, "s", meaning, *((0.0, inf) if splits is None else splits[k : k + 2].tolist()), linear=False)
-            for k, (stem, meaning) in enumerate(self.stems.items())
+            quantity(stem, "s", meaning, low, high, linear=False)
+            for (stem, meaning), low, high in zip(self.stems.items(), lows, highs, strict=True)
         )
 
     def columns(self, measurements: Measurements, values: Values, target: Target) -> Columns:

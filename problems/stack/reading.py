@@ -181,7 +181,7 @@ def _name_faults(top: Section, requirements: tuple[Requirement, ...], parts: lis
     named += [f"{table.get('name')}_{axis}" for table in top.tables("feature") for axis in "xy"]
     for table in top.tables("loop"):
         named += unknowns if isinstance(unknowns := table.get("unknown"), dict) else []
-    texts = [(f"{one.place}.formula", one.formula) for one in requirements]
+    texts: list[tuple[str, object]] = [(f"{one.place}.formula", one.formula) for one in requirements]
     texts += [(f"let[{at}].formula", table.get("formula")) for at, table in enumerate(top.tables("let"))]
     faults = []
     for place, text in texts:

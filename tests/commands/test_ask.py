@@ -50,7 +50,7 @@ def read(folder: Path, name: str) -> pd.DataFrame:
 
 
 def test_files_find_what_run_finds(folder: Path) -> None:
-    for _ in range(SETTINGS["generations"]):  # type: ignore[arg-type]
+    for _ in range(int(str(SETTINGS["generations"]))):
         results = answers(read(folder, "designs.csv")).sample(frac=1, random_state=3)
         results.head(4).to_csv(folder / "some.csv", index=False)  # partly, in any order
         tolevo.tell(folder, folder / "some.csv")

@@ -124,9 +124,9 @@ def test_other_objectives_than_those_of_the_problem_are_told() -> None:
 
 
 def test_declared_forms_count_where_there_are_some() -> None:
-    part = {"sensitivity": 1.0, "nominal": 5.0, "t_min": 0.01, "t_max": 0.2}
-    part["cost"] = {"model": "reciprocal", "a": 1.0, "b": 0.1}  # type: ignore[assignment]
-    stack = {"problem": "stack", "requirement": {"name": "gap", "unit": "mm"}}
+    cost = {"model": "reciprocal", "a": 1.0, "b": 0.1}
+    part: dict[str, Any] = {"sensitivity": 1.0, "nominal": 5.0, "t_min": 0.01, "t_max": 0.2, "cost": cost}
+    stack: dict[str, Any] = {"problem": "stack", "requirement": {"name": "gap", "unit": "mm"}}
     stack |= {"objectives": {"minimise": ["cost", "variation"]}, "part": [part | {"name": "a"}, part | {"name": "b"}]}
     found = tolevo.certify(stack, np.array([[0.1, 0.1], [0.05, 0.2]]), **FEW)
     # two equal parts at equal variation: the least cost has equal tolerances

@@ -7,6 +7,7 @@ import signal
 import time
 from collections.abc import Iterator
 from multiprocessing import active_children
+from typing import Any
 
 import numpy as np
 import pytest
@@ -98,7 +99,7 @@ def test_a_batch_of_cheap_designs_is_computed_at_once() -> None:
     """No grain: pymoo's batch is the problem's."""
     cheap, seen = RvBacklash(), list[object]()
 
-    def never(function: object, parts: object) -> list[Values]:
+    def never(function: object, parts: object) -> list[Any]:
         seen.append(parts)
         return []
 

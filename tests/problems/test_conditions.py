@@ -107,14 +107,16 @@ def test_the_resolved_configuration_is_the_same_problem() -> None:
     assert again.problem.objectives == ("cost", "warm.backlash_max_arcmin")
     rows = designs(first.problem)
     name = "warm.backlash_max_arcmin"
-    np.testing.assert_array_equal(*(p.outputs_of(rows, True)[name] for p in (first.problem, again.problem)))
+    one, other = (p.outputs_of(rows, True)[name] for p in (first.problem, again.problem))
+    np.testing.assert_array_equal(one, other)
 
 
 def test_a_copy_in_another_process_evaluates_the_same() -> None:
     problem = problem_of(TWO)
     rows = designs(problem)
     copy = pickle.loads(pickle.dumps(problem))
-    np.testing.assert_array_equal(*(p.outputs_of(rows, True)["warm.interference_probability"] for p in (problem, copy)))
+    one, other = (p.outputs_of(rows, True)["warm.interference_probability"] for p in (problem, copy))
+    np.testing.assert_array_equal(one, other)
 
 
 def test_other_accuracies_keep_the_conditions() -> None:

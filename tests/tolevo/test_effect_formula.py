@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from pathlib import Path
 
@@ -74,11 +75,12 @@ def test_a_formula_is_fitted_and_simulated(tmp_path: Path) -> None:
     measured = simulated + 0.03 * torque * temperature + rng.normal(0.0, 0.5, n)
     table = {"torque_Nm": torque, "temp_C": temperature, "y_arcsec": measured, "y_sim": simulated}
     pd.DataFrame(table).to_csv(tmp_path / "record.csv", index=False)
-    result = tolevo.gap(tomllib.loads(COLUMNS + MINE), tmp_path / "record.csv")
-    (effect,) = [found for found in result.effects if found.name == "mine"]
-    (number,) = effect.parameters
-    assert number.low <= 0.03 <= number.high
-    corrected = tomllib.loads(result.corrected)
+    tolevo.gap(tomllib.loads(COLUMNS + MINE), tmp_path / "record.csv", tmp_path / "out")
+    found = json.loads((tmp_path / "out" / "gap.json").read_text(encoding="utf-8"))
+    (effect,) = [entry for entry in found["effects"] if entry["name"] == "mine"]
+    low, high = effect["parameters"]["a"]["interval"]
+    assert low <= 0.03 <= high
+    corrected = tomllib.loads((tmp_path / "out" / "corrected.toml").read_text(encoding="utf-8"))
     (own,) = [entry for entry in corrected["effect"] if entry["name"] == "mine"]
     assert own["formula"] == "a * torque_Nm * temp_C"
     assert own["parameters"]["a"] == pytest.approx(0.03, rel=0.02)

@@ -117,7 +117,7 @@ def standing(configuration: Configuration, told: pd.DataFrame, folder: Path) -> 
         x = search.ask()
         left = _left(plan.budget, generation, first - 1)
         ids = np.arange(first, first + len(x))[:left]
-        batch = x.head(left).assign(**{ID: ids})[[ID, *x.columns]]
+        batch = x[:left].assign(**{ID: ids})[[ID, *x.columns]]
         asked.append(batch)
         if not len(ids) or len(ids) < len(x) or not np.isin(ids, known.index).all():
             break
@@ -177,9 +177,11 @@ def _new_results(before: Standing, results: tables.Table, place: str) -> tuple[p
     missing = [Fault(place, f"column {name} is missing") for name in (ID, *needed) if name not in cells]
     raise_all(missing)
     faults, taken, again, empty = list[Fault](), dict[int, list[float]](), 0, 0
-    known, open_designs = before.told.set_index(ID), before.designs.set_index(ID)
+    open_designs = before.designs.set_index(ID)
+    known = {at: values.tolist() for at, values in before.told.set_index(ID).iterrows()}
     variables = [name for name in open_designs.columns if name in cells]
-    for line, row in zip(cells.index, cells.to_dict("records"), strict=True):
+    for line, record in zip(cells.index, cells.to_dict("records"), strict=True):
+        row = {str(name): value for name, value in record.items()}
         where = f"{place}: row {line}"
         texts = ["" if row[name] is None or row[name] != row[name] else str(row[name]).strip() for name in needed]
         number = tables.number_in(str(row[ID]).strip())
@@ -187,11 +189,12 @@ def _new_results(before: Standing, results: tables.Table, place: str) -> tuple[p
             faults.append(Fault(f"{where}, column {ID}", f"must be a whole number, got {row[ID]}"))
             continue
         at = int(number)
-        if at not in open_designs.index and at not in known.index:
+        if at not in open_designs.index and at not in known:
             text = f"{at} was never asked for: the designs that are open are in {before.folder / DESIGNS}"
             faults.append(Fault(f"{where}, column {ID}", text))
         elif at in open_designs.index and (other := _other_design(row, open_designs.loc[at], variables)):
-            text = f"is not the design {at} that was asked for: it has {open_designs.loc[at, other]}, got {row[other]}"
+            asked = open_designs[other].to_dict()[at]
+            text = f"is not the design {at} that was asked for: it has {asked}, got {row[other]}"
             faults.append(Fault(f"{where}, column {other}", text))
         elif not any(texts):
             empty += 1
@@ -201,7 +204,7 @@ def _new_results(before: Standing, results: tables.Table, place: str) -> tuple[p
         else:
             values = [np.nan if text.casefold() in MARKS else tables.number_in(text) for text in texts]
             values = values if np.isfinite(values).all() else [np.nan] * len(values)
-            earlier = known.loc[at].tolist() if at in known.index else taken.get(at)
+            earlier = known[at] if at in known else taken.get(at)
             if earlier is None:
                 taken[at] = values
             elif np.array_equal(earlier, values, equal_nan=True):
@@ -219,7 +222,7 @@ def _is_result(text: str) -> bool:
     return bool(text) and (text.casefold() in MARKS or bool(np.isfinite(tables.number_in(text))))
 
 
-def _other_design(row: dict[Any, Any], design: pd.Series[Any], variables: list[str]) -> str:
+def _other_design(row: dict[str, Any], design: Any, variables: list[str]) -> str:
     """The first variable of a row that is not that of its design, but for rounding; empty where there is none."""
     for name in variables:
         text = "" if row[name] is None or row[name] != row[name] else str(row[name]).strip()
@@ -244,7 +247,8 @@ def _labelled(frame: pd.DataFrame, problem: Any) -> pd.DataFrame:
     if not len(frame):
         return frame
     designs: Array = designs_of(problem, frame)
-    return frame.assign(**{name: column.to_numpy() for name, column in designs_frame(problem, designs).items()})
+    labelled = designs_frame(problem, designs)
+    return frame.assign(**{name: labelled[name].to_numpy() for name in map(str, labelled)})
 
 
 def _is_begun(folder: Path, configuration: Configuration) -> bool:

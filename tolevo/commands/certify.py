@@ -23,7 +23,7 @@ from ..algorithms.settings import Budget
 from ..errors import raise_all, refuse
 from ..problems.plain import PlainProblem
 from ..problems.tolerance_problem import ToleranceProblem, designs_frame
-from ..section import Array
+from ..section import Array, Flags
 from ..units import plain_number
 from .evaluate import designs_in
 from .run.proofs import add_bounds
@@ -71,7 +71,8 @@ def designs_of_result(problem: ToleranceProblem, result: Any) -> tuple[Array, Ar
     A result of pymoo or VAMOS (`X`, `F`), a population of pygmo, a study of Optuna, solutions of
     Platypus or jMetalPy, a frame, or an array. Raises InputError where it holds no designs of the problem.
     """
-    names, values = [variable.name for variable in problem.free], None
+    names = [variable.name for variable in problem.free]
+    values: Any = None
     if isinstance(result, pd.DataFrame):
         frame = result
     elif hasattr(result, "best_trials"):  # a study of Optuna
@@ -149,7 +150,7 @@ def _vectors(problem: ToleranceProblem, designs: Array) -> Array:
     return designs[:, [problem.names.index(variable.name) for variable in problem.free]]
 
 
-def _percent(points: pd.DataFrame, name: str, least: Array, feasible: Array) -> Array:
+def _percent(points: pd.DataFrame, name: str, least: Array, feasible: Flags) -> Array:
     """Distance (n,) of an objective from a least value in percent; NaN where there is none, or that is 0."""
     whole = np.where((least == 0.0) | ~np.isfinite(least) | ~feasible, np.nan, np.abs(least))
     return np.asarray(100.0 * (points[name].to_numpy(dtype=float) - least) / whole)

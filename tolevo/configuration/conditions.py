@@ -122,8 +122,8 @@ def _parameters(
     for key in table.all_keys():
         if key in known and known[key] not in allowed:
             table.take(key)
-            names = ", ".join(parameter.name for parameter in allowed) or "none"
-            table.fault(key, f"belongs to the unit, which is the same in all conditions; those of operation: {names}")
+            others = ", ".join(parameter.name for parameter in allowed) or "none"
+            table.fault(key, f"belongs to the unit, which is the same in all conditions; those of operation: {others}")
         elif key not in known:
             table.take(key)
             table.fault(key, f"is not a parameter of operation{nearest(key, [p.name for p in allowed])}")

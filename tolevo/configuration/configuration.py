@@ -22,11 +22,14 @@ from ..section import Output, Section
 from .parameters import GEAR, UNRESOLVED, read_effects, read_gear, read_unresolved, resolved_gear
 from .plugins import SENSE, ZERO, read_labels, read_sense, read_zero
 from .resolved import resolved_measurement
-from .starts import Start
 
 if TYPE_CHECKING:
     from ..commands.run.plan import RunPlan
     from ..problems.tolerance_problem import ToleranceProblem
+    from .starts import Start
+
+START = "start"
+"""The key that names designs to begin from."""
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from ..problems.settings import METHODS, Bound, PropagationSetting, Settings, Va
 from ..problems.tolerance_problem import ToleranceProblem
 from ..section import POSITIVE, SAMPLES, Kind, Output, Range, Section, Value, Variable, completed
 from .cells import Nested, fill_poses, read_design_columns, read_model_columns
-from .configuration import TABLE, Configuration, read_table_model, table_model
+from .configuration import START, TABLE, Configuration, read_table_model, table_model
 from .cost_files import fill_files
 from .costs import check_ends, narrow_setting, read_costs, read_money, unknown
 from .parameters import mid_parameter, read_effects, read_parameters, read_unresolved, read_variable
@@ -37,7 +37,6 @@ from .reducers import fill_reducers
 from .resolved import complete_tables, resolved_limits, resolved_measurement, resolved_variables
 from .search import read_search, resolved_algorithm
 from .source import Source, Table, folder_of, located, override_source, replace_algorithm
-from .starts import START, open_start, read_start
 
 # `[objectives]`, `[limits]` and `[propagation]`.
 
@@ -309,7 +308,11 @@ def _read_problem(
     objectives = settings.objectives or declared.objectives
     search = read_search(top.section("algorithm"), len(objectives), declared.algorithm)
     choice = read_choice(top, objectives, declared.outputs, declared.variables)
-    opened = open_start(top, folder)
+    opened = None
+    if START in top:
+        from .starts import open_start  # few configurations have one
+
+        opened = open_start(top, folder)
     top.finish()
     if faults:  # those of the whole as far as they show without it
         ranges = {v.name: (v.low, v.high) for v in declared.variables if v.low < v.high}
@@ -318,13 +321,17 @@ def _read_problem(
         problem = configured(settings)
         _check_as_a_whole(problem, choice, search["algorithm_name"], reachable)
     assert search["algorithm"] is not None
-    start = read_start(problem, opened, search["budget"])
+    start = None
+    if opened:
+        from .starts import read_start
+
+        start = read_start(problem, opened, search["budget"])
     resolved = {
         **complete_tables(problem, top.take("problem"), model_name),
         "references": references,
         "algorithm": resolved_algorithm(*search.values()),
         **resolved_choice(choice),
-        **({START: start.table(problem)} if len(start.x) else {}),
+        **({START: start.table(problem)} if start and len(start.x) else {}),
     }
     return Configuration(
         model_name=model_name,

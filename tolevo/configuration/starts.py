@@ -15,8 +15,8 @@ from ..algorithms.settings import Budget
 from ..errors import Fault, InputError, raise_all
 from ..problems.tolerance_problem import ToleranceProblem, designs_frame
 from ..section import Array, Section
+from .configuration import START
 
-START = "start"
 FRONT = "front.csv"
 """The table of a directory that `tolevo run` wrote."""
 Opened = list[tuple[str, tables.Table]]

@@ -60,7 +60,7 @@ def presliding(rng: np.random.Generator, at: Points, falls: bool) -> Injected:
     slow, excess = rng.uniform(0.08, 0.3) * float(at.speed.max()), rng.uniform(0.5, 1.5) if falls else 0.0
 
     def step(z: float, dx: float, speed: float) -> float:
-        level = 1.0 + excess * np.exp(-((speed / slow) ** 2))
+        level = 1.0 + excess * float(np.exp(-((speed / slow) ** 2)))
         return z + (dx - z * abs(dx) / level) / length
 
     return Injected(stepped(step, at.angle, at.speed))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -12,11 +12,12 @@ import pandas as pd
 from ...algorithms.exact.bounds import Proof
 from ...algorithms.exact.local import NEARLY, Branch
 from ...algorithms.exact.solver import closed_form
-from ...algorithms.run import Progress, Run
+from ...algorithms.run import Progress, Run, Shared
 from ...algorithms.settings import Budget
+from ...journal import recall_arrays
 from ...problems.limits import Limit
 from ...problems.settings import Bound
-from ...problems.tolerance_problem import ToleranceProblem, Variant, designs_of
+from ...problems.tolerance_problem import ToleranceProblem, designs_of
 from ...records import Axis, RunResult
 from ...section import Array
 from ...units import drawing_number, plain_number
@@ -455,6 +456,8 @@ def _step(limit: Limit, lower: bool, part: float = TENTH) -> float:
 
 
 INFEASIBLE = "no allocation found that keeps the limits at this grade"
+TOGETHER = 4
+"""Costs that are computed side by side, and stored together for a run that resumes."""
 RIGID = "backlash_"
 """Prefix of the outputs that are searched within a fraction of a second."""
 
@@ -464,6 +467,7 @@ def add_assumptions(
     problem: ToleranceProblem,
     history: Sequence[Progress],
     progress: Callable[[Progress], None] | None,
+    shared: Shared | None = None,
 ) -> RunResult:
     """The result with the table of its shown point; `progress` continues `history`."""
     chosen = shown_point(result.front, problem)
@@ -481,7 +485,7 @@ def add_assumptions(
     more = np.zeros(len(unit))
     if level is not None and level[0] in problem.objectives:
         more[problem.objectives.index(level[0])] = level[1] - float(point[level[0]].iloc[0])
-    table = assumptions_cost(problem, designs_of(problem, point)[0], unit, more, phase)
+    table = assumptions_cost(problem, designs_of(problem, point)[0], unit, more, phase, shared)
     if table is None:
         return result
     summary = {**result.summary, "assumptions_at": _held_outputs(point, problem, level)}
@@ -515,24 +519,42 @@ def assumptions_cost(
     unit: Array,
     more: Array,
     phase: Callable[[float], None] = lambda fraction: None,
+    shared: Shared | None = None,
 ) -> pd.DataFrame | None:
     """Least cost at the other objective's level of a full design (all variables,), by assumption.
 
     The first row is the problem as it is. All are solved on the sample of the search, from the
     design, at its integers; `unit` (m,) is the scale of the objectives, `more` (m,) is what is
-    added to the levels of the design. `phase` is called with the fraction that is done. None where
+    added to the levels of the design. `phase` is called with the fraction that is done; `shared` computes
+    some of the costs in other processes. None where
     these costs are not defined: another problem than cost against backlash, least cost without a
     limit on backlash, or no allocation even without a change.
     """
     if not _applies(problem):
         return None
-    variants = problem.variants()
-    rows: list[dict[str, Any]] = []
-    for row in _rows(problem, variants, design, (unit, more)):
-        rows.append(row)
-        phase(len(rows) / len(variants))
-        if np.isnan(float(rows[0]["cost"])):
-            return None
+    variants, free = problem.variants(), [problem.names.index(v.name) for v in problem.free]
+    x = np.clip(design[free], problem.xl, problem.xu)
+    limit = _level(Branch(Run(variants[0].problem, Budget(), seed=0), x, unit), x) + more
+    base = cost_of_variant(problem, Assumed(0, x, unit, limit))
+    if np.isnan(base):
+        return None
+    costs, results = [base], shared or (lambda function, tasks: [function(problem, task) for task in tasks])
+    while len(costs) < len(variants):
+        phase(len(costs) / len(variants))
+        tasks = [Assumed(at, x, unit, limit) for at in range(len(costs), min(len(costs) + TOGETHER, len(variants)))]
+        inputs = (np.array([task.at for task in tasks]), x, unit, limit)
+        costs.extend(recall_arrays(inputs, lambda: (np.array(results(cost_of_variant, tasks)),))[0].tolist())  # noqa: B023
+    phase(1.0)
+    rows = [
+        {
+            "assumption": variant.assumption,
+            "value": variant.value,
+            "cost": cost,
+            "change_percent": 100.0 * (cost / base - 1.0),
+            "remark": INFEASIBLE if np.isnan(cost) else "",
+        }
+        for variant, cost in zip(variants, costs, strict=True)
+    ]
     return pd.DataFrame(rows) if len(rows) > 1 else None
 
 
@@ -546,27 +568,21 @@ def _applies(problem: ToleranceProblem) -> bool:
     return any(limit.name.startswith(RIGID) for limit in problem.limits)
 
 
-def _rows(
-    problem: ToleranceProblem, variants: tuple[Variant, ...], design: Array, scale: tuple[Array, Array]
-) -> Iterator[dict[str, Any]]:
-    free = [problem.names.index(v.name) for v in problem.free]
-    x = np.clip(design[free], problem.xl, problem.xu)
-    limit: Array | None = None
-    base = np.nan
-    for variant in variants:
-        branch = Branch(Run(variant.problem, Budget(), seed=0), x, scale[0])
-        if limit is None:
-            limit = _level(branch, x) + scale[1]
-        cost = _least(branch, x, limit)
-        base = cost if np.isnan(base) else base
-        variant.problem.release()
-        yield {
-            "assumption": variant.assumption,
-            "value": variant.value,
-            "cost": cost,
-            "change_percent": 100.0 * (cost / base - 1.0),
-            "remark": INFEASIBLE if np.isnan(cost) else "",
-        }
+class Assumed(NamedTuple):
+    """A variant of a problem by its place, the search vector x to begin from, the scale of the objectives
+    and the limits (m,) on them.
+    """
+
+    at: int
+    x: Array
+    unit: Array
+    limit: Array
+
+
+def cost_of_variant(problem: ToleranceProblem, task: Assumed) -> float:
+    """Least cost of a problem with one assumption changed; NaN where nothing keeps the limits."""
+    variant = problem.variants()[task.at].problem
+    return _least(Branch(Run(variant, Budget(), seed=0), task.x, task.unit), task.x, task.limit)
 
 
 def _level(branch: Branch, x: Array) -> Array:

@@ -247,13 +247,13 @@ def computed(part: Part) -> Any:
 class Designs(Closing):
     """Shares the parts of a search with other processes; this one computes what none has begun.
 
-    `free` returns how many processes are available in addition to this one; more are started when
+    `free` returns how many processes are available now in addition to this one; more are started when
     the number rises, and are used once they have computed a task. They end when the context is
     left.
     """
 
     def __init__(self, problem: ToleranceProblem, where: Execution, free: Callable[[], int]) -> None:
-        self.problem, self._where, self._free = problem, where, free
+        self.problem, self.where, self.free = problem, where, free
         self._name = secrets.token_hex(8)
         self._content = b""
         self._batches = 0
@@ -266,6 +266,11 @@ class Designs(Closing):
             self._starting[1].close()
         if self._executor is not None:
             self._executor.close()
+
+    @property
+    def executor(self) -> Executor | None:
+        """The other processes, None where none has started."""
+        return self._executor
 
     @property
     def helpers(self) -> int:
@@ -286,8 +291,10 @@ class Designs(Closing):
         background.wait()
         while pairs := background.taken():
             for part, result in pairs:
-                lost = isinstance(result, Lost)
-                results[part.at] = function(self.problem, part.argument) if lost else result
+                if isinstance(result, Lost):
+                    results[part.at] = function(self.problem, part.argument)
+                else:
+                    results[part.at] = result
         return [results[at] for at in range(len(tasks))]
 
     def _parts(self, function: Callable[[ToleranceProblem, Any], Any], tasks: Sequence[Any]) -> list[Part]:
@@ -298,8 +305,8 @@ class Designs(Closing):
 
     def _start(self, function: Callable[[ToleranceProblem, Any], Any], task: Any) -> None:
         """Start processes where some are free, and take those that have started."""
-        if self._where.dask:
-            self._executor = self._executor or executor_of(self._where)
+        if self.where.dask:
+            self._executor = self._executor or executor_of(self.where)
             return
         if self._starting is not None and self._starting[1].over:
             begun, first = self._starting
@@ -307,7 +314,7 @@ class Designs(Closing):
             if self._executor is not None:
                 self._executor.close()
             self._executor, self._starting = begun, None
-        if self._starting is None and (free := self._free()) > self.helpers:
+        if self._starting is None and (free := self.free()) > self.helpers:
             processes, tasks = Processes(free), deque(self._parts(function, [task] * free))
             self._starting = processes, Background(processes, computed, partial(next_of, tasks))
 

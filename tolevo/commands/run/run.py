@@ -21,11 +21,11 @@ import pandas as pd
 from ...algorithms.archive import nondominated
 from ...algorithms.checkpoint import Checkpoint
 from ...algorithms.exact.solver import Exact
-from ...algorithms.run import Progress
+from ...algorithms.run import Progress, Shared
 from ...algorithms.search import SearchResult, search
 from ...directory import Ownership, own_folder
 from ...errors import InputError, refuse
-from ...execution import Background, Closing, Execution, Lost, Processes, executor_of, next_of, pinned
+from ...execution import Background, Closing, Execution, Executor, Lost, Processes, built, executor_of, next_of, pinned
 from ...files import WORKBOOK, csv_text, write_bytes, write_text
 from ...journal import recording_steps
 from ...page_data import as_json, records
@@ -106,6 +106,7 @@ class SideTask:
 
 def front_of(task: SideTask, report: Callable[[Progress], None] | None = None) -> pd.DataFrame | None:
     """The reported front of a side search, its steps recalled; None where it was interrupted."""
+    built.cache_clear()  # the units of the main search, where its parts were computed in this process
     if task.path is None:
         return task.side.front(report)
     steps = Checkpoint(task.path, task.side.key)
@@ -132,8 +133,9 @@ class Sides(Closing):
         workers: Execution | int,
         checkpoint: Checkpoint,
         progress: Callable[[Progress], None] | None = None,
+        lent: Executor | None = None,
     ) -> None:
-        self.searches, self._progress = searches, progress
+        self.searches, self._progress, self._lent = searches, progress, lent
         self.checkpoint = checkpoint
         self.where = workers if isinstance(workers, Execution) else Execution(workers)
         name = secrets.token_hex(8)
@@ -146,7 +148,7 @@ class Sides(Closing):
         self._others = min((self.where.workers or 1) - 1, len(self._open))
         if self._open and (self.where.dask or self._others):
             # a single process is in addition to this one
-            executor = executor_of(self.where) if self.where.dask else Processes(self._others)
+            executor = executor_of(self.where) if self.where.dask else lent or Processes(self._others)
             self._background = Background(executor, front_of, partial(next_of, self._open))
 
     def free(self) -> int:
@@ -155,8 +157,8 @@ class Sides(Closing):
         return (self.where.workers or 1) - 1 - (self._others if busy else 0)
 
     def close(self) -> None:
-        """End what still runs at once."""
-        if self._background is not None:
+        """End what still runs at once; processes that are `lent` stay where they have nothing to do."""
+        if self._background is not None and not (self._lent is not None and self._background.over):
             self._background.close()
 
     def collect(self) -> None:
@@ -326,16 +328,21 @@ def _run(
     write_text(out / CONFIGURATION, plan.configuration)
     checkpoint.write()
     store_reducer_fronts(plan.problem, out)
+    where = workers if isinstance(workers, Execution) else Execution(workers)
     try:
-        search_result, fronts = _run_searches(plan, checkpoint, searches, printed, workers, progress)
-        if search_result.interrupted or any(side_front is None for side_front in fronts.values()):
-            checkpoint.write()
-            return _write_interrupted(plan, out, search_result, printed, start)
-        with recording_steps(checkpoint.section("result")):
-            result, lines = _conclude_run(plan, search_result, fronts, printed, resume_notes, start, progress)
+        with Designs(plan.problem, where, lambda: (where.workers or 1) - 1) as designs:
+            search_result, fronts = _run_searches(plan, checkpoint, searches, printed, designs, progress)
+            if search_result.interrupted or any(side_front is None for side_front in fronts.values()):
+                checkpoint.write()
+                return _write_interrupted(plan, out, search_result, printed, start)
+            with recording_steps(checkpoint.section("result")):
+                found = _conclude_run(
+                    plan, search_result, fronts, printed, resume_notes, start, progress, designs.results
+                )
     except KeyboardInterrupt:
         checkpoint.write()
         raise
+    result, lines = found
     checkpoint.write()
     miss = nearest_miss(plan.problem, search_result) if result.front.empty else pd.DataFrame()
     if result.front.empty:
@@ -371,6 +378,7 @@ def _conclude_run(
     resume_notes: tuple[str, ...],
     start: float,
     progress: Callable[[Progress], None] | None,
+    shared: Shared,
 ) -> tuple[RunResult, Sequence[str]]:
     """Everything that follows from the searches, and what the terminal says of the proof."""
     searched = reported_front(plan.problem, search_result)
@@ -410,7 +418,7 @@ def _conclude_run(
         add_units(add_capability(add_promise(result, plan.problem), plan.problem), plan.problem), plan.problem
     )
     result = add_analysis(result, plan.problem)
-    result = add_assumptions(result, plan.problem, search_result.history, progress)
+    result = add_assumptions(result, plan.problem, search_result.history, progress, shared)
     if before is not None:
         result = replace(result, before=before, moved=effects.allocation_moves(plan.problem, before, front))
     return result, proof_notes(plan.problem, front, front_proof)
@@ -439,14 +447,13 @@ def _run_searches(
     checkpoint: Checkpoint,
     searches: tuple[SideSearch, ...],
     printed: pd.DataFrame,
-    workers: Execution | int,
+    designs: Designs,
     progress: Callable[[Progress], None] | None,
 ) -> tuple[SearchResult, Fronts]:
     """The main search with those beside it, then those that begin from its front."""
-    with (
-        Sides(searches, workers, checkpoint, progress) as sides,
-        Designs(plan.problem, sides.where, sides.free) as designs,
-    ):
+    idle = designs.free
+    with Sides(searches, designs.where, checkpoint, progress) as sides:
+        designs.free = sides.free
 
         def report(state: Progress) -> None:
             sides.collect()
@@ -468,10 +475,11 @@ def _run_searches(
         if search_result.interrupted:
             return search_result, sides.fronts()
         sides.finish()
+    designs.free = idle
     searches += searches_from_front(plan, printed, search_result.chosen)
     checkpoint.keep_only([side.key for side in searches])
     plan.problem.release()
-    with Sides(searches, workers, checkpoint, progress) as sides:
+    with Sides(searches, designs.where, checkpoint, progress, designs.executor) as sides:
         sides.finish()
         return search_result, sides.fronts()
 

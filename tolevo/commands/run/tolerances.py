@@ -162,8 +162,10 @@ def coarse_steps(
     """Lists and steps of which no value lies in the range of a variable, by the ranges of those searched."""
     faults = []
     for name, step in settings.steps.items():
+        if isinstance(step, str):
+            continue
         others = [v.name for v in variables if v.tolerance and not v.integer and v.name not in settings.steps]
-        for own in (others if name == ALL else [name]) if not isinstance(step, str) else ():
+        for own in others if name == ALL else [name]:
             low, high = ranges.get(own, (0.0, np.inf))
             if np.isinf(high):
                 continue
