@@ -13,7 +13,7 @@ import heapq
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from ...journal import recall_arrays
 from ...problems.forms import Feature, Form, Spread, largest_parts, spread_of
-from ...problems.limits import EQUAL, loosened
+from ...problems.limits import EQUAL, LIMIT_ROUNDING, loosened
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Flags, Integers
 from .combination import ROUNDING, Ascent, Combination, Path, less_rounding, rows_of, spread_at, tabulate_priced_costs
@@ -41,6 +41,8 @@ from .separable import Leaf, Squares, is_separable, is_separable_without_doubt, 
 
 GAP = 1e-4
 """Relative gap at which the search ends."""
+SAMPLED = 5
+"""Tolerances at which two cost curves are compared."""
 NODES, MASTER_ROUNDS = 60, 60
 """Nodes that are entered at most, and rounds of columns and cuts in one."""
 BROKEN = 1e-6
@@ -298,7 +300,119 @@ def _tightest_way(feature: Feature, weight: Array, ways: tuple[int, ...], defaul
     return min(mixed, default=default, key=lambda way: feature.ways[way].low)
 
 
+# Features that may change places: with their ways and tolerances exchanged an allocation costs the same
+# and has the same requirements, so that nothing but rounding would decide between the two.
+
+
+def interchangeable_features(form: Form) -> list[list[int]]:
+    """Groups of features with several ways that may change places in a form."""
+    several = [at for at, feature in enumerate(form.features) if len(feature.ways) > 1]
+    if len(several) < 2:
+        return []
+    coefficients = [_coefficients(feature, len(form.outputs)) for feature in form.features]
+    rounding = EQUAL * np.max([np.abs(own).max(axis=0) for own in coefficients], axis=0)
+    groups: list[list[int]] = []
+    for at in several:
+        for group in groups:
+            pair = [coefficients[group[0]], coefficients[at]]
+            if (
+                _made_alike(form.features[group[0]], form.features[at])
+                and np.all(np.abs(np.subtract(*pair)) <= rounding)
+                and _scatter_alike(form, group[0], at)
+            ):
+                group.append(at)
+                break
+        else:
+            groups.append([at])
+    return [group for group in groups if len(group) > 1]
+
+
+def _coefficients(feature: Feature, rows: int) -> Array:
+    """m, a and o of every way, (ways, 3, rows)."""
+    nothing, names = (0.0,) * rows, ("linear", "spread", "offset")
+    return np.array([[getattr(way, name) or nothing for name in names] for way in feature.ways])
+
+
+def _made_alike(one: Feature, other: Feature) -> bool:
+    """Whether two features are as many parts with the same ranges and, to rounding, the same costs."""
+    ranges, others = ([(way.low, way.high) for way in feature.ways] for feature in (one, other))
+    if one.count != other.count or ranges != others:
+        return False
+    costs, other_costs = (
+        np.array([way.curve.cost(np.linspace(way.low, way.high, SAMPLED)) for way in feature.ways])
+        for feature in (one, other)
+    )
+    return bool(np.all(np.abs(costs - other_costs) <= EQUAL * np.abs(costs)))
+
+
+def _scatter_alike(form: Form, first: int, second: int) -> bool:
+    """Whether two features have the same laws, correlations with the others, and uncertain processes."""
+    order = np.arange(len(form.features))
+    order[[first, second]] = second, first
+    if form.correlation is not None and np.any(
+        np.abs(form.correlation[np.ix_(order, order)] - form.correlation) > EQUAL
+    ):
+        return False
+    uncertain = [surplus for surplus in form.surpluses if surplus is not None]
+    shares = [share for s in uncertain for share in (s.own, s.shared, s.error) if share is not None]
+    return all(q is None or q.pieces[first] == q.pieces[second] for q in form.quantiles) and all(
+        abs(share[first] - share[second]) <= EQUAL * np.max(np.abs(share)) for share in shares
+    )
+
+
+def in_order(groups: list[list[int]], optimum: Optimum) -> Optimum:
+    """The optima with the ways of interchangeable features in ascending order."""
+    chosen, t = optimum.chosen.copy(), optimum.t.copy()
+    for group in groups:
+        order = np.argsort(chosen[:, group], axis=1, kind="stable")
+        chosen[:, group] = np.take_along_axis(chosen[:, group], order, axis=1)
+        t[:, group] = np.take_along_axis(t[:, group], order, axis=1)
+    return replace(optimum, chosen=chosen, t=t)
+
+
 # From allocations of a form to designs of its problem.
+
+
+def best_search_vectors(problem: ToleranceProblem, form: Form, optimum: Optimum) -> Array:
+    """`search_vectors` with interchangeable features in the places that are best by the full model.
+
+    An output that a requirement stands for, or bounds, may differ between the places, at equal cost.
+    Pairs change places as long as this keeps the limits better or lowers an objective, or, where all
+    are equal, leaves the limits more room.
+    """
+    optimum = optimum.at(np.flatnonzero(np.isfinite(optimum.cost)))
+    x, groups = search_vectors(problem, form, optimum), [] if form.exact else interchangeable_features(form)
+    ranked = _ranked(problem, x) if groups and len(x) else np.empty((0, 1))
+    for group in groups:
+        for _ in group[1:]:
+            before = x.copy()
+            for places in combinations(group, 2):
+                rows = np.flatnonzero(optimum.chosen[:, places[0]] != optimum.chosen[:, places[1]])
+                other = optimum.at(rows)
+                other.chosen[:, places], other.t[:, places] = other.chosen[:, places[::-1]], other.t[:, places[::-1]]
+                tried = search_vectors(problem, form, other)
+                tried_ranked = _ranked(problem, tried) if len(rows) else ranked[:0]
+                better = _precedes(tried_ranked, ranked[rows])
+                kept = rows[better]
+                x[kept], ranked[kept] = tried[better], tried_ranked[better]
+                optimum.chosen[kept], optimum.t[kept] = other.chosen[better], other.t[better]
+            if np.array_equal(x, before):
+                break
+    return x
+
+
+def _ranked(problem: ToleranceProblem, x: Array) -> Array:
+    """What decides between designs of equal cost, (n, k), the first column first."""
+    f, g = problem.tested(x)
+    room = g.max(axis=1, initial=-np.inf)[:, None]
+    return np.hstack([np.maximum(room, 0.0), f, np.where(np.isfinite(room), room, 0.0)])
+
+
+def _precedes(one: Array, other: Array) -> Flags:
+    """Which rows (n,) of `one` (n, k) are less by more than rounding in the first column that differs."""
+    differs = np.abs(one - other) > LIMIT_ROUNDING * np.maximum(np.abs(one), np.abs(other))
+    first, rows = np.argmax(differs, axis=1), np.arange(len(one))
+    return np.asarray(differs[rows, first] & (one[rows, first] < other[rows, first]))
 
 
 def search_vectors(problem: ToleranceProblem, form: Form, optimum: Optimum) -> Array:
@@ -469,9 +583,16 @@ def least_cost(form: Form, limits: Array, watch: Watch = ignore_progress) -> Opt
     """The cheapest allocation that keeps each set of upper limits (n, r) of a form.
 
     Cost and bound are inf where no allocation can keep them, the cost alone where none is known.
-    `watch` is called with what is solved, and its fraction of the whole.
+    `watch` is called with what is solved, and its fraction of the whole. The ways of interchangeable
+    features are in ascending order.
     """
-    limits = np.asarray(limits, dtype=float)
+    groups = interchangeable_features(form)
+    optimum = _least_costs(form, np.asarray(limits, dtype=float), lambda o, share: watch(in_order(groups, o), share))
+    return in_order(groups, optimum)
+
+
+def _least_costs(form: Form, limits: Array, watch: Watch) -> Optimum:
+    """`least_cost` by the method that suits the form."""
     if form.quantiles and sum(len(feature.ways) > 1 for feature in form.features) >= MIXED:
         return _solve_limits_in_turn(form, limits, watch, lambda limit, _: _least_cost_by_master(form, limit))
     if is_enumerable_root_form(form):

@@ -16,6 +16,7 @@ from ..settings import Budget, Solver
 from .bounds import LIMIT_WIDENING, convex_pieces, reason, restrict_form, row_limits, upper_limit
 from .choices import (
     Watch,
+    best_search_vectors,
     cheapest_choice,
     has_only_point_ways,
     ignore_progress,
@@ -135,7 +136,7 @@ def exact_vectors(problem: ToleranceProblem, form: Form, points: int, watch: Wat
     limit, x = upper, np.empty((0, problem.n_var))
     for _ in range(CORRECTIONS):
         optimum = front(form, points, loosened(limit, ROOMIER), swept, float(loosened(most)), watch)
-        x = search_vectors(problem, form, within(form, optimum, _strict_limits(form, limit)))
+        x = best_search_vectors(problem, form, within(form, optimum, _strict_limits(form, limit)))
         if not form.exact:
             return x
         kept, excess = _check_by_full_model(problem, form, x[:: max(1, len(x) // CHECKED_POINTS)], upper)
@@ -275,7 +276,7 @@ def _cheapest_at_limit(problem: ToleranceProblem, form: Form, limit: Array) -> A
     Ways that meet a limit exactly keep it; tolerances keep it to the last digit where these allow it.
     """
     optimum = least_cost(form, loosened(limit, ROOMIER)[None, :])
-    return search_vectors(problem, form, within(form, optimum, _strict_limits(form, limit)))
+    return best_search_vectors(problem, form, within(form, optimum, _strict_limits(form, limit)))
 
 
 def _strict_limits(form: Form, limit: Array) -> Array:
