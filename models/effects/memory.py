@@ -53,7 +53,7 @@ class Memory(Shape):
             return f"no column of the role {' or '.join(map(str, self.drives))}"
         if self.driven_by(target) is not None:
             return "its memory shows only where the driving column turns back, at least twice"
-        return "its memory needs rows in the order of time or of measuring, a path of small steps"
+        return "its memory needs rows in the order of time or of measuring, close to each other"
 
     def driving_unit(self, target: Target) -> str:
         """The unit of the driving column."""

@@ -327,13 +327,15 @@ def requirements_of(
 ) -> tuple[pd.DataFrame, pd.DataFrame] | None:
     """What each requirement costs at a point of a front.
 
-    None where a problem has one requirement, no convex form, one whose rows are only necessary (a joint
-    yield), or a limit that its form leaves out and the point uses up: that takes savings away. The
+    None where a problem has one requirement, no convex form, one of which several rows only bound one output
+    (a joint yield), or a limit that its form leaves out and the point uses up: that takes savings away. The
     multiplier is that of the least cost at the values of the point; the saving is proven to lie between
     that of an allocation that is known to keep every limit and that of the bound at the relaxed limit.
     """
     form = problem.form()
-    if front.empty or form is None or not form.exact or len(set(form.outputs)) < 2 or reason(problem, form):
+    if front.empty or form is None or len(set(form.outputs)) < 2 or reason(problem, form):
+        return None
+    if not form.exact and len(set(form.outputs)) < len(form.outputs):
         return None
     names = {*form.relaxed, *form.stands.values()}
     omitted = [limit for limit in problem.limits if limit.count and limit.name in names]

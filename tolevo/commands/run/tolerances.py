@@ -153,7 +153,9 @@ def rounding_faults(problem: ToleranceProblem, settings: ChoiceSettings) -> list
         if step == IT_GRADES and concerned and all(size_mm(problem, v) is None for v in concerned):
             text = 'has no nominal size of at most 500 mm to look up a grade by: give a step, a list, or "preferred"'
             faults.append(Fault(place, text if name != ALL else f"no tolerance {text}"))
-    return [*faults, *coarse_steps({name: problem.interval(name) for name in free}, problem.variables, settings)]
+    stated = problem.settings.variables
+    ranges = {name: (float(stated[name].low), float(stated[name].high)) for name in free}
+    return [*faults, *coarse_steps(ranges, problem.variables, settings)]
 
 
 def coarse_steps(
