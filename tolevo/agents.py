@@ -41,7 +41,7 @@ CHANGES = ("os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.link", "os.syml
            "shutil.rmtree", "shutil.move", "shutil.copyfile")  # fmt: skip
 """Events that change files: their first arguments are paths."""
 READABLE = ("/proc", "/sys", "/dev", "/etc/localtime", "/usr/share/zoneinfo", "/usr/share/fonts",
-            "/usr/local/share/fonts", *knownfiles)  # fmt: skip
+            "/usr/local/share/fonts", *map(str, knownfiles))  # fmt: skip
 """What the packages of figures and workbooks read of the system: fonts, and the kinds of files."""
 OUTSIDE = "lies outside of the directory of this server"
 NO_DIRECTORY = "this server reads and writes no files: start it with --directory DIR, or give the content itself"
@@ -112,9 +112,9 @@ class Guard:
     def _allow(self, path: Any, writes: bool) -> None:
         if not isinstance(path, str | bytes | os.PathLike):
             return  # a handle that is open already
-        whole = os.path.realpath(os.fsdecode(path))
+        whole = str(os.path.realpath(os.fsdecode(path)))
         caches = "__pycache__" in whole and writes  # compiled code of the packages themselves
-        allowed = self._write if writes and not caches else (*self._write, *self._read)
+        allowed: tuple[str, ...] = self._write if writes and not caches else (*self._write, *self._read)
         if not any(whole == root or whole.startswith(root + os.sep) for root in allowed):
             raise PermissionError(EACCES, OUTSIDE, os.fsdecode(path))
 

@@ -133,7 +133,7 @@ FACTORS: dict[str, float] = {
     "um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3, "1/mm": 1e3, "mm/s": 1e-3,
     "Nm/arcmin": 1.0 / ARCMIN,
     "arcsec": ARCSEC, "arcmin": ARCMIN, "deg": DEG, "mrad": 1e-3, "rad": 1.0, "mrad**2": 1e-6,
-    "mrad/mm": 1.0, "arcmin/s": ARCMIN, "arcsec/s": ARCSEC, "mrad/s": 1e-3,
+    "mrad/mm": 1.0, "mrad/mrad": 1.0, "arcmin/s": ARCMIN, "arcsec/s": ARCSEC, "mrad/s": 1e-3,
     "rpm": 2.0 * pi / 60.0, "Hz": 1.0, "s": 1.0, "h": 3600.0, "mm/deg": 1e-3 * 180.0 / pi, "kg": 1.0,
     "N": 1.0, "N m": 1.0, "Nm": 1.0, "kN m": 1e3, "N_per_mm": 1e3, "Nm_per_arcmin": 1.0 / ARCMIN,
     "1/K": 1.0, "K": 1.0, "C": 1.0, "degC": 1.0, "arcsec/K": ARCSEC, "arcmin/K": ARCMIN,

@@ -153,8 +153,8 @@ def rounding_faults(problem: ToleranceProblem, settings: ChoiceSettings) -> list
         if step == IT_GRADES and concerned and all(size_mm(problem, v) is None for v in concerned):
             text = 'has no nominal size of at most 500 mm to look up a grade by: give a step, a list, or "preferred"'
             faults.append(Fault(place, text if name != ALL else f"no tolerance {text}"))
-    stated = problem.settings.variables
-    ranges = {name: (float(stated[name].low), float(stated[name].high)) for name in free}
+    ends = {name: (problem.settings.variables[name].low, problem.settings.variables[name].high) for name in free}
+    ranges = {name: (low, high) for name, (low, high) in ends.items() if low is not None and high is not None}
     return [*faults, *coarse_steps(ranges, problem.variables, settings)]
 
 
