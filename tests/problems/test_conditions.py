@@ -135,7 +135,7 @@ def tolevo_bound(high: float) -> Any:
     return Bound(high=high)
 
 
-@pytest.mark.parametrize("algorithm", ["exact", "nsga2", "ga"])
+@pytest.mark.parametrize("algorithm", ["exact", pytest.param("nsga2", marks=pytest.mark.slow), "ga"])
 def test_algorithms_search_all_conditions(algorithm: str) -> None:
     """A point that keeps the cold backlash and the warm interference, dearer than each limit alone allows."""
     budget = {} if algorithm == "exact" else {"population": 24, "generations": 12}

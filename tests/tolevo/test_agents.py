@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +53,8 @@ def calls(directory: Path | None, wanted: list[tuple[str, dict[str, Any]]]) -> t
             tools = [tool.name for tool in (await client.list_tools()).tools]
             return tools, [await client.call_tool(name, options) for name, options in wanted]
 
-    return asyncio.run(speak())
+    with ThreadPoolExecutor(1) as thread:  # the tests of pages leave an event loop running in theirs
+        return thread.submit(lambda: asyncio.run(speak())).result()
 
 
 def test_tools_answer_with_units_bounds_and_assumptions() -> None:
