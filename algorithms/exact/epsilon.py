@@ -238,13 +238,16 @@ def nondominated_feasible_designs(problem: ToleranceProblem, x: Array) -> Array:
     """The search vectors (k, variables) that none of those (n, variables) that keep the limits dominates.
 
     On fresh units a point may come out both dearer and looser than its neighbours: the rounding of a
-    processor decides which, and a front has no such end.
+    processor decides which, and a front has no such end. Points that break a limit by more than what a move
+    of it mends are left out where others keep it.
     """
     if not len(x):
         return x
     f, g = problem.tested(x)
     kept = f[np.all(g <= 0.0, axis=1)]
-    return x[[not np.any(np.all(kept <= point, axis=1) & np.any(kept < point, axis=1)) for point in f]]
+    lost = np.any(g > NEARLY, axis=1) & (len(kept) > 0)
+    dominated = [np.any(np.all(kept <= point, axis=1) & np.any(kept < point, axis=1)) for point in f]
+    return x[~(lost | np.array(dominated))]
 
 
 def _fill_between_levels(run: Run, branches: list[Branch], points: int) -> Levels:
