@@ -247,7 +247,7 @@ def nondominated_feasible_designs(problem: ToleranceProblem, x: Array) -> Array:
     kept = f[np.all(g <= 0.0, axis=1)]
     lost = np.any(g > NEARLY, axis=1) & (len(kept) > 0)
     dominated = [np.any(np.all(kept <= point, axis=1) & np.any(kept < point, axis=1)) for point in f]
-    return x[~(lost | np.array(dominated))]
+    return np.asarray(x[~(lost | np.array(dominated))])
 
 
 def _fill_between_levels(run: Run, branches: list[Branch], points: int) -> Levels:
