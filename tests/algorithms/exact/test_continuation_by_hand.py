@@ -225,10 +225,12 @@ def test_a_rectangle_below_which_others_are_is_left_out() -> None:
 
 
 def test_what_comes_out_dearer_and_looser_on_fresh_units_is_no_end_of_a_front() -> None:
-    """(9, 5.9) is dominated by (4, 1); a point that breaks a limit dominates nothing."""
-    f = np.array([[1.0, 4.0], [2.0, 2.0], [4.0, 1.0], [9.0, 5.9], [0.5, 0.5]])
-    g = np.array([[0.0], [-1.0], [0.0], [0.0], [1.0]])
+    """(9, 5.9) is dominated by (4, 1); a point that breaks a limit dominates nothing, and is left out by far."""
+    f = np.array([[1.0, 4.0], [2.0, 2.0], [4.0, 1.0], [9.0, 5.9], [0.5, 0.5], [0.4, 0.6]])
+    g = np.array([[0.0], [-1.0], [0.0], [0.0], [5e-4], [1.0]])
     fresh: Any = SimpleNamespace(tested=lambda x: (f[: len(x)], g[: len(x)]))
-    kept = nondominated_feasible_designs(fresh, np.arange(5.0)[:, None])
+    kept = nondominated_feasible_designs(fresh, np.arange(6.0)[:, None])
     assert kept[:, 0].tolist() == [0.0, 1.0, 2.0, 4.0]
+    lost: Any = SimpleNamespace(tested=lambda x: (f[5:], g[5:]))
+    assert len(nondominated_feasible_designs(lost, np.zeros((1, 1)))) == 1  # where none keeps the limit
     assert len(nondominated_feasible_designs(fresh, np.empty((0, 1)))) == 0
