@@ -7,10 +7,10 @@ from __future__ import annotations
 import itertools
 import time
 from bisect import bisect_left
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -129,6 +129,13 @@ class Shared(Protocol):
     def __call__(
         self, function: Callable[[ToleranceProblem, TaskT], ResultT], tasks: Sequence[TaskT], /
     ) -> Sequence[ResultT]: ...
+
+
+def recalled_results(
+    shared: Shared, function: Callable[[ToleranceProblem, TaskT], Any], tasks: Sequence[TaskT], inputs: Iterable[Any]
+) -> Array:
+    """The results (n, ...) of a few tasks, arrays or numbers, stored as one step; `inputs` are what they depend on."""
+    return recall_arrays(inputs, lambda: (np.array(shared(function, tasks)),))[0]
 
 
 def values_of(problem: ToleranceProblem, x: Array) -> Values:

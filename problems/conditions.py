@@ -302,8 +302,7 @@ class InConditions(ToleranceProblem):
 
     def variants(self) -> tuple[Variant, ...]:
         """Those of the condition that has most of them, and the run without each condition that only limits it."""
-        most = max(self.alone, key=lambda problem: len(problem.variants()))
-        known = most.variants()
+        most, known = max(((p, p.variants()) for p in self.alone), key=lambda pair: len(pair[1]))
         if not known:
             return ()
         small = self._like(known[0].problem, most)

@@ -199,7 +199,7 @@ def _refused(error: InputError) -> CallToolResult:
 
 
 def _result(content: dict[str, Any], wrong: bool) -> CallToolResult:
-    plain = json.loads(json.dumps(_plain(content)))
+    plain = _plain(content)
     text = TextContent(type="text", text=json.dumps(plain))
     return CallToolResult(content=[text], structured_content=plain, is_error=wrong)
 

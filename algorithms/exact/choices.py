@@ -311,12 +311,14 @@ def interchangeable_features(form: Form) -> list[list[int]]:
         return []
     coefficients = [_coefficients(feature, len(form.outputs)) for feature in form.features]
     rounding = EQUAL * np.max([np.abs(own).max(axis=0) for own in coefficients], axis=0)
+    costs = {at: _costs_of_ways(form.features[at]) for at in several}
     groups: list[list[int]] = []
     for at in several:
         for group in groups:
             pair = [coefficients[group[0]], coefficients[at]]
             if (
                 _made_alike(form.features[group[0]], form.features[at])
+                and np.all(np.abs(costs[group[0]] - costs[at]) <= EQUAL * np.abs(costs[group[0]]))
                 and np.all(np.abs(np.subtract(*pair)) <= rounding)
                 and _scatter_alike(form, group[0], at)
             ):
@@ -334,15 +336,14 @@ def _coefficients(feature: Feature, rows: int) -> Array:
 
 
 def _made_alike(one: Feature, other: Feature) -> bool:
-    """Whether two features are as many parts with the same ranges and, to rounding, the same costs."""
+    """Whether two features are as many parts with the same ranges."""
     ranges, others = ([(way.low, way.high) for way in feature.ways] for feature in (one, other))
-    if one.count != other.count or ranges != others:
-        return False
-    costs, other_costs = (
-        np.array([way.curve.cost(np.linspace(way.low, way.high, SAMPLED)) for way in feature.ways])
-        for feature in (one, other)
-    )
-    return bool(np.all(np.abs(costs - other_costs) <= EQUAL * np.abs(costs)))
+    return one.count == other.count and ranges == others
+
+
+def _costs_of_ways(feature: Feature) -> Array:
+    """Costs (ways, `SAMPLED`) along the range of every way."""
+    return np.array([way.curve.cost(np.linspace(way.low, way.high, SAMPLED)) for way in feature.ways])
 
 
 def _scatter_alike(form: Form, first: int, second: int) -> bool:

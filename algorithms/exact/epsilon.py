@@ -16,11 +16,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ...errors import Fault, raise_all
-from ...journal import recall_arrays
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Flags
 from ..archive import nondominated
-from ..run import BudgetSpent, Run
+from ..run import BudgetSpent, Run, recalled_results
 from ..settings import Budget
 from .local import NEARLY, Branch, joint_front, joint_front_points
 
@@ -98,8 +97,7 @@ def _solved_apart(run: Run, candidates: Sequence[Candidate]) -> Array:
     """Search vectors (n, 1, variables) of candidates, each of which is solved on its own."""
     run.pulse()
     tasks = [Retest(branch.smooth.x, branch.unit, y, level) for branch, y, level in candidates]
-    inputs = [array for task in tasks for array in task]
-    return recall_arrays(inputs, lambda: (np.array(run.results(retested, tasks)),))[0]
+    return recalled_results(run.results, retested, tasks, [array for task in tasks for array in task])
 
 
 def retested(problem: ToleranceProblem, task: Retest) -> Array:
@@ -125,6 +123,11 @@ def feasible_afresh(run: Run, branch: Branch, y: Array, level: Array, search: bo
     that sample, until little room is left. The best point accepted on fresh units is taken; where none holds
     its level, the last one, moved inside its limits, if that is nearer.
     """
+
+    def above(fresh: Array) -> float:
+        """The excess over the level, in units of the objectives."""
+        return float(np.delete((fresh - level) / branch.unit, objective).max(initial=0.0))
+
     accepted: list[tuple[float, float, Array]] = []
     displacement, moved, target = _limit_displacement(run), np.zeros(0), level
     if search and (finer := run.problem.finer()) is not run.problem:
@@ -133,9 +136,9 @@ def feasible_afresh(run: Run, branch: Branch, y: Array, level: Array, search: bo
     for left in range(rounds if search else 0, -1, -1):
         x = branch.smooth.vectors(y[None, :])
         (fresh,), (excess,) = run.problem.tested(x)
-        over = np.delete((fresh - level) / branch.unit, objective).max(initial=0.0)
+        over = above(fresh)
         if np.all(excess <= 0.0):
-            accepted.append((max(float(over) - HELD, 0.0), float(fresh[objective]), x))
+            accepted.append((max(over - HELD, 0.0), float(fresh[objective]), x))
         (values, violation), excess = branch.smooth.values(y), branch.smooth.constraints(excess)[0]
         binding = len(moved) > 0 and np.abs(violation + moved) <= NEARLY
         used_up = np.all(excess <= 0.0) and np.all(excess[binding] >= -2.0 * displacement[binding])
@@ -150,8 +153,7 @@ def feasible_afresh(run: Run, branch: Branch, y: Array, level: Array, search: bo
         return accepted[0][2]
     x = _push_inside_limits(run, branch, y)  # the last one, where none holds its level
     (fresh,), (excess,) = run.problem.tested(x)
-    over = np.delete((fresh - level) / branch.unit, objective).max(initial=0.0)
-    return x if not accepted or (np.all(excess <= 0.0) and over - HELD < accepted[0][0]) else accepted[0][2]
+    return x if not accepted or (np.all(excess <= 0.0) and above(fresh) - HELD < accepted[0][0]) else accepted[0][2]
 
 
 def _push_inside_limits(run: Run, branch: Branch, y: Array) -> Array:

@@ -57,13 +57,16 @@ class Row:
 
     def value(self, x: Array) -> Array:
         """Values (n,) at designs (n, variables)."""
-        terms = np.prod(np.where(self.power[None] == 0.0, 1.0, x[:, None, :] ** self.power[None]), axis=2)
         curved = 0.0 if self.quadratic is None else np.einsum("ni,ij,nj->n", x, self.quadratic, x)
-        return np.asarray(self.constant + terms @ self.weight + curved)
+        return np.asarray(self.constant + self._terms(x) @ self.weight + curved)
+
+    def _terms(self, x: Array) -> Array:
+        """The products of powers (n, k)."""
+        return np.asarray(np.prod(np.where(self.power[None] == 0.0, 1.0, x[:, None, :] ** self.power[None]), axis=2))
 
     def slope(self, x: Array) -> Array:
         """Derivatives (n, variables) in the design."""
-        terms = np.prod(np.where(self.power[None] == 0.0, 1.0, x[:, None, :] ** self.power[None]), axis=2)
+        terms = self._terms(x)
         rates = np.where(self.power[None] == 0.0, 0.0, self.power[None] / np.where(x == 0.0, np.inf, x)[:, None, :])
         linear = self.power.sum(axis=1) == 1.0  # x^1 has its derivative at 0 as well
         lines = linear & (np.count_nonzero(self.power, axis=1) == 1)
@@ -196,7 +199,15 @@ def least_value(rows: Sequence[Row], limits: Array, box: tuple[Array, Array], st
         return np.inf
     most = np.where(roots, limits**2, limits) + np.array([row.error for row in rows[1:]])
 
+    known: dict[bytes, tuple[Array, Array]] = {}
+
     def values(z: Array) -> tuple[Array, Array]:
+        """Values (rows,) and slopes (rows, variables) at a point, which the solver asks for four times."""
+        if (key := z.tobytes()) not in known:
+            known[key] = computed(z)
+        return known[key]
+
+    def computed(z: Array) -> tuple[Array, Array]:
         x = np.exp(z) if logs else z
         value = np.array([row.value(x[None])[0] for row in rows])
         slope = np.array([row.slope(x[None])[0] for row in rows]) * (x if logs else 1.0)

@@ -60,6 +60,8 @@ class EffectParameter:
         return self.name.removesuffix(f"_{unit_key(self.unit)}") if self.unit else self.name
 
 
+MOTION = frozenset({Role.SPEED, Role.DIRECTION, Role.TIME})
+"""Roles of columns that give the travel together."""
 KINDS = {
     "angle": "an angle",
     "length": "a length",
@@ -134,7 +136,7 @@ class Target:
 
     def travelled(self) -> frozenset[Role]:
         """The roles of the columns, and the angle where speed and time give the travel."""
-        travel = {Role.ANGLE} if {Role.SPEED, Role.DIRECTION, Role.TIME} <= self.roles() else frozenset()
+        travel = {Role.ANGLE} if self.roles() >= MOTION else frozenset()
         return self.roles() | travel
 
     def roles(self) -> frozenset[Role]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...section import Array, Output
 from ...units import converted
 from ..measurable import NO_CHANGES, Changeable, Column, MeasurableModel, Role, ranks_of_units
-from .effect import Action, Effect, Measurements, Target, Values
+from .effect import MOTION, Action, Effect, Measurements, Target, Values
 
 # The play operator along a path, without a loop over its points.
 
@@ -122,7 +122,7 @@ def _paths_of(measurements: Measurements, units: Mapping[Role, str]) -> tuple[di
     if np.count_nonzero(within) < LEAST_PATH:
         return {}, frozenset()
     roles = [role for role in DRIVING if role in measurements]
-    if Role.ANGLE not in measurements and {Role.SPEED, Role.DIRECTION, Role.TIME} <= {*measurements.by_role}:
+    if Role.ANGLE not in measurements and {*measurements.by_role} >= MOTION:
         roles.append(Role.ANGLE)
     ranges, reversing = dict[Role, float](), set[Role]()
     for role in roles:

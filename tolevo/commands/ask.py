@@ -101,8 +101,9 @@ def tell(folder: Path, results: tables.Table, place: str) -> tuple[Standing, tup
         new, notes = _new_results(before, results, place)
         if len(new):
             told = pd.concat([told, new], ignore_index=True) if len(told) else new
-            write_text(folder / TOLD, csv_text(told.sort_values(ID)))
-        found = standing(configuration, told.sort_values(ID, ignore_index=True), folder) if len(new) else before
+            told = told.sort_values(ID, ignore_index=True)
+            write_text(folder / TOLD, csv_text(told))
+        found = standing(configuration, told, folder) if len(new) else before
         _write(found)
     return found, (f"{len(new)} results were taken", *notes)
 

@@ -12,9 +12,8 @@ import pandas as pd
 from ...algorithms.exact.bounds import Proof
 from ...algorithms.exact.local import NEARLY, Branch
 from ...algorithms.exact.solver import closed_form
-from ...algorithms.run import Progress, Run, Shared
+from ...algorithms.run import Progress, Run, Shared, recalled_results
 from ...algorithms.settings import Budget
-from ...journal import recall_arrays
 from ...problems.limits import Limit
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem, designs_of
@@ -534,16 +533,18 @@ def assumptions_cost(
         return None
     variants, free = problem.variants(), [problem.names.index(v.name) for v in problem.free]
     x = np.clip(design[free], problem.xl, problem.xu)
-    limit = _level(Branch(Run(variants[0].problem, Budget(), seed=0), x, unit), x) + more
-    base = cost_of_variant(problem, Assumed(0, x, unit, limit))
+    branch = Branch(Run(variants[0].problem, Budget(), seed=0), x, unit)
+    limit = _level(branch, x) + more
+    base = _least(branch, x, limit)
+    variants[0].problem.release()
     if np.isnan(base):
         return None
-    costs, results = [base], shared or (lambda function, tasks: [function(problem, task) for task in tasks])
+    costs, results = [base], shared or Run(problem, Budget(), seed=0).results
     while len(costs) < len(variants):
         phase(len(costs) / len(variants))
         tasks = [Assumed(at, x, unit, limit) for at in range(len(costs), min(len(costs) + TOGETHER, len(variants)))]
         inputs = (np.array([task.at for task in tasks]), x, unit, limit)
-        costs.extend(recall_arrays(inputs, lambda: (np.array(results(cost_of_variant, tasks)),))[0].tolist())  # noqa: B023
+        costs.extend(recalled_results(results, cost_of_variant, tasks, inputs).tolist())
     phase(1.0)
     rows = [
         {
