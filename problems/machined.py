@@ -319,8 +319,8 @@ class Machined(ToleranceProblem):
             low, high = max(low, way.low), min(high, way.high)
         return low, high
 
-    def _corner(self, tight: bool) -> Array:
-        corner = super()._corner(tight)
+    def corner(self, tight: bool) -> Array:
+        corner = super().corner(tight)
         for tolerance in self.machined_tolerances.values():
             ends = [way.low if tight else -way.high for way in tolerance.ways]
             corner[self.names.index(tolerance.name)] = abs(min(ends))
@@ -349,7 +349,7 @@ class Machined(ToleranceProblem):
     @cached_property
     def _cost_interval(self) -> Interval:
         """Least and largest cost: of machines those of any way at either end."""
-        ends = np.stack([super()._corner(tight=False), super()._corner(tight=True)])
+        ends = np.stack([super().corner(tight=False), super().corner(tight=True)])
         plain = ToleranceProblem.costs_of(self, ends)
         low, high = (float(sum(cost[at] for cost in plain.values())) for at in (0, 1))
         for tolerance in self.machined_tolerances.values():

@@ -166,7 +166,7 @@ class ToleranceProblem(Problem):
         """Proven bounds of an output (or variable) over the search space."""
         if output in self.names:
             column = self.names.index(output)
-            return float(self._corner(tight=True)[column]), float(self._corner(False)[column])
+            return float(self.corner(tight=True)[column]), float(self.corner(False)[column])
         return -np.inf, np.inf
 
     def box(self) -> tuple[Array, Array]:
@@ -367,18 +367,18 @@ class ToleranceProblem(Problem):
 
     # ------------------------------------------------ corners
 
-    def _corner(self, tight: bool) -> Array:
+    def corner(self, tight: bool) -> Array:
         """The design with every free variable at its lower (tight) or upper bound, (all,)."""
         return np.asarray(self.complete(np.atleast_2d(self.xl if tight else self.xu))[0])
 
     def _corners(self) -> Array:
         """Designs (k, all variables) whose outputs span the hypervolume's box."""
-        return np.stack([self._corner(tight=True), self._corner(tight=False)])
+        return np.stack([self.corner(tight=True), self.corner(tight=False)])
 
     @cached_property
     def _cost_interval(self) -> Interval:
         """Least and largest cost of the search space: costs fall with every tolerance."""
-        ends = np.stack([self._corner(tight=False), self._corner(tight=True)])
+        ends = np.stack([self.corner(tight=False), self.corner(tight=True)])
         low, high = self.cost_of(ends)
         return float(low), float(high)
 

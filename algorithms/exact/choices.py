@@ -13,7 +13,7 @@ import heapq
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, product
 from typing import Any
 
 import numpy as np
@@ -574,6 +574,8 @@ LEAVES = 4096
 """Allocations that are solved at most."""
 MAX_UNPRICED_COMBINATIONS = 1000
 """Combinations of ways from which on prices of squares exclude most of them at once."""
+MAX_SOLVED_COMBINATIONS = 4
+"""Combinations of ways of one requirement up to which each is solved: bounds of nodes take as long as a few."""
 MIXED = 5
 """Features with several ways from which on quantiles are searched by a linear master problem."""
 COST_GAP_TOLERANCE = 1e-10
@@ -656,6 +658,10 @@ def _least_cost(form: Form, limits: Array, near: Optimum | None) -> Optimum:
     if near is not None and np.isfinite(near.cost[0]):
         search.start[:] = near.t[0]
         search.leaf(tuple(near.chosen[0].tolist()), every)
+    if form.separable and form.combinations <= MAX_SOLVED_COMBINATIONS:
+        for ways in product(*(range(len(feature.ways)) for feature in form.features)):
+            search.leaf(ways, every)
+        return Optimum(search.chosen, search.t, search.cost, search.bound, search.multiplier)
     search.leaf((0,) * len(form.features), ~np.isfinite(search.cost))
     if form.combinations > 1 and len(limits):
         search.leaf(tightest_ways(form), ~np.isfinite(search.cost) | (near is None))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...journal import stretch
 from ...models.cost_reading import Joint
 from ...models.roots import bracketed_roots
 from ...problems.forms import Feature, Form, Spread, Way, spread_of
@@ -201,6 +202,7 @@ class Combination:
 
     form: Form
     chosen: tuple[int, ...]
+    _last: tuple[tuple[bytes, object], Spread] | None = field(default=None, init=False, repr=False)
 
     @cached_property
     def ways(self) -> tuple[Way, ...]:
@@ -262,8 +264,16 @@ class Combination:
         return np.asarray(t[:, None, :] * self.spread)
 
     def spread_at(self, t: Array) -> Spread:
-        """S of each requirement at tolerances (n, features), and its tangents."""
-        return spread_of(self.form, self.parts(t), np.abs(self.high * self.spread))
+        """S of each requirement at tolerances (n, features), and its tangents; the last are kept within a step.
+
+        A search by gradients asks for values and slopes at one place; a resumed run begins with a step.
+        """
+        key = t.tobytes(), stretch()
+        if self._last is None or self._last[0] != key:
+            spread = spread_of(self.form, self.parts(t), np.abs(self.high * self.spread))
+            object.__setattr__(self, "_last", (key, spread))
+            return spread
+        return self._last[1]
 
     def root(self, t: Array) -> Array:
         """S of each requirement (n, requirements)."""
@@ -476,15 +486,19 @@ class Path:
 
         V is convex, so that it crosses the limit once between them.
         """
-        differ = np.max(np.abs(outside / inside - 1.0), axis=1) > 1e-9
-        if not np.any(differ):
+        rows = np.flatnonzero(np.max(np.abs(outside / inside - 1.0), axis=1) > 1e-9)
+        if not len(rows):
             return inside
-        low, high = np.zeros(len(limit)), np.where(differ, 1.0, 0.0)
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            kept = self.value(inside + middle[:, None] * (outside - inside)) <= limit
-            low, high = np.where(kept, middle, low), np.where(kept, high, middle)
-        between = inside + low[:, None] * (outside - inside)
+        step = outside - inside
+
+        def excess(fraction: Array, row: Array | NDArray[np.intp]) -> Array:
+            at = row.astype(np.int64)
+            return self.value(inside[at] + fraction[:, None] * step[at]) - limit[at]
+
+        roots = bracketed_roots(excess, (0.0, 1.0), rows)
+        fraction = np.where(excess(roots.x, rows) <= 0.0, roots.x, roots.bracket[0])
+        between = inside.copy()
+        between[rows] += fraction[:, None] * step[rows]
         better = self.combination.cost(between) < self.combination.cost(inside)
         return np.where(better[:, None], between, inside)
 

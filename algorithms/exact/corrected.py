@@ -139,7 +139,7 @@ class Corrected:
                 break
             x = search_vector(problem, self.form, ways, t)[0]
             designs = problem.complete(x[None, :])
-            outputs = problem.outputs_of(designs, errors=False)
+            outputs = problem.needed_outputs(designs)
             values = problem.form_values(self.form, designs, outputs)[0]
             kept = np.all(problem.violations(designs, outputs) <= 0.0)
             cost = float(values[least] if least >= 0 else outputs["cost"][0])

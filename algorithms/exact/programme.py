@@ -10,13 +10,13 @@ by the allocation that breaks them least, or by none where its tangents prove th
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
 from ...journal import recall_arrays
 from ...section import Array, Flags
-from .combination import ROUNDING, Combination, Solved, move_point_within_limits
+from .combination import ROUNDING, Combination, Solved, move_point_within_limits, pure_root_rows
 from .slsqp import ascend, slsqp
 
 GAP, GAP_QUANTILE = 1e-10, 1e-8
@@ -41,6 +41,12 @@ CLEARLY = 1e-9
 """Fraction of a limit by which it must be broken before it counts as impossible to keep."""
 TRIED = 33
 """Points that are tried between the tightest tolerances and those that compensate them."""
+MAX_PRICED_ROWS = 12
+"""Requirements up to which prices are solved for: a step of Newton's method takes an evaluation for each."""
+NEWTON_STEPS, NEWTON_MISS = 40, 4e-15
+"""Steps of Newton's method in the logarithms of prices at most, and the logarithm by which a limit may be missed."""
+NUDGE, LONGEST_STEP, WORTHLESS = 1e-6, 2.0, 60.0
+"""A change of a logarithm for derivatives, its longest step, and its fall from which on a limit has no price."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +64,14 @@ class Programme:
         c, n = self.combination, len(limits)
         t, cost = np.tile(c.high, (n, 1)), np.full(n, np.inf)
         bound, multiplier = np.full(n, float(c.cost(c.high[None, :])[0])), np.zeros_like(limits)
+        priced = self._solved_by_prices(limits)
+        enough = np.full(n, False) if priced is None else priced.cost <= priced.bound + GAP * np.abs(priced.bound)
         start: Array | None = None
         for row, limit in enumerate(limits):
-            if not self._keeps(c.high, limit):
+            if priced is not None and enough[row]:
+                t[row], multiplier[row] = priced.t[row], priced.multiplier[row]
+                bound[row] = max(bound[row], priced.bound[row])
+            elif not self._keeps(c.high, limit):
                 inner, possible = self._inner(limit)
                 if inner is None:
                     bound[row] = bound[row] if possible else np.inf
@@ -82,6 +93,82 @@ class Programme:
                 bound[row] = max(bound[row], proven)
             cost[row] = c.cost(t[row][None, :])[0]
         return Solved(t, cost, np.minimum(bound, cost), multiplier)
+
+    def _solved_by_prices(self, limits: Array) -> Solved | None:
+        """Least cost at sets of limits (n, r) at once, where every requirement is separable; else None.
+
+        Sums of squares under a root and plain sums are met by Newton's method in the logarithms of their prices, at
+        which each tolerance follows alone. Limits are added one at a time, the one that is broken most, as in the
+        dual method of Goldfarb & Idnani (1983); cost and bound are infinitely apart where that does not end.
+        """
+        c, (n, r) = self.combination, limits.shape
+        squared, pairs = self._prices, np.arange(len(limits))
+        if squared is None or not 0 < r <= MAX_PRICED_ROWS:
+            return None
+        square, linear = np.where(squared[:, None], c.spread**2, 0.0), np.where(squared[:, None], 0.0, c.linear)
+        room = limits - c.offset
+        goal = np.where(squared, np.maximum(room, 0.0) ** 2 - c.form.constant, room)
+        asked = np.isfinite(limits)
+        possible = np.all(c.tightest_values <= limits, axis=1) & np.all(goal > 0.0, axis=1)
+        goal = np.where(asked & possible[:, None], goal, np.inf)
+        middle = np.sqrt(c.low * c.high)
+        fall = np.maximum(-c.slopes(middle[None, :])[0] * middle, 0.0).sum()
+        first = np.log(max(fall, np.finfo(float).tiny) / (middle**2 @ square.T + middle @ linear.T))
+
+        def at(y: Array) -> tuple[Array, Array]:
+            price = np.exp(y)
+            t = c.best(price @ linear, price @ square)
+            return t, np.log(t**2 @ square.T + t @ linear.T) - np.where(np.isfinite(goal), np.log(goal), np.inf)
+
+        y = np.full((n, r), -np.inf)
+        t, excess = at(y)
+        for _ in range(2 * r):
+            active = np.isfinite(y)
+            worst = np.argmax(np.where(active, -np.inf, excess), axis=1)
+            grown = ~active[pairs, worst] & (excess[pairs, worst] > 0.0)
+            if not np.any(grown):
+                break
+            y[pairs[grown], worst[grown]] = first[worst[grown]]
+            for _ in range(NEWTON_STEPS):
+                t, excess = at(y)
+                active = np.isfinite(y)
+                miss = np.where(active, excess, 0.0)
+                if np.all(np.abs(miss) <= NEWTON_MISS):
+                    break
+                both = active[:, :, None] & active[:, None, :]
+                with np.errstate(invalid="ignore"):  # of a limit that is not asked
+                    moved = [at(y + NUDGE * (np.arange(r) == k))[1] - excess for k in range(r)]
+                slopes = np.stack(moved, axis=2) / NUDGE
+                slopes = np.where(both, slopes, 0.0) - np.eye(r) * np.where(active, NUDGE, 1.0)[:, :, None]
+                y = y - np.clip(np.linalg.solve(slopes, miss[..., None])[..., 0], -LONGEST_STEP, LONGEST_STEP)
+                y = np.where(y < first - WORTHLESS, -np.inf, y)
+        return self._within_by_prices(limits, t, np.exp(y) * np.where(squared, 2.0 * c.root(t), 1.0))
+
+    def _within_by_prices(self, limits: Array, t: Array, multiplier: Array) -> Solved:
+        """Tolerances (n, features) moved within limits (n, r) by chords to the tightest, and what is proven."""
+        c = self.combination
+        excess = np.maximum(c.values(t) - limits, 0.0)
+        room = np.maximum(limits - c.tightest_values, 0.0)
+        with np.errstate(invalid="ignore"):
+            fraction = np.where(excess > 0.0, excess / (excess + room), 0.0).max(axis=1)
+        moved = t + np.where(fraction > 0.0, np.minimum(2.0 * fraction + 1e-15, 1.0), 0.0)[:, None] * (c.low - t)
+        kept = np.all(c.values(moved) <= limits, axis=1) & np.all(np.isfinite(multiplier), axis=1)
+        bound = np.zeros(len(limits))
+        bound[kept] = c.dual(multiplier[kept], limits[kept], moved[kept])
+        return Solved(moved, np.where(kept, c.cost(moved), np.inf), bound, multiplier)
+
+    @cached_property
+    def _prices(self) -> Flags | None:
+        """Which requirements (r,) are priced by their square, the others by themselves; None where some
+        is neither a root of squares nor a sum, or where prices may make tolerances jump.
+        """
+        c = self.combination
+        squared = pure_root_rows(c.form)
+        plain = ~np.any(c.spread, axis=1) & (c.form.constant == 0.0) & np.all(c.linear >= 0.0, axis=1)
+        moved = np.any(c.spread, axis=1) | np.any(c.linear, axis=1)
+        alone = c.form.correlation is None and not c.form.quantiles
+        smooth = np.all(c.low > 0.0) and all(way.curve.smooth for way in c.ways)
+        return squared if alone and smooth and np.all((squared | plain) & moved) else None
 
     def _cornered(self, limit: Array) -> Array | None:
         """Tolerances (features,) where hardly more than the tightest keep a limit, None where they do not.

@@ -289,7 +289,7 @@ def _check_by_full_model(problem: ToleranceProblem, form: Form, x: Array, upper:
     the form, 0 where all are kept.
     """
     designs = problem.complete(x)
-    outputs = problem.outputs_of(designs, errors=False)
+    outputs = problem.needed_outputs(designs)
     values = problem.form_values(form, designs, outputs)
     kept = np.all(problem.violations(designs, outputs) <= 0.0, axis=1)
     return kept, np.where(kept[:, None], 0.0, np.maximum(values - upper, 0.0))

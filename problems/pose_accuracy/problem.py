@@ -289,7 +289,7 @@ class PoseAccuracy(PromisingPoses):
         """
         if output == "cost":
             return self._cost_interval
-        ends = np.stack([self._corner(tight=True), self._corner(tight=False)])
+        ends = np.stack([self.corner(tight=True), self.corner(tight=False)])
         if output in self.squares:
             low, high = self._outputs(ends, searching=True)[output]
             return float(low), float(high)

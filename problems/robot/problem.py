@@ -581,7 +581,7 @@ class RobotProblem(ToleranceProblem):
         """c at `FRACTIONS`, of machines whose errors are scaled to that fraction of backlash."""
         rng = np.random.default_rng(self.settings.seed)
         sampled = self.machine.sampled(UNITS, self.gears.dimensions, rng)
-        middle = np.sqrt(self._corner(tight=True) * np.maximum(self._corner(tight=False), 1e-12))
+        middle = np.sqrt(self.corner(tight=True) * np.maximum(self.corner(tight=False), 1e-12))
         built = self.gears.built(self._of_gears(middle[None, :]))[0]
         units = self.gears.units(built, sampled.sample.unit)
         sigma, nothing = self.sigma(middle[None, :])[0], np.zeros_like(units[2])
@@ -628,7 +628,7 @@ class RobotProblem(ToleranceProblem):
         """Proven bounds: errors rise and costs fall with every tolerance."""
         if output in self.names:
             return super().interval(output)
-        ends = self.first_order(np.stack([self._corner(tight=True), self._corner(tight=False)]))
+        ends = self.first_order(np.stack([self.corner(tight=True), self.corner(tight=False)]))
         if output == "cost":
             return float(ends[output][1]), float(ends[output][0])
         known = (*ROWS, "backlash_rms_arcmin", "reversal_mm", "path_te_mm", "wind_up_mm")

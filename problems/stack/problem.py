@@ -541,10 +541,6 @@ class Stack(ToleranceProblem):
         return self._costs.interval
 
     def corner(self, tight: bool) -> Array:
-        """The design with every tolerance at its tightest or loosest (all variables,)."""
-        return self._corner(tight)
-
-    def _corner(self, tight: bool) -> Array:
         """The design with every tolerance at its tightest or loosest, and a process for it."""
         return corner_of(self._parts, self.names, tight)
 

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import tolevo
 from tolevo.algorithms.ga import GA
 from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.settings import AlgorithmSettings, Budget
@@ -156,6 +157,26 @@ def test_reported_points_are_by_convolution(method: str, tmp_path: Path) -> None
     front, problem = found.result.front, RvBacklash(limited())
     again = problem.frame(front[problem.names].to_numpy())
     np.testing.assert_allclose(front["backlash_arcmin"], again["backlash_arcmin"], rtol=1e-9)
+
+
+def test_where_nothing_was_searched_the_tightest_tolerances_are_the_nearest_miss(tmp_path: Path) -> None:
+    """0.7 times a normal deviation of at least 0.0111 mm within 0.0203 mm: P(|z| < 2.6104) = 99.10 % < 99.73 %."""
+    machines = [{"name": "old", "sigma": 0.05, "price": 2.0}, {"name": "best", "sigma": 0.01111, "price": 9.0}]
+    screw = {"name": "screw", "nominal": 20.0, "unit": "mm", "sensitivity": -0.7, "machine": machines}
+    pin = {"name": "pin", "nominal": 9.0, "unit": "mm", "t_min": 0.01, "t_max": 0.1,
+           "sensitivity": {"other": 1.0}, "cost": {"model": "reciprocal", "a": 1.0, "b": 0.1}}  # fmt: skip
+    table = {
+        "problem": "stack", "objectives": {"minimise": ["cost"]}, "algorithm": {"name": "exact"},
+        "requirement": [{"name": "gap", "unit": "mm", "method": "monte_carlo", "lower": -14.0203, "upper": -13.9797},
+                        {"name": "other", "unit": "mm"}],
+        "limits": {"gap": {"yield_percent": 99.73}, "other": {"variation": 0.05}},
+        "part": [{**screw, "sensitivity": {"gap": -0.7}}, pin],
+    }  # fmt: skip
+    result = tolevo.run(table, out=tmp_path / "a")
+    row = pd.read_csv(tmp_path / "a" / "nearest_miss.csv").iloc[0]
+    assert result.summary["status"] == "no_feasible_point"
+    assert row["screw_process"] == "best" and not row["feasible"]
+    assert row["gap.yield_percent"] == pytest.approx(99.0953, abs=0.002)
 
 
 def test_no_feasible_point_says_the_nearest_miss(tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ class Told(Corrected):
             xu=np.inf,
             form_columns=lambda columns: {"p": np.zeros(1)} | columns,
             complete=lambda x: x,
-            outputs_of=lambda x, errors: {"cost": prices[int(x[0, 0])].cost(x[:, 1])},
+            needed_outputs=lambda x: {"cost": prices[int(x[0, 0])].cost(x[:, 1])},
             form_values=lambda _, x, __: np.array([[self.said(int(x[0, 0]), float(x[0, 1]))]]),
             violations=lambda _, __: np.array([[self.last - 1.0]]),
         )

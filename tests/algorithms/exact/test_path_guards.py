@@ -63,10 +63,11 @@ def test_a_root_that_breaks_the_limit_is_not_taken(monkeypatch: pytest.MonkeyPat
     """Where a root finder brings prices at which the limit is broken, the tightest are taken."""
 
     class Loose:
-        """A bracket whose two ends are the loosest price."""
+        """A root, and a bracket whose two ends are the loosest price."""
 
         def __init__(self, ends: tuple[float, float], limit: np.ndarray) -> None:
-            self.bracket = (np.full(len(limit), ends[0]), np.full(len(limit), ends[0]))
+            self.x = np.full(len(limit), ends[0])
+            self.bracket = self.x, self.x
 
     monkeypatch.setattr(module, "bracketed_roots", lambda _excess, ends, limit: Loose(ends, limit))
     path = path_of(Reciprocal(0.0, 1.0), Reciprocal(0.0, 1.0))

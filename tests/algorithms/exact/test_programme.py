@@ -1,5 +1,6 @@
 """Several requirements and correlations: another solver, and the bound at random points."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -105,6 +106,29 @@ def test_no_allocation_costs_less_than_the_bound() -> None:
     kept = np.all(c.values(t) <= limits, axis=1)
     assert kept.sum() > 100
     assert np.all(c.cost(t[kept]) >= found.bound[0])
+
+
+def test_sums_and_roots_at_many_limits_are_solved_by_prices(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three roots of squares and two plain sums at 60 sets of limits: what SLSQP finds for each alone."""
+    form, rng = form_of(8, 5, seed=4), np.random.default_rng(2)
+    plain = tuple(
+        replace(f, ways=(replace(f.ways[0], linear=(0.0,) * 3 + tuple(rng.uniform(0.2, 1.0, 2)),
+                                 spread=(*f.ways[0].spread[:3], 0.0, 0.0)),))
+        for f in form.features
+    )  # fmt: skip
+    programme = Programme(Combination(replace(form, features=plain), (0,) * 8))
+    t = np.exp(rng.uniform(np.log(0.01), np.log(1.5), (60, 8)))
+    limits = programme.combination.values(t) * rng.uniform(0.7, 1.3, (60, 5))
+    limits[:10, 1] = np.inf
+    with monkeypatch.context() as patched:
+        patched.setattr(Programme, "_solved_by_prices", lambda self, limits: None)
+        each = programme.least_cost(limits)
+    monkeypatch.setattr("tolevo.algorithms.exact.programme.slsqp", None)
+    found = programme.least_cost(limits)
+    np.testing.assert_allclose(found.cost, each.cost, rtol=1e-8)
+    np.testing.assert_allclose(found.bound, found.cost, rtol=1e-9)
+    assert np.all(programme.combination.values(found.t) <= limits)
+    assert np.count_nonzero(np.count_nonzero(found.multiplier > 0.0, axis=1) >= 2) > 20
 
 
 def test_hundreds_of_requirements_are_proven() -> None:

@@ -24,6 +24,12 @@ INF = np.inf
 Part = tuple[float, float, tuple[float, ...], tuple[float, ...], float]
 
 
+@pytest.fixture(autouse=True)
+def without_prices(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What SLSQP does is the subject here: no programme is solved by prices before it."""
+    monkeypatch.setattr(Programme, "_solved_by_prices", lambda self, limits: None)
+
+
 def programme(*parts: Part, correlation: float | None = None) -> Programme:
     """Of parts (low, high, linear, spread, b); a correlation is that of the first two."""
     features = tuple(Feature(f"t{at}", (Way(Reciprocal(0.0, b), low, high, linear, spread),))

@@ -275,7 +275,7 @@ def test_a_sample_that_is_too_lenient_is_corrected_by_the_full_model() -> None:
     """Many fine steps: more than enough combinations break the limit of the full model alone."""
     limits = {"squareness_mrad": Bound(high=0.1)}
     problem = Lenient(Settings(objectives=("cost",), limits=limits))
-    design = problem._corner(tight=True)
+    design = problem.corner(tight=True)
     design *= 0.1 / problem.outputs_of(design[None])["squareness_mrad"][0]  # it is homogeneous
     grids = {name: (0.002 * np.arange(1.0, 4000.0) + 0.0017) * own
              for name, own in zip(problem.names, design, strict=True)}  # fmt: skip
@@ -298,8 +298,8 @@ class Fading(PoseAccuracy):
 
 def test_a_search_that_is_too_lenient_away_from_the_design_is_corrected_where_it_arrives() -> None:
     problem = Fading(Settings(objectives=("cost",), limits={"squareness_mrad": Bound(high=0.1)}))
-    object.__setattr__(problem, "right", problem._corner(tight=True))
-    design = problem._corner(tight=True)
+    object.__setattr__(problem, "right", problem.corner(tight=True))
+    design = problem.corner(tight=True)
     design *= 0.1 / problem.outputs_of(design[None])["squareness_mrad"][0]
     object.__setattr__(problem, "right", design)
     grids = {name: 1.02 * own * 1.06 ** np.arange(-8.0, 9.0) for name, own in zip(problem.names, design, strict=True)}

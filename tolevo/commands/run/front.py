@@ -94,10 +94,13 @@ def _candidates(problem: ToleranceProblem, result: SearchResult) -> NDArray[np.i
 
 
 def nearest_miss(problem: ToleranceProblem, result: SearchResult) -> pd.DataFrame:
-    """The evaluated design with the least total violation, at full accuracy (one row or none)."""
-    if not len(result.miss):
-        return pd.DataFrame()
-    return problem.reported().frame(problem.complete(result.miss))
+    """The evaluated design with the least total violation, at full accuracy (one row).
+
+    That of the tightest tolerances where none was evaluated, as where it was proven before that none can keep the
+    limits.
+    """
+    designs = problem.complete(result.miss) if len(result.miss) else problem.corner(tight=True)[None, :]
+    return problem.reported().frame(designs)
 
 
 def knee(values: Array) -> NDArray[np.bool_]:

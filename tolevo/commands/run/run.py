@@ -638,8 +638,9 @@ def _lines(result: RunResult, status: str, out: Path, proof_lines: Sequence[str]
     answered = proof_lines if "proof" in result.answers else ()
     lines += [f"note: {note}" for note in result.notes if note not in answered]
     if status == "no_feasible_point":
+        searched = result.summary["evaluations"]
         lines.append(
             f"the nearest miss is in {out / 'nearest_miss.csv'}{f' ({broken})' if broken else ''}; relax the limit it "
-            "breaks, widen the ranges or raise the budget"
+            f"breaks{', widen the ranges or raise the budget' if searched else ' or widen the ranges'}"
         )
     return tuple(lines)
