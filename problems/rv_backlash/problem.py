@@ -347,7 +347,8 @@ class RvBacklash(Promising, Machined):
 
     def needed(self, designs: Array) -> dict[str, Array]:
         """Every output as reported, the errors of propagation at NaN: a third of the work is theirs."""
-        return self._propagated(designs, self._method(Convolution(errors=False)))
+        outputs = self._propagated(designs, self._method(Convolution(errors=False)))
+        return outputs | self._further(designs, searching=False)
 
     def _propagated(self, designs: Array, method: Propagation) -> dict[str, Array]:
         """Every output (n,) of full designs by a method of propagation."""
