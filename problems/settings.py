@@ -202,7 +202,8 @@ class Settings:
     `columns` says what the columns of a file are, `labels` what readers know the mechanism by;
     `money` is what the costs are in, `notes` say how the configuration was understood, `machines`
     make tolerances of a problem that is not a stack, `promise` is what such a problem promises;
-    `operating` are the conditions in which its units are evaluated.
+    `operating` are the conditions in which its units are evaluated; `record` are the ranges of the inputs
+    in the measurements that a correction was found in, `terms` what of it acts on measurements alone.
     """
 
     parameters: Mapping[str, Value] = field(default_factory=dict)
@@ -224,6 +225,8 @@ class Settings:
     machines: Mapping[str, tuple[Offer, ...]] = field(default_factory=dict)
     promise: Promise | None = None
     operating: OperatingConditions | None = None
+    record: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    terms: tuple[Active, ...] = ()
 
 
 # Assumptions: values in use that no document prints.

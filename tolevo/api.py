@@ -267,8 +267,9 @@ def simulate(
         build_model(configuration),
         configuration.seed,
         configuration.model_name,
-        model_settings.effects,
+        (*model_settings.effects, *model_settings.terms),
         dict(model_settings.zero),
+        dict(model_settings.record),
     )
     understood, notes, index = list[str](), list[str](), None
     rows: Any = None
@@ -283,7 +284,7 @@ def simulate(
     report_lines(tell, READ, understood)
     report_lines(tell, "note", notes)
     computing = simulation.computed(rows, columns, configuration.toml())
-    target = _target(out, partitioned, resume, overwrite, [output.name for output in simulation.model.outputs])
+    target = _target(out, partitioned, resume, overwrite, simulation.added)
     predictions = _computed(computing, where, target, progress, frame, [*understood, *notes])
     return predictions.set_axis(index) if index is not None and frame else predictions
 

@@ -54,6 +54,7 @@ OF_NAMES = frozenset(
         "parameters",
         "price",
         "range",
+        "record",
         "reducers",
         "rounding",
         "sense",

@@ -152,6 +152,7 @@ EFFECTS = {
          "coefficients": [1.0]},
     ],
     "zero": {"te_arcsec": 0.0},
+    "record": {"torque_Nm": [0.0, 100.0]},
     "sense": {"te_arcsec": -1},
     "columns": {"x": {"of": "te_arcsec", "unit": "arcsec", "role": "measured", "sense": -1}},
 }  # fmt: skip

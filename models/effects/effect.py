@@ -216,6 +216,8 @@ class Effect(ABC):
     formula: ClassVar[str] = ""
     """The term that is added, in the symbols of docs/effects.md."""
     needs: ClassVar[tuple[Role, ...]] = ()
+    holds_at_ends: ClassVar[bool] = False
+    """Whether a simulation keeps it, outside of the record it was found in, at its value at the end of that."""
     mistaken_for: ClassVar[tuple[str, ...]] = ()
     """Names of the effects that it is easily confused with."""
     separated_by: ClassVar[Mapping[str, str]] = MappingProxyType({})

@@ -345,6 +345,9 @@ class Active:
     values: Values
 
 
+NO_RANGES: Mapping[str, tuple[float, float]] = {}
+
+
 def predicted(
     model: MeasurableModel,
     name: str,
@@ -352,16 +355,23 @@ def predicted(
     effects: Iterable[Active],
     rng: np.random.Generator,
     zero: Mapping[str, float] = NO_CHANGES,
+    record: Mapping[str, tuple[float, float]] = NO_RANGES,
 ) -> dict[str, Array]:
     """Every output (n,) of the model `name` at the rows of a table, with the effects in it.
 
-    `zero` is added to the model's predictions, by output.
+    `zero` is added to the model's predictions, by output. Outside of the ranges of the inputs in a `record` an
+    effect that `holds_at_ends` stays at its value at the end.
     """
     active = tuple(effects)
     if not active:
         return add_zero(model.predict(table, rng), zero)
     target = target_of(model, name, table)
-    actions = effect_actions(active, measurements_of(target.columns, table), target)
+    measurements = measurements_of(target.columns, table)
+    held = {name: np.clip(table[name], *ends) for name, ends in record.items() if name in table}
+    at_ends = measurements_of(target.columns, {**table, **held}) if held else measurements
+    actions = [
+        effect_actions([entry], at_ends if entry.effect.holds_at_ends else measurements, target)[0] for entry in active
+    ]
     changes = changes_of(actions) or NO_CHANGES
     outputs = add_zero(model.predict(table, rng, changes), zero)
     means = model.means(changes) if any(action.population for action in actions) else {}

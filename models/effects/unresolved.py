@@ -143,6 +143,7 @@ class Unresolved(Effect):
     """
 
     family = "unresolved"
+    holds_at_ends = True
     cause = "a smooth term without a name"
 
     def __init__(self, term: Term, mix: Array | None = None) -> None:

@@ -1,5 +1,6 @@
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -109,3 +110,46 @@ def test_a_value_follows_the_number_of_its_unit(
         assert found[keys].to_numpy().tolist() == shuffled[keys].to_numpy().tolist()
         assert found.set_index(keys)["backlash_arcmin"].loc[values.index].tolist() == values.tolist()
     assert values.nunique() == (10 if more == "repeats" else 20)
+
+
+RECORDED = {
+    "model": "table",
+    "columns": {
+        "speed_mm_s": {"role": "speed", "unit": "mm/s"},
+        "temp_C": {"role": "temperature", "unit": "degC"},
+        "model_N": {"role": "predicted", "unit": "N", "of": "force_N"},
+        "force_N": {"role": "measured", "unit": "N"},
+    },
+    "effect": [{"name": "drag", "formula": "c * speed_mm_s * temp_C", "parameters": {"c": 0.001}}],
+    "unresolved": [{"output": "force_N", "variable": "speed_mm_s", "shape": "power", "exponent": 0.5, "scale": 300.0,
+                    "signed": True, "coefficients": [2.0]}],
+    "record": {"speed_mm_s": [-300.0, 300.0], "temp_C": [20, 40]},
+}  # fmt: skip
+
+
+def test_a_row_beyond_the_record_is_named_and_its_terms_stay_as_at_the_end() -> None:
+    """0.001 v T goes on by its formula; 2 (v/300)^0.5 stays at 2 beyond 300 mm/s."""
+    told = list[str]()
+    points = pd.DataFrame({"speed_mm_s": [75.0, -1200.0, 100.0], "temp_C": [30.0, 10.0, 50.0], "model_N": 1.0})
+    found = tolevo.simulate(RECORDED, points, tell=told.append)
+    by_hand = np.array(
+        [0.001 * 75.0 * 30.0 + 1.0, -0.001 * 1200.0 * 10.0 - 2.0, 0.001 * 100.0 * 50.0 + 2.0 / np.sqrt(3.0)]
+    )
+    np.testing.assert_allclose(found["force_N_correction"], by_hand, rtol=1e-12)
+    np.testing.assert_allclose(found["force_N"], 1.0 + by_hand, rtol=1e-12)
+    assert list(found["outside_record"]) == ["", "speed_mm_s, temp_C", "temp_C"]
+    note = next(line for line in told if "leave the record" in line)
+    assert "2 of 3 rows" in note and "drag by its formula and terms without a name as at the end" in note
+
+
+def test_a_correction_without_a_record_adds_no_columns() -> None:
+    points = pd.DataFrame({"speed_mm_s": [75.0], "temp_C": [30.0], "model_N": [1.0]})
+    table = {key: value for key, value in RECORDED.items() if key != "record"}
+    assert list(tolevo.simulate(table, points).columns)[-1] == "force_N"
+
+
+def test_the_range_of_a_record_is_two_numbers() -> None:
+    wrong = {**RECORDED, "record": {"speed_mm_s": [1.0], "temp_C": "20 to 40"}}
+    with pytest.raises(InputError) as caught:
+        tolevo.simulate(wrong, pd.DataFrame({"speed_mm_s": [1.0], "temp_C": [1.0], "model_N": [1.0]}))
+    assert [fault.place for fault in caught.value.faults] == ["record.speed_mm_s", "record.temp_C"]

@@ -23,6 +23,8 @@ from ..models.measurable import MeasurableModel, MeasuredTable, ranks_of_units
 GRAIN = 65_536
 """Rows that are predicted at once, from their own stream of random numbers."""
 ALWAYS_ALLOWED = ("time_s", "repeat", "session")
+OUTSIDE = "outside_record"
+"""The column that names the inputs by which a row leaves the record."""
 LABELS = ("session",)
 """Of these, the columns of text."""
 
@@ -30,7 +32,8 @@ LABELS = ("session",)
 @dataclass(frozen=True)
 class Simulation:
     """What predicts a table: the model (effects refer to its `name`), the effects that are active
-    in it, and the offsets that are added to its outputs (`zero`).
+    in it, the offsets that are added to its outputs (`zero`), and the ranges of the inputs in the
+    measurements that the effects were found in (`record`).
     """
 
     model: MeasurableModel
@@ -38,6 +41,21 @@ class Simulation:
     name: str = ""
     effects: tuple[Active, ...] = ()
     zero: Mapping[str, float] = field(default_factory=dict)
+    record: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def added(self) -> list[str]:
+        """The columns that a table of inputs gets: outputs, and where effects were found what is theirs of each."""
+        outputs = [output.name for output in self.model.outputs]
+        judged = bool(self.record and self.effects)
+        return [*outputs, *(f"{name}_correction" for name in outputs), OUTSIDE] if judged else outputs
+
+    def outside(self, columns: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[np.bool_]]:
+        """Which rows (n,) leave the record, by the input that does."""
+        names = [name for name in self.record if name in columns]
+        ends = {name: self.record[name] for name in names}
+        rows = {name: (columns[name] < low) | (columns[name] > high) for name, (low, high) in ends.items()}
+        return {name: beyond for name, beyond in rows.items() if beyond.any()}
 
     def __call__(self, columns: Mapping[str, NDArray[Any]], number: int) -> pd.DataFrame:
         """The inputs of a grain of rows, followed by the predicted outputs."""
@@ -52,7 +70,16 @@ class Simulation:
             ]
             return pd.concat(parts, ignore_index=True).iloc[ranks].reset_index(drop=True)
         rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(number,) if number else ()))
-        return pd.DataFrame({**table, **predicted(self.model, self.name, table, self.effects, rng, self.zero)})
+        whole = predicted(self.model, self.name, table, self.effects, rng, self.zero, self.record)
+        if len(self.added) > len(whole):
+            again = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(number,) if number else ()))
+            plain = predicted(self.model, self.name, table, (), again, self.zero)
+            names = np.full(count, "", dtype=object)
+            for name, beyond in self.outside(table).items():
+                names[beyond] = np.where(names[beyond] == "", name, names[beyond] + f", {name}")
+            whole |= {f"{name}_correction": whole[name] - plain[name] for name in whole}
+            whole[OUTSIDE] = names
+        return pd.DataFrame({**table, **whole})
 
     def _apart(self, columns: tuple[str, ...]) -> bool:
         """Whether the rows of a table with these columns are predicted independently."""
@@ -94,7 +121,25 @@ def inputs_in(
     table = {str(name): frame[name].to_numpy() for name in frame}
     raise_all(_effect_faults(simulation, table, place))
     notes(remarks(model, list(map(str, frame)), list(map(str, fitted.cells)), place))
+    notes(_range_notes(simulation, table, place))
     return frame
+
+
+def _range_notes(simulation: Simulation, table: Mapping[str, NDArray[Any]], place: str) -> list[str]:
+    """How many rows leave the record that the effects were found in, and what of these is taken there."""
+    left = simulation.outside(table) if simulation.effects else {}
+    if not left:
+        return []
+    count = int(np.count_nonzero(np.any(list(left.values()), axis=0)))
+    inputs = ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in simulation.record.items() if name in left)
+    named = [active.effect.name for active in simulation.effects if not active.effect.holds_at_ends]
+    parts = [f"{', '.join(named)} by {'its formula' if len(named) == 1 else 'their formulas'}"] if named else []
+    if len(named) < len(simulation.effects):
+        parts.append("terms without a name as at the end of the range")
+    return [
+        f"{place}: {count} of {len(next(iter(left.values())))} rows leave the record that the correction was found in "
+        f"({inputs}); there it takes {' and '.join(parts)}: no measurement supports that (column {OUTSIDE})"
+    ]
 
 
 def remarks(model: MeasurableModel, columns: Sequence[str], file_columns: Sequence[str], place: str) -> list[str]:

@@ -20,7 +20,7 @@ from ..models.measurable import Column, MeasuredTable, Role
 from ..problems.settings import Settings
 from ..section import Output, Section
 from .parameters import GEAR, UNRESOLVED, read_effects, read_gear, read_unresolved, resolved_gear
-from .plugins import SENSE, ZERO, read_labels, read_sense, read_zero
+from .plugins import RECORD, SENSE, ZERO, read_labels, read_record, read_sense, read_zero
 from .resolved import resolved_measurement
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ LABELS = ("unit", "lot")
 
 def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configuration:
     """The configuration of a table, as `simulate` takes it. Raises InputError with every fault."""
-    top.accept(("model", "effect", UNRESOLVED, ZERO, GEAR, SENSE))
+    top.accept(("model", "effect", UNRESOLVED, ZERO, GEAR, SENSE, RECORD))
     for key in ("parameters", "variables"):
         if top.take(key) is not None:
             top.fault(key, 'belongs to a model; model = "table" has none')
@@ -118,10 +118,12 @@ def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configurat
         raise InputError(faults)
     model = table_model(columns, gear)
     effects = read_effects(top, model, TABLE) + read_unresolved(top, model, TABLE)
-    zero = read_zero(top, model.outputs)
+    zero, record = read_zero(top, model.outputs), read_record(top)
     top.finish()
     raise_all(faults)
-    settings = Settings(seed=seed, effects=effects, definition=columns, zero=zero, gear=gear, labels=labels)
+    settings = Settings(
+        seed=seed, effects=effects, definition=columns, zero=zero, gear=gear, labels=labels, record=record
+    )
     resolved = {
         "model": TABLE,
         **labels.stated(),

@@ -136,7 +136,7 @@ def read_labels(top: Section) -> Labels:
 # `[zero]` and `[sense]`: the offset and the sign of the measurements of an output.
 
 
-ZERO, SENSE = "zero", "sense"
+ZERO, SENSE, RECORD = "zero", "sense", "record"
 EITHER = (-1, 1)
 
 
@@ -148,6 +148,18 @@ def read_zero(top: Section, outputs: Iterable[Output]) -> dict[str, float]:
     zeros = {name: section.number(name, unit) for name, unit in known.items() if name in section}
     _check_names(section, known, "")
     return {name: value for name, value in zeros.items() if value is not None}
+
+
+def read_record(top: Section) -> dict[str, tuple[float, float]]:
+    """The least and largest value of each input in the measurements that the effects were found in."""
+    section, ranges = top.section(RECORD), dict[str, tuple[float, float]]()
+    for name in section.all_keys():
+        ends = section.take(name)
+        if isinstance(ends, list) and len(ends) == 2 and all(type(end) in (int, float) for end in ends):
+            ranges[name] = float(min(ends)), float(max(ends))
+        else:
+            section.fault(name, f"must be its least and largest value, as [10.0, 300.0], got {shown(ends)}")
+    return ranges
 
 
 def read_sense(top: Section, outputs: Iterable[Output]) -> dict[str, int]:

@@ -30,6 +30,7 @@ from .plugins import (
     model_belongs,
     problem_of,
     read_labels,
+    read_record,
     read_sense,
     read_zero,
 )
@@ -276,9 +277,9 @@ def _read_problem(
     references = top.text("references", REFERENCES) or "documents"
     seed, labels = _seed(top), read_labels(top)
     effects = read_effects(top, model, model_name)
-    read_unresolved(top, model, model_name)  # they act on measurements: an allocation has none
+    terms = read_unresolved(top, model, model_name)  # they act on measurements: an allocation has none
     outputs = model.outputs if model else ()
-    zero, sense = read_zero(top, outputs), read_sense(top, outputs)
+    zero, sense, record = read_zero(top, outputs), read_sense(top, outputs), read_record(top)
     if (
         problem_class
         and model
@@ -304,6 +305,8 @@ def _read_problem(
         sense=sense,
         labels=labels,
         columns=columns,
+        record=record,
+        terms=terms,
     )
     objectives = settings.objectives or declared.objectives
     search = read_search(top.section("algorithm"), len(objectives), declared.algorithm)
@@ -432,7 +435,7 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
     name = top.take("model")
     effects = read_effects(top, kind, name) + read_unresolved(top, kind, name)
     outputs = kind.outputs if kind else ()
-    zero, sense = read_zero(top, outputs), read_sense(top, outputs)
+    zero, sense, record = read_zero(top, outputs), read_sense(top, outputs), read_record(top)
     if kind is None:
         top.accept(("parameters", "variables", "columns"))
         top.finish()
@@ -456,6 +459,7 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         sense=sense,
         labels=labels,
         columns=columns,
+        record=record,
     )
     resolved = {
         "model": name,

@@ -17,7 +17,7 @@ from ..section import Variable
 from .cells import nested, resolved_columns
 from .costs import resolved_money
 from .parameters import resolved_effects
-from .plugins import resolved_sense, resolved_zero
+from .plugins import RECORD, resolved_sense, resolved_zero
 
 
 def complete_tables(problem: ToleranceProblem, name: str, model: str) -> dict[str, Any]:
@@ -42,7 +42,8 @@ def resolved_measurement(settings: Settings) -> dict[str, Any]:
         **resolved_columns(settings.columns),
         **resolved_zero(settings.zero),
         **resolved_sense(settings.sense),
-        **resolved_effects(settings.effects),
+        **resolved_effects((*settings.effects, *settings.terms)),
+        **({RECORD: {name: list(ends) for name, ends in settings.record.items()}} if settings.record else {}),
     }
 
 

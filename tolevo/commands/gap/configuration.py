@@ -26,7 +26,7 @@ from ...configuration.parameters import (
     resolved_gear,
 )
 from ...configuration.plugins import KEYS as LABELS
-from ...configuration.plugins import SENSE, ZERO, ModelClass, foreign_model_message, model_belongs
+from ...configuration.plugins import RECORD, SENSE, ZERO, ModelClass, foreign_model_message, model_belongs
 from ...configuration.reader import PROBLEM_ONLY, build_model, read_table, rebuild_model
 from ...configuration.source import Source, folder_of, load, override_source
 from ...directory import kind_of, standing
@@ -302,7 +302,7 @@ def counterparts(text: str) -> dict[str, str]:
 
 GAP_ONLY = ("built_to", "free", "effects", "noise", "validation", "data", "settings", "next_measurement")
 """Tables that only the configuration of a gap analysis has."""
-MODEL_KEYS = (*RUN_KEYS, "effect", UNRESOLVED, ZERO, SENSE)
+MODEL_KEYS = (*RUN_KEYS, "effect", UNRESOLVED, ZERO, SENSE, RECORD)
 NEEDS = {
     "simulations": Need("simulation", bytes=3.2e3),  # 400 columns of noise
     "bootstrap": Need("replicate", bytes=1e3, seconds=0.1),

@@ -12,6 +12,7 @@ import numpy as np
 import tomli_w
 from scipy import special
 
+from ...configuration.plugins import RECORD
 from ...errors import InputError
 from ...models.effects.instrument import Delay
 from ...models.inputs import Zone
@@ -29,9 +30,16 @@ from .result import Ending
 from .setup import move_setup, values_of
 from .unresolved import table_of
 
+NO_RANGES: Mapping[str, list[float]] = {}
 
-def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...] = ()) -> str:
-    """The run configuration (where there is one) with model, parameters, zeros and effects."""
+
+def corrected_toml(
+    plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...] = (), record: Mapping[str, list[float]] = NO_RANGES
+) -> str:
+    """The run configuration (where there is one) with model, parameters, zeros and effects.
+
+    `record` is the least and largest value of each input in the measurements.
+    """
     configuration: dict[str, Any] = deepcopy(dict(plan.run))
     if not configuration:
         configuration = {k: deepcopy(v) for k, v in plan.tables.items() if k not in ("effect", "unresolved")}
@@ -67,6 +75,8 @@ def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...]
         configuration["effect"] = effects
     if terms := [*configuration.get("unresolved", []), *plan.tables.get("unresolved", []), *terms]:
         configuration["unresolved"] = terms
+    if record and (effects or terms):
+        configuration[RECORD] = dict(record)
     if plan.model is None:
         configuration |= {"columns": {name: _column(column) for name, column in plan.columns.items()}}
     scalars = {k: v for k, v in configuration.items() if not isinstance(v, dict | list)}

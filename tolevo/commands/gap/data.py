@@ -101,6 +101,10 @@ def _sort_rows(frame: pd.DataFrame, time: str, separate_clocks: bool) -> pd.Data
     return frame.assign(_number=number).sort_values(["_number", time], kind="stable").drop(columns="_number")
 
 
+NUMBERING = (Role.TIME, Role.REPEAT, Role.UNIT, Role.LOT)
+"""Roles of columns that number or date the rows: rows to come are always beyond theirs."""
+
+
 @dataclass(frozen=True)
 class GapData:
     """Rows (n,) in the order of measuring.
@@ -139,6 +143,13 @@ class GapData:
         """The input columns that hold numbers and vary."""
         table = self.measurements.table
         return tuple(c for c in self.target.columns if not c.text and np.ptp(table[c.name]) > 0)
+
+    @property
+    def ranges(self) -> dict[str, list[float]]:
+        """The least and largest value of each input, but of those that number or date the rows."""
+        table = self.measurements.table
+        columns = [c.name for c in self.target.columns if not c.text and c.role not in NUMBERING and c.name in table]
+        return {name: [float(np.min(table[name])), float(np.max(table[name]))] for name in columns}
 
     def values(self, name: str) -> Array:
         """Numbers (n,) of a column."""

@@ -398,7 +398,7 @@ def result_of(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None =
     initial = analysis.initial_null_model
     limit = initial.search.thresholds.generic
     table, gap_sizes, attribution = residual_table(end, data), gaps(end), attribution_of(end)
-    text, planned = corrected_toml(plan, end.model, analysis.scatter[:1]), next_measurement(end)
+    text, planned = corrected_toml(plan, end.model, analysis.scatter[:1], data.ranges), next_measurement(end)
     (error_elsewhere, split), rivals = (
         elsewhere(end),
         rival_records(end, planned.rivals if planned else {}) + inputs_instead(end, attribution),
