@@ -254,7 +254,7 @@ def simulate(
     Options as those of `evaluate`. Long Parquet files, and directories of such files, are read in
     batches. Raises ConfigurationError with every fault.
     """
-    from .commands.simulate import Simulation, inputs_in, rows_of, streamed
+    from .commands.simulate import OUTSIDE, Simulation, inputs_in, rows_of, streamed
     from .configuration.reader import build_model
 
     faults = table_faults_of(out, inputs, partitioned, resume, overwrite)
@@ -284,14 +284,15 @@ def simulate(
     report_lines(tell, READ, understood)
     report_lines(tell, "note", notes)
     computing = simulation.computed(rows, columns, configuration.toml())
-    target = _target(out, partitioned, resume, overwrite, simulation.added)
+    outputs = [output.name for output in simulation.model.outputs]
+    target = _target(out, partitioned, resume, overwrite, outputs, [OUTSIDE])
     predictions = _computed(computing, where, target, progress, frame, [*understood, *notes])
     return predictions.set_axis(index) if index is not None and frame else predictions
 
 
-def _target(out: AnyPath | None, partitioned: bool, resume: bool, overwrite: bool, last: list[str]) -> Target | None:
+def _target(out: AnyPath | None, partitioned: bool, resume: bool, overwrite: bool, *last: list[str]) -> Target | None:
     """Where the table goes. Raises InputError where that is a file whose columns do not end with
-    `last`, as those of the command do, and that is not to be replaced.
+    one of `last`, as those of the command do, and that is not to be replaced.
     """
     from .blocks import Target
 
@@ -300,7 +301,7 @@ def _target(out: AnyPath | None, partitioned: bool, resume: bool, overwrite: boo
     target = Target(Path(out), partitioned, resume, overwrite)
     if not partitioned and not overwrite and exists(out) and getsize(out):
         names = tables.columns_of(target.path)
-        if names[-len(last) :] != last:
+        if not any(names[-len(ending) :] == ending for ending in last):
             raise refuse("--out", f"{out} holds something else: name another file, or add --overwrite")
     return target
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -347,6 +348,11 @@ def test_corrected_configuration_simulates(tmp_path: Path) -> None:
     assert ended.exit_code == 0, ended.output
     left = frame["te"] - pd.read_csv(out)["te"]
     assert left.std() == pytest.approx(2.0, rel=0.15)
+    assert "outside_record" not in pd.read_csv(out).columns
+    spanned = tomllib.loads((tmp_path / "out" / "corrected.toml").read_text(encoding="utf-8"))["record"]
+    for name, ends in spanned.items():
+        assert ends == [frame[name].min(), frame[name].max()]
+    assert len(spanned) >= 2
 
 
 def test_what_is_in_the_model_already_is_no_gap(tmp_path: Path) -> None:

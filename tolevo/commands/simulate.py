@@ -43,16 +43,9 @@ class Simulation:
     zero: Mapping[str, float] = field(default_factory=dict)
     record: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
-    @property
-    def added(self) -> list[str]:
-        """The columns that a table of inputs gets: outputs, and where effects were found what is theirs of each."""
-        outputs = [output.name for output in self.model.outputs]
-        judged = bool(self.record and self.effects)
-        return [*outputs, *(f"{name}_correction" for name in outputs), OUTSIDE] if judged else outputs
-
     def outside(self, columns: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[np.bool_]]:
-        """Which rows (n,) leave the record, by the input that does."""
-        names = [name for name in self.record if name in columns]
+        """Which rows (n,) leave the record that effects were found in, by the input that does."""
+        names = [name for name in self.record if name in columns and self.effects]
         ends = {name: self.record[name] for name in names}
         rows = {name: (columns[name] < low) | (columns[name] > high) for name, (low, high) in ends.items()}
         return {name: beyond for name, beyond in rows.items() if beyond.any()}
@@ -71,11 +64,11 @@ class Simulation:
             return pd.concat(parts, ignore_index=True).iloc[ranks].reset_index(drop=True)
         rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(number,) if number else ()))
         whole = predicted(self.model, self.name, table, self.effects, rng, self.zero, self.record)
-        if len(self.added) > len(whole):
+        if left := self.outside(table):
             again = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(number,) if number else ()))
             plain = predicted(self.model, self.name, table, (), again, self.zero)
             names = np.full(count, "", dtype=object)
-            for name, beyond in self.outside(table).items():
+            for name, beyond in left.items():
                 names[beyond] = np.where(names[beyond] == "", name, names[beyond] + f", {name}")
             whole |= {f"{name}_correction": whole[name] - plain[name] for name in whole}
             whole[OUTSIDE] = names
@@ -127,7 +120,7 @@ def inputs_in(
 
 def _range_notes(simulation: Simulation, table: Mapping[str, NDArray[Any]], place: str) -> list[str]:
     """How many rows leave the record that the effects were found in, and what of these is taken there."""
-    left = simulation.outside(table) if simulation.effects else {}
+    left = simulation.outside(table)
     if not left:
         return []
     count = int(np.count_nonzero(np.any(list(left.values()), axis=0)))
