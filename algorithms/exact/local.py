@@ -12,7 +12,7 @@ from scipy.special import ndtri
 from ...journal import recall_columns
 from ...problems.limits import Limit
 from ...problems.tolerance_problem import ToleranceProblem
-from ...section import Array
+from ...section import Array, Flags
 from ..archive import nondominated
 from ..run import Run
 from ..settings import Budget
@@ -29,7 +29,8 @@ MIN_TAIL_PROBABILITY = 1e-10
 
 @dataclass(eq=False)
 class Smooth:
-    """The continuous variables of a problem at fixed integers `x`, scaled to y in [0, 1].
+    """The continuous variables of a problem at fixed integers `x`, scaled to y in [0, 1]; those `held`
+    (variables,) stay as they are in `x`.
 
     A tolerance above zero is scaled by its logarithm. Derivatives are those of the model where it
     has them for all objectives and limits, else one batch of forward differences. The least value of a
@@ -38,18 +39,20 @@ class Smooth:
 
     run: Run
     x: Array
+    held: Flags | None = None
     _values: tuple[Array, Array, Array] | None = field(default=None, init=False)
     _slopes: tuple[Array, Array, Array] | None = field(default=None, init=False)
     _rates: Array = field(default_factory=lambda: np.ones(0), init=False)
 
     def __post_init__(self) -> None:
         problem = self.run.problem
-        self.moving = np.array([not v.integer for v in problem.free])
+        whole = np.array([v.integer for v in problem.free])
+        self.moving = ~whole if self.held is None else ~(whole | self.held)
         ends = np.where(self.moving, [problem.xl, problem.xu], self.x)
-        free = [problem.names.index(v.name) for v in problem.free if not v.integer]
-        self.low, self.high = problem.complete(ends)[:, free]  # the ranges at these integers
-        kinds = [v.tolerance for v in problem.free if not v.integer]
-        self.log = np.array(kinds, dtype=bool) & (self.low > 0.0)
+        moving = [v for v, moves in zip(problem.free, self.moving, strict=True) if moves]
+        self.columns = [problem.names.index(v.name) for v in moving]
+        self.low, self.high = problem.complete(ends)[:, self.columns]  # the ranges at these integers
+        self.log = np.array([v.tolerance for v in moving], dtype=bool) & (self.low > 0.0)
         names = {*problem.objectives, *(limit.name for limit in problem.limits)}
         known = {*problem.gradient(problem.complete(self.x[None, :])[:0]), *problem.names}
         self.analytic = names <= known
@@ -102,8 +105,7 @@ class Smooth:
         designs = problem.complete(x)
         slopes = recall_columns((designs,), lambda: dict(problem.gradient(designs)))
         slopes |= {name: unit for name, unit in _units(problem).items() if name not in slopes}
-        columns = [problem.names.index(v.name) for v in problem.free if not v.integer]
-        width = self.high - self.low
+        columns, width = self.columns, self.high - self.low
         rate = np.where(self.log, x[0, self.moving] * np.log(_ratio(self)), width)
         df = np.stack([slopes[name][0, columns] * rate for name in problem.objectives])
         rows = [sign * slopes[limit.name][0, columns] * rate for limit in problem.limits for sign in limit.slopes()]
@@ -174,8 +176,8 @@ average of a sample, which has kinks: there most evaluations as well."""
 class Branch:
     """The front at one set of integers: points in the order of the second objective."""
 
-    def __init__(self, run: Run, x: Array, unit: Array) -> None:
-        self.smooth = Smooth(run, x)
+    def __init__(self, run: Run, x: Array, unit: Array, held: Flags | None = None) -> None:
+        self.smooth = Smooth(run, x, held)
         self.unit = unit
         self.y: list[Array] = []
         self.f: list[Array] = []

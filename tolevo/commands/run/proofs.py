@@ -13,11 +13,12 @@ from ...algorithms.archive import hypervolume
 from ...algorithms.exact.bounds import Proof, convex_pieces, least_bounds, proof, reason, restrict_form, row_limits
 from ...algorithms.exact.choices import least_cost, search_vector
 from ...algorithms.exact.combination import Ascent, Combination, Optimum, within
+from ...algorithms.exact.conditional import convexity
 from ...algorithms.exact.epsilon import integer_faults, scale_of
 from ...algorithms.exact.local import Branch
 from ...algorithms.exact.programme import Programme
 from ...algorithms.exact.solver import Exact, closed_form, exact_vectors
-from ...algorithms.run import Run
+from ...algorithms.run import Run, Shared
 from ...algorithms.search import SearchResult
 from ...algorithms.settings import AlgorithmSettings, Budget
 from ...errors import Fault, ModelError, raise_all
@@ -27,6 +28,7 @@ from ...problems.limits import Limit, loosened
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult
 from ...section import Array
+from .changes import words
 from .plan import RunPlan, chosen_point
 from .prices import points_at_limit
 
@@ -42,6 +44,8 @@ EXACT = 1e-3
 """Gap [percent] below which a point counts as optimal."""
 INFORMATIVE = 25.0
 """Median gap [percent] beyond which a bound that leaves limits out is not informative."""
+DEFECT = 2.0
+"""How far a function may lie below its tangent plane, in units of what it exceeds the middle of a chord by."""
 CLOSED = 1e-7
 """Relative gap up to which a front counts as exact."""
 
@@ -219,6 +223,47 @@ def proof_notes(problem: ToleranceProblem, front: pd.DataFrame, proven: Proof) -
         f"({proven.statement}); the points lie {distance_words(np.nanmedian(gap))} above it in the "
         f"median, {distance_words(np.nanmax(gap))} at most"
     ]
+
+
+def add_conditional_bounds(result: RunResult, plan: RunPlan, shared: Shared) -> RunResult:
+    """The result with `bound_conditional` [cost] of points that `exact` found on a sample, and what it rests on.
+
+    It holds if the least value of the other objective is convex in the tolerances, which is tried and not proven.
+    `shared` computes in other processes.
+    """
+    problem, front, costs = plan.problem, result.front, plan.problem.settings.costs
+    others = [name for name in problem.objectives if name != "cost"]
+    convex = not problem.settings.machines and not any(curve.bends for curve in costs.values())
+    sampled = isinstance(plan.algorithm, Exact) and problem.declaration.sampled and convex
+    if not sampled or len(others) != 1 or problem.n_obj != 2 or result.prices is None or result.prices.empty:
+        return result
+    rows = result.prices[(result.prices["output"] == others[0]) & result.prices["price"].notna()]
+    free, objective = [problem.names.index(v.name) for v in problem.free], problem.objectives.index(others[0])
+    x = front[problem.names].to_numpy(dtype=float)[:, free]
+    generator = np.random.default_rng(plan.seed)
+    tried = convexity(problem, x, objective, scale_of(problem), generator, shared) if len(rows) else None
+    if tried is None:
+        return result
+    price = pd.Series(rows["price"].to_numpy(dtype=float), index=rows["point"]).reindex(range(len(front))).to_numpy()
+    cost = front["cost"].to_numpy(dtype=float)
+    bound = np.where(np.isnan(price), np.nan, np.fmax(cost - price * DEFECT * tried.excess, front["bound"].to_numpy()))
+    below = 100.0 * (1.0 - bound / cost)
+    ends = [percent(float(value)) for value in (np.nanmedian(below), np.nanmax(below))]
+    whole = [problem.names[at] for at, v in zip(free, problem.free, strict=True) if v.integer]
+    kept = f" of the same {' and '.join(map(words, whole))}" if whole else ""
+    unit = {output.name: output.unit for output in problem.outputs}[others[0]]
+    statement = (
+        f"not proven, on a condition: if the least {words(others[0])} is convex in the tolerances to within "
+        f"{DEFECT * tried.excess:.2g} {unit}, no allocation{kept} costs less than a point by more than {ends[0]} in "
+        f"the median, {ends[1]} at most; at the middle of {tried.chords - tried.above} of {tried.chords} chords "
+        "between random tolerances it lies below the chord"
+        + (f", elsewhere {tried.excess:.2g} {unit} above it at most" if tried.above else "")
+    )
+    place = front.columns.get_loc("gap_percent") + 1
+    marked = front.copy()
+    marked.insert(place, "bound_conditional", bound)
+    summary = {**result.summary, "bound_conditional": statement, "notes": [*result.summary["notes"], statement]}
+    return replace(result, front=marked, summary=summary, notes=(*result.notes, statement))
 
 
 def percent(value: float) -> str:
