@@ -24,7 +24,7 @@ from ..run import Run, Shared, recalled_results
 from ..settings import Budget
 from .local import Branch
 
-ENDS, KINDS = 4, 3
+ENDS, KINDS = 3, 3
 """Random tolerances at the integers of a kind, each two of which are the ends of a chord; kinds of integers at most."""
 
 
@@ -45,17 +45,22 @@ class Held(NamedTuple):
     objective: int
 
 
-def least_value(problem: ToleranceProblem, task: Held) -> float:
-    """Q at the tolerances of a task, on the larger sample of a problem; NaN where no limits are kept."""
+def least_value(problem: ToleranceProblem, task: Held) -> Array:
+    """Q at the tolerances of a task, on the larger sample of a problem, and the search vector (1 + variables,).
+
+    NaN where no limits are kept.
+    """
     finer = problem.finer()
     tolerances = np.array([v.tolerance and not v.integer for v in finer.free])
     branch = Branch(Run(finer, Budget(), seed=0), task.x, task.unit, held=tolerances)
     start = branch.smooth.scaled(task.x[None, :])[0]
     if not branch.smooth.size:
         f, g = finer.searched(task.x[None, :])
-        return float(f[0, task.objective]) if np.all(g <= 0.0) else np.nan
+        return np.append(f[0, task.objective] if np.all(g <= 0.0) else np.nan, task.x)
     found = branch.minimise(task.objective, start, np.full(len(task.unit), np.inf))
-    return np.nan if found is None else float(found[task.objective])
+    if found is None:
+        return np.append(np.nan, task.x)
+    return np.append(found[task.objective], branch.smooth.vectors(branch.y[0][None, :])[0])
 
 
 def convexity(
@@ -80,9 +85,9 @@ def convexity(
         for kind in range(len(places))
         for first, second in combinations(range(ENDS), 2)
     ])  # fmt: skip
-    middles = 0.5 * (ends[pairs[:, 0]] + ends[pairs[:, 1]])
-    at_ends, at_middles = (_values(problem, points, objective, unit, shared) for points in (ends, middles))
-    excess = at_middles - 0.5 * (at_ends[pairs[:, 0]] + at_ends[pairs[:, 1]])
+    at_ends = _values(problem, ends, objective, unit, shared)
+    chords = 0.5 * (at_ends[pairs[:, 0]] + at_ends[pairs[:, 1]])  # the rest begins between what was found at the ends
+    excess = _values(problem, chords[:, 1:], objective, unit, shared)[:, 0] - chords[:, 0]
     excess = excess[np.isfinite(excess)]
     if not len(excess):
         return None
@@ -98,7 +103,7 @@ def _random_points(points: Array, tolerance: Array, rng: np.random.Generator) ->
 
 
 def _values(problem: ToleranceProblem, x: Array, objective: int, unit: Array, shared: Shared) -> Array:
-    """Q (n,) at search vectors (n, variables)."""
+    """Q at search vectors (n, variables), and those at which it was found (n, 1 + variables)."""
     tasks = [Held(vector, unit, objective) for vector in x]
     inputs: Iterable[Array] = (x, unit, np.array(objective))
     return np.asarray(recalled_results(shared, least_value, tasks, inputs), dtype=float)

@@ -30,11 +30,11 @@ def problem() -> ToleranceProblem:
     return configured
 
 
-def values_by(function: Callable[[np.ndarray], float]) -> Callable[..., list[float]]:
+def values_by(function: Callable[[np.ndarray], float]) -> Callable[..., list[np.ndarray]]:
     """Q as a function of the search vector, in the place of the model."""
 
-    def shared(_: object, tasks: Sequence[Held]) -> list[float]:
-        return [function(task.x) for task in tasks]
+    def shared(_: object, tasks: Sequence[Held]) -> list[np.ndarray]:
+        return [np.append(function(task.x), task.x) for task in tasks]
 
     return shared
 
@@ -76,7 +76,7 @@ def test_values_that_keep_no_limit_count_for_nothing(problem: ToleranceProblem) 
 def test_tolerances_are_held(problem: ToleranceProblem) -> None:
     """Without anything to set, Q is the value of the model: the root sum of squares."""
     x = np.array([0.1, 0.2, 0.2])
-    assert least_value(problem, Held(x, UNIT, 1)) == pytest.approx(0.3, rel=1e-12)
+    np.testing.assert_allclose(least_value(problem, Held(x, UNIT, 1)), [0.3, *x], rtol=1e-12)
 
 
 def test_the_rest_is_set_to_its_best() -> None:
@@ -90,7 +90,7 @@ def test_the_rest_is_set_to_its_best() -> None:
     assert whole is not None
     middle = 0.5 * (whole.xl + whole.xu)
     unit = np.array([10.0, 1.0])
-    best = least_value(whole, Held(middle, unit, 1))
+    best = least_value(whole, Held(middle, unit, 1))[0]
     rng, finer = np.random.default_rng(2), whole.finer()
     free = np.array([not (v.tolerance or v.integer) for v in whole.free])
     scanned = np.where(free, whole.xl + rng.random((60, len(middle))) * (whole.xu - whole.xl), middle)

@@ -15,7 +15,7 @@ from ...algorithms.exact.choices import least_cost, search_vector
 from ...algorithms.exact.combination import Ascent, Combination, Optimum, within
 from ...algorithms.exact.conditional import convexity
 from ...algorithms.exact.epsilon import integer_faults, scale_of
-from ...algorithms.exact.local import Branch
+from ...algorithms.exact.local import GAINED, Branch
 from ...algorithms.exact.programme import Programme
 from ...algorithms.exact.solver import Exact, closed_form, exact_vectors
 from ...algorithms.run import Run, Shared
@@ -245,23 +245,24 @@ def add_conditional_bounds(result: RunResult, plan: RunPlan, shared: Shared) -> 
     if tried is None:
         return result
     price = pd.Series(rows["price"].to_numpy(dtype=float), index=rows["point"]).reindex(range(len(front))).to_numpy()
-    cost = front["cost"].to_numpy(dtype=float)
-    bound = np.where(np.isnan(price), np.nan, np.fmax(cost - price * DEFECT * tried.excess, front["bound"].to_numpy()))
+    cost, level = front["cost"].to_numpy(dtype=float), front[others[0]].abs().to_numpy(dtype=float)
+    conditional = cost - price * (DEFECT * tried.excess + GAINED * level)
+    bound = np.where(np.isnan(price), np.nan, np.fmax(conditional, front["bound"].to_numpy(dtype=float)))
     below = 100.0 * (1.0 - bound / cost)
     ends = [percent(float(value)) for value in (np.nanmedian(below), np.nanmax(below))]
     whole = [problem.names[at] for at, v in zip(free, problem.free, strict=True) if v.integer]
     kept = f" of the same {' and '.join(map(words, whole))}" if whole else ""
     unit = {output.name: output.unit for output in problem.outputs}[others[0]]
     statement = (
-        f"not proven, on a condition: if the least {words(others[0])} is convex in the tolerances to within "
-        f"{DEFECT * tried.excess:.2g} {unit}, no allocation{kept} costs less than a point by more than {ends[0]} in "
+        f"not proven, on a condition: if the least {words(others[0])} is convex in the tolerances"
+        + (f" to within {DEFECT * tried.excess:.2g} {unit}" if tried.above else "")
+        + f", no allocation{kept} costs less than a point by more than {ends[0]} in "
         f"the median, {ends[1]} at most; at the middle of {tried.chords - tried.above} of {tried.chords} chords "
         "between random tolerances it lies below the chord"
         + (f", elsewhere {tried.excess:.2g} {unit} above it at most" if tried.above else "")
     )
-    place = front.columns.get_loc("gap_percent") + 1
     marked = front.copy()
-    marked.insert(place, "bound_conditional", bound)
+    marked.insert(list(front).index("gap_percent") + 1, "bound_conditional", bound)
     summary = {**result.summary, "bound_conditional": statement, "notes": [*result.summary["notes"], statement]}
     return replace(result, front=marked, summary=summary, notes=(*result.notes, statement))
 
