@@ -218,6 +218,8 @@ class Effect(ABC):
     needs: ClassVar[tuple[Role, ...]] = ()
     holds_at_ends: ClassVar[bool] = False
     """Whether a simulation keeps it, outside of the record it was found in, at its value at the end of that."""
+    yields_to: ClassVar[str] = ""
+    """The family whose effects are named instead of it where they fit as well."""
     mistaken_for: ClassVar[tuple[str, ...]] = ()
     """Names of the effects that it is easily confused with."""
     separated_by: ClassVar[Mapping[str, str]] = MappingProxyType({})

@@ -68,6 +68,7 @@ class Delay(Effect):
     formula = "y(t) becomes y(t - T)"
     needs = (Role.TIME,)
     of_rows = True
+    yields_to = "memory"
     mistaken_for = ("read_out_lag", "viscous_friction", "stribeck")
     reference = "Franklin, Powell and Workman, Digital Control of Dynamic Systems, 1998"
 

@@ -388,7 +388,7 @@ def concluding(search: Search, selection: Selection, fit: Fit, labels: Mapping[s
 
 SAME_COLUMNS = 1e-3
 """Difference in score below which two effects have the same columns."""
-INSTRUMENT, MEMORY, DELAY = "instrument", "memory", "delay"
+INSTRUMENT = "instrument"
 
 
 @dataclass(frozen=True)
@@ -468,14 +468,14 @@ def same_columns(name: str, alternatives: Sequence[Other]) -> frozenset[str]:
 def first_of_confounded(fit: Fit, alternatives: Sequence[Other], population: bool) -> Fit | None:
     """The fit with the preferred effect where another effect has the same columns, else None.
 
-    What may be the instrument is not attributed to physics. Where a memory fits as well as
-    a delay, the memory is preferred. Of an offset that is the same in every
+    What may be the instrument is not attributed to physics. An effect yields to a family that it names
+    (a delay to a memory) where that fits as well. Of an offset that is the same in every
     unit of a batch the process is preferred: an allocation can answer it, a gauge cannot.
     """
     for alternative in alternatives:
         new, replaced = alternative.fit.members[-1].candidate, alternative.instead_of
         current = next(m.candidate for m in fit.members if m.name == replaced[0])
-        if replaced == (DELAY,) and new.effect.family == MEMORY:
+        if len(replaced) == 1 and new.effect.family == current.effect.yields_to:
             return alternative.fit
         if abs(alternative.distance) >= SAME_COLUMNS or len(replaced) > 1 or new.unread:
             continue
