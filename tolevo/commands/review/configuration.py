@@ -187,7 +187,7 @@ def _owners(table: Table, problem: ToleranceProblem, design: dict[str, float]) -
                 part["unit"],
                 part,
                 design.get(f"{part['name']}_t", float(part.get("tolerance") or 0.0)),
-                chosen="machine" in part or "process" in part,
+                chosen=bool({"machine", "process", "grade"} & set(part)),
                 mid=known.mid,
                 natural={-1: "lower", 1: "upper"}.get(known.natural, ""),
             )
@@ -280,6 +280,9 @@ def _refers_to_owner(file: MeasuredFile, owner: Owner, name: str) -> bool:
     return any(label in owner.names for label, characteristic in file.names.items() if characteristic == name)
 
 
+_CHOSEN = "has machines, processes or grades to choose from: state the measurements in them, or fix its tolerance"
+
+
 def _measured_table(owner: Owner, files: Sequence[MeasuredFile], faults: list[Fault], notes: list[str]) -> Table | None:
     """The table of an owner with what the files hold of it; None where they hold nothing."""
     samples, names = [], []
@@ -296,7 +299,7 @@ def _measured_table(owner: Owner, files: Sequence[MeasuredFile], faults: list[Fa
     place = f"PARTS ({owner.name})"
     sample: dict[str, Any] = join_characteristics(samples, names, place, faults)
     if owner.chosen:
-        faults.append(Fault(place, "has machines or processes to choose from: state the measurements in them"))
+        faults.append(Fault(place, _CHOSEN))
         return None
     stated, t, unit = sample.pop("made_to", None), owner.t, owner.unit
     if stated is not None and owner.follows and sample.get("unit") == unit and abs(stated - t) > 1e-6 * t:
