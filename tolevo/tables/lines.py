@@ -376,7 +376,8 @@ def rows_of_fixed_width(text: str) -> list[Row] | None:
     """
     lines = [(at, line.rstrip()) for at, line in enumerate(text.split("\n", 3 * SAMPLE)[: 3 * SAMPLE], 1)]
     sample = [(at, line) for at, line in lines if line.strip()]
-    if len(sample) < 3 or any(sign in line for _, line in sample for sign in ";\t|"):
+    signs = any(sign in line for _, line in sample for sign in ";\t|")
+    if len(sample) < 3 or signs or not any("  " in line for _, line in sample):
         return None
     lengths = Counter(len(line.split()) for _, line in sample[len(sample) // 2 :])
     data = [at for at, (_, line) in enumerate(sample) if _is_data(line, lengths.most_common(1)[0][0])]

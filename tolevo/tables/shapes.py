@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..errors import Fault, raise_all
 from ..units import converted, fits
 from .header import SAMPLE, Row, is_same_unit, known_unit, split_header
-from .record import LONG, WIDE, Columns, Specification, Table
+from .record import LONG, WIDE, Columns, Specification, Table, objects_of
 from .signs import LIMITS, bare, is_missing, is_summary, number_in
 
 _WORDS = {
@@ -189,13 +189,13 @@ def wide_of_long(table: Table, place: str, shape: str | None) -> tuple[Table, li
     wide: dict[str, Any] = {}
     unused = []
     if "part" in long:
-        wide[long["part"]] = [part[1][code] for code in part[0][first]]
+        wide[long["part"]] = objects_of(part[1])[part[0][first]]
     for name in columns.names:
         if name in long.values():
             continue
         codes, texts = columns.factorised(name)
         if (codes == codes[first][row_of]).all():
-            wide[name] = [texts[code] for code in codes[first]]
+            wide[name] = objects_of(texts)[codes[first]]
         else:
             unused.append(name)
     wide |= {label: row if held is numbers else row.tolist() for label, row in zip(names[1], held, strict=True)}
@@ -383,7 +383,7 @@ _NO_SIDE = (
 def unclear_rows(table: Table, place: str) -> list[Fault]:
     """A fault for every row of a table whose name is like that of a limit, or no number where parts have numbers."""
     name, cells = next(iter(table.columns.cells.items()))
-    if role_of(name) in ("characteristic", "property"):
+    if name in table.values or role_of(name) in ("characteristic", "property"):
         return []
     numbered, ends = role_of(name) == "part" and name in table.numeric, max(len(cells) - SAMPLE, SAMPLE)
     shown = ((at, str(cells[at])) for at in (*range(min(SAMPLE, len(cells))), *range(ends, len(cells))))
