@@ -197,6 +197,36 @@ def test_a_long_table_states_nominal_and_limits(tmp_path: Path) -> None:
         tolevo.check(tmp_path / "c.toml")
 
 
+def test_limits_about_another_middle_are_asked_about(tmp_path: Path) -> None:
+    """10 +0.06/-0.05 in the file: Cpk refers to 9.95 and 10.06, by the middle 10.005 or not at all."""
+    values = np.random.default_rng(10).normal(10.01, 0.012, 30).round(4)
+
+    def write(name: str, upper: float, lower: float) -> None:
+        rows = [f"{at};d;{value};10.0;{upper};{lower}\n" for at, value in enumerate(values)]
+        (tmp_path / name).write_text("part;id;actual;nominal;uppertol;lowertol\n" + "".join(rows), encoding="utf-8")
+
+    write("off.csv", 0.06, -0.05)
+    write("a.csv", 0.055, -0.055)
+    table = tomllib.loads(BASE)
+    part = table["part"][0]
+
+    def checked(**measured: object) -> None:
+        part["measured"] = {"characteristic": "d", "mean": "as_found", **measured}
+        (tmp_path / "c.toml").write_text(tomli_w.dumps(table), encoding="utf-8")
+        tolevo.check(tmp_path / "c.toml")
+
+    with pytest.raises(tolevo.ConfigurationError, match=r"is 10\.005 mm, the middle of the limits of these parts"):
+        checked(file="off.csv")
+    with pytest.raises(tolevo.ConfigurationError, match="mixes files of different middles of the limits"):
+        checked(file=["a.csv", "off.csv"])
+    checked(file="off.csv", made_to=0.05)  # the limits of the drawing have changed since
+    part["nominal"] = 10.005
+    checked(file="off.csv", nominal=10.005)
+    sigma, mean = values.std(ddof=1), values.mean()
+    cpk = min(10.06 - mean, mean - 9.95) / (3.0 * sigma)
+    assert f"Cpk {cpk:.2f} (" in invoked("check", tmp_path / "c.toml")
+
+
 def invoked(*arguments: object) -> str:
     done = CliRunner().invoke(app, list(map(str, arguments)))
     assert done.exit_code == 0, done.output
