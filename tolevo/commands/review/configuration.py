@@ -26,6 +26,7 @@ from ...problems.stack import Stack
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Kind
 from ...units import split_unit
+from ..run.tolerances import nominal_and_mid
 from .review import Reopened, review
 
 REPLACED = ("distribution", "cp", "cpk", "shift", "measured")
@@ -156,12 +157,13 @@ class Owner:
 
     mid: float = 0.0
     natural: str = ""
+    size: float | None = None
     written: tables.Characteristic | None = None
 
     @property
     def nominal(self) -> float:
         """Its nominal size, 0 where none is stated."""
-        stated = self.table.get("nominal")
+        stated = self.table.get("nominal", self.size)
         return float(stated) if isinstance(stated, int | float) else 0.0
 
     @property
@@ -201,7 +203,8 @@ def _owners(table: Table, problem: ToleranceProblem, design: dict[str, float]) -
             mid = problem.settings.variables[v.name].mid
             t = problem.fixed.get(v.name, design.get(v.name, 0.0))
             shifts, chosen = mid is not None, "machine" in table_of_variable
-            owners.append(Owner(v.name, v.unit, table_of_variable, t, follows, shifts, chosen, mid or 0.0))
+            size, _ = nominal_and_mid(problem, v)
+            owners.append(Owner(v.name, v.unit, table_of_variable, t, follows, shifts, chosen, mid or 0.0, size=size))
     return owners
 
 
