@@ -292,7 +292,10 @@ def _measured_table(owner: Owner, files: Sequence[MeasuredFile], faults: list[Fa
     for file in files:
         for name in dict.fromkeys(name for name in file.names.values() if _refers_to_owner(file, owner, name)):
             try:
-                samples.append(file.values(name))
+                if not (read := file.values(name))["values"]:
+                    notes.append(f"{file.place}: {name} has no values: not measured")
+                    continue
+                samples.append(read)
                 names.append(file.place)
             except InputError as error:
                 faults += error.faults
@@ -312,6 +315,7 @@ def _measured_table(owner: Owner, files: Sequence[MeasuredFile], faults: list[Fa
     sample |= {key: known[key] for key in ("gauge", "mean") if key in known}
     sample |= {} if owner.shifts else {"mean": "corrected"}
     sample |= {"made_to": f"{t!r} {unit}"} if owner.follows else {}
+    sample |= {"nominal": f"{owner.size!r} {unit}"} if owner.size and "nominal" not in sample else {}
     return owner.anew(sample)
 
 
