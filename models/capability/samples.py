@@ -367,8 +367,9 @@ def read_sample(
         section.fault("file", f"{other}: another revision of the drawing?")
         return None
     zero = _origin(np.array([mid if mid_made_to is None else mid_made_to]), nominal)
-    if mid_made_to is not None and abs(mid_made_to - zero - mid) > 1e-6 * made_to + NEAR_NOMINAL * max(abs(zero), 1.0):
-        text = f"is {mid_made_to:g} {unit}, the middle of the limits of these parts, and {zero + mid:g} for the part"
+    if mid_made_to is not None and abs(mid_made_to - zero - mid) > 1e-3 * made_to + NEAR_NOMINAL * max(abs(zero), 1.0):
+        middles = f"is {mid_made_to:.9g} {unit}, the middle of the limits of these parts, and {zero + mid:.9g}"
+        text = f"{middles} for the part"
         section.fault("mid", f"{text}: {OTHER_MID}")
         return None
     origin = _origin(values, nominal) + mid

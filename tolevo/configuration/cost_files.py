@@ -382,8 +382,12 @@ def _curve(rows: list[Raw], prices: Prices, unit: str, name: str, faults: list[F
 _TRIAL = re.compile(r"[ _#.\-]*\d+$")
 LISTED = 40
 """Characteristics of a file that a fault lists."""
-REVISED = {"nominal": "nominal sizes", "unit": "units"} | dict.fromkeys(("made_to", "lower", "upper"), "limits")
-REVISED["mid"] = "middles of the limits"
+REVISED = {
+    "nominal": "nominal sizes",
+    "unit": "units",
+    **dict.fromkeys(("made_to", "lower", "upper"), "limits"),
+    "mid": "middles of the limits",
+}
 """What files of one characteristic must have in common."""
 
 

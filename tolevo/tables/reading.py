@@ -25,7 +25,7 @@ from ..units import converted, fits, shorten_text
 from .header import Layout, Row, find_layout, is_same_unit, known_unit, names_of, split_header, unit_of_cell
 from .lines import ENDS, NEAR, Bulk, probed, prove_column, rows_near, rows_of, rows_of_text
 from .record import AQDEF_SUFFIXES, AS_DETECTED, LONG, Columns, Dialect, ReadOptions, Table, empty_cells
-from .shapes import role_of, roles_of, specifications_of_rows, transposed_rows, unclear_rows, wide_of_long
+from .shapes import group_of, role_of, roles_of, specifications_of_rows, transposed_rows, unclear_rows, wide_of_long
 from .signs import (
     Evidence,
     Exact,
@@ -216,7 +216,8 @@ def _range(cells: Sequence[str]) -> tuple[float, float] | None:
     return 2.0 * low - high, 2.0 * high - low
 
 
-_WITH_UNIT = re.compile(r"([+\-−]?[\d.,]+(?:[eE][+\-−]?\d+)?) ?(%|[^\W\d_][^\s\d]*|°|[\"'′″])")
+_WITH_UNIT = re.compile(r"([+\-−]?[\d.,]+(?:[eE][+\-−]?\d+)?)( ?(?:%|°|mm|[uµμ]m)| [^\W\d_][^\s\d]*)")
+"""A number and its unit; "1A" is a label."""
 
 
 def _strip_units(cells_of: dict[str, Any]) -> dict[str, str]:
@@ -225,7 +226,7 @@ def _strip_units(cells_of: dict[str, Any]) -> dict[str, str]:
     for name, cells in cells_of.items():
         probes = cells if isinstance(cells, list) else probed(cells)
         first = next((match for cell in probes if (match := _WITH_UNIT.fullmatch(cell))), None)
-        if first is None or not (unit := known_unit(first[2])):
+        if first is None or not (unit := known_unit(first[2])) or group_of(name):
             continue
         texts = cells if isinstance(cells, list) else cells.to_pylist()
         matches = [_WITH_UNIT.fullmatch(cell) for cell in texts]

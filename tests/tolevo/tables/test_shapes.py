@@ -368,6 +368,9 @@ def test_units_in_capitals_and_in_cells(tmp_path: Path) -> None:
     assert table.units == {"A": "mm"}
     assert table.specifications["A"].upper == 10.05
     assert table.frame["A"].tolist() == [10.01, None]
+    labels = read(tmp_path, "part;Typ;A\n1A;3A;10,01mm\n2A;4A;10,02mm\n")
+    assert labels.frame["part"].tolist() == ["1A", "2A"]
+    assert labels.units == {"A": "mm"}
     assert read(tmp_path, "part;A\n1;10,01 mm\n2;395 um\n").frame["A"].tolist() == ["10,01 mm", "395 um"]
     with pytest.raises(tolevo.ConfigurationError, match="has cells in um, and another unit in its name"):
         read(tmp_path, "part;A [mm]\n1;10,1 um\n2;10,2 um\n")
