@@ -89,6 +89,7 @@ bench: $(PEERS) $(READY)  ## optimisers side by side and the speeds that are pro
 	$(BENCH)/python benchmarks/population.py
 	$(BENCH)/python benchmarks/tables.py
 	$(BIN)/python -m benchmarks.study
+	$(BIN)/python -m benchmarks.tasks.rivals runs/tasks
 	$(BIN)/python -m benchmarks.scaling $(if $(QUICK),--quick,--write docs)
 	$(BIN)/python -m benchmarks.wide $(if $(QUICK),--designs 2000)
 

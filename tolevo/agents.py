@@ -286,7 +286,9 @@ class Tools:
             "status": done.status,
             "points": len(front),
             "front": front.iloc[at][chosen],
-            "words": list(done.lines),
+            "words": [
+                line for line in done.lines if out or str(self._guard.scratch) not in line
+            ],  # of files that are gone
             **_stated(read, front[chosen]),
             "assumptions": done.summary["assumptions"],
         }

@@ -42,6 +42,7 @@ PARTS = [
     {**PART, "name": "h", "limits": "+0.02/-0.01", "cost": COST},
     {**PART, "name": "i", "grade": "IT6"},
     {**PART, "name": "j", "tolerance": 0.01, "shift": 0.1, "expansion": 1e-5},
+    {**PART, "name": "o", "tolerance": 0.01, "measured": {"values": MEASURED["values"], "mid": 10.0, "made_to": 0.03}},
     {**PART, "name": "m", "tolerance": 0.01, "measured": {"n": 9, "mean": 10.0, "s": 0.003}},
     {**PART, "name": "n", "tolerance": 0.01, "measured": {"n": 9, "cp": 1.2, "cpk": 1.0}},
     {**PART, "name": "k"},

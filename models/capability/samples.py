@@ -197,6 +197,9 @@ CORRECTED = 'must be "as_found": a characteristic with one limit has no mid-limi
 FIXED = "fixed"
 NOT_FIXED = "cannot be fixed where the tolerance is searched, as tighter limits would change nothing: state a machine"
 NOT_STATED = "is missing: the half-width that the measured parts were made to, as their scatter is proportional to it"
+OTHER_MID = (
+    "move its nominal (and measured.nominal) to their middle, or state measured.made_to if the drawing has changed"
+)
 NEAR_NOMINAL = 1e-9
 MAX_DEVIATION_WIDTHS = 20.0
 """Deviation, in half-widths that parts were made to, above which the unit is taken to be wrong."""
@@ -348,7 +351,7 @@ def read_sample(
     mean = section.text("mean", MEANS)
     gauge, of_gauge = _gauge(section, stated_unit, unit)
     made_to = _read_production_tolerance(section, stated_unit, unit, t, follows)
-    of_file = _number_in(section, "nominal", stated_unit, unit)
+    of_file, mid_made_to = (_number_in(section, key, stated_unit, unit) for key in ("nominal", "mid"))
     single = _single_limit(section, stated_unit, unit)
     section.accept(("characteristic",))
     prior = _prior(section, made_to or 0.0, unit)
@@ -362,6 +365,12 @@ def read_sample(
     if of_file is not None and nominal is not None and abs(of_file - nominal) > NEAR_NOMINAL * max(abs(nominal), 1.0):
         other = f"is of a nominal of {of_file:g} {unit}, the part has {nominal:g} {unit}"
         section.fault("file", f"{other}: another revision of the drawing?")
+        return None
+    zero = _origin(np.array([mid if mid_made_to is None else mid_made_to]), nominal)
+    if mid_made_to is not None and abs(mid_made_to - zero - mid) > 1e-3 * made_to + NEAR_NOMINAL * max(abs(zero), 1.0):
+        middles = f"is {mid_made_to:.9g} {unit}, the middle of the limits of these parts, and {zero + mid:.9g}"
+        text = f"{middles} for the part"
+        section.fault("mid", f"{text}: {OTHER_MID}")
         return None
     origin = _origin(values, nominal) + mid
     limits = _limits(single, origin, made_to, natural)

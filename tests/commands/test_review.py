@@ -191,6 +191,34 @@ mean = "corrected"
 """
 
 
+def test_sizes_of_a_reducer_come_back_by_number_by_name_or_as_deviations(tmp_path: Path) -> None:
+    """The pin circle of the RV-40E has a radius of 64 mm: limits are written about it."""
+    rng, run = np.random.default_rng(3), tmp_path / "o"
+    run.mkdir()
+    (run / "config.toml").write_text(
+        REDUCER.format(values=rng.normal(0.0, 4.0 / 3.0, 20).round(4).tolist()), encoding="utf-8"
+    )
+    problem = read(run / "config.toml").problem
+    assert problem is not None
+    problem.frame(problem.complete(0.5 * (problem.xl + problem.xu)[None, :])).to_csv(run / "front.csv", index=False)
+    allocation = pd.DataFrame({"point": 0, "variable": ["pin_circle_radius_um"], "rounded": [5.0]})
+    allocation.to_csv(run / "allocation.csv", index=False)
+    done = CliRunner().invoke(app, ["template", "qdas", "--run", str(run)])
+    place = next(line[6:].split()[0] for line in done.output.splitlines() if line.endswith("pin_circle_radius_um"))
+    mid = problem.settings.variables["pin_circle_radius_um"].mid
+    assert mid is not None
+    for key, value in (("K2101", 64000.0), ("K2110", 63995.0 + mid), ("K2111", 64005.0 + mid)):
+        assert f"{key}/{place} {value}" in done.output
+    sizes = (64000.0 + mid + rng.normal(0.0, 1.5, 40)).round(3)
+    back = done.output.replace("pin_circle_radius_um", "A") + "".join(f"K0001/{place} {size}\n" for size in sizes)
+    (tmp_path / "number.dfq").write_text(back, encoding="utf-8")
+    for name, values in (("name", sizes), ("deviation", (sizes - 64000.0).round(3))):
+        pd.DataFrame({"pin_circle_radius_um": values}).to_csv(tmp_path / f"{name}.csv", index=False)
+    texts = [reviewed(str(run), str(tmp_path / file)) for file in ("number.dfq", "name.csv", "deviation.csv")]
+    assert "pitch_um has no values: not measured" in texts[0]  # those of one characteristic alone came back
+    assert texts[0][texts[0].index("promised:") :] == texts[1] == texts[2]
+
+
 def test_a_run_of_another_problem_is_reviewed(tmp_path: Path) -> None:
     """Variables are found by name, with or without their unit; files are opened once."""
     rng, run = np.random.default_rng(3), tmp_path / "o"

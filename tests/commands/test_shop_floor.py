@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 
@@ -196,6 +197,36 @@ def test_a_long_table_states_nominal_and_limits(tmp_path: Path) -> None:
         tolevo.check(tmp_path / "c.toml")
 
 
+def test_limits_about_another_middle_are_asked_about(tmp_path: Path) -> None:
+    """10 +0.06/-0.05 in the file: Cpk refers to 9.95 and 10.06, by the middle 10.005 or not at all."""
+    values = np.random.default_rng(10).normal(10.01, 0.012, 30).round(4)
+
+    def write(name: str, upper: float, lower: float) -> None:
+        rows = [f"{at};d;{value};10.0;{upper};{lower}\n" for at, value in enumerate(values)]
+        (tmp_path / name).write_text("part;id;actual;nominal;uppertol;lowertol\n" + "".join(rows), encoding="utf-8")
+
+    write("off.csv", 0.06, -0.05)
+    write("a.csv", 0.055, -0.055)
+    table = tomllib.loads(BASE)
+    part = table["part"][0]
+
+    def checked(**measured: object) -> None:
+        part["measured"] = {"characteristic": "d", "mean": "as_found", **measured}
+        (tmp_path / "c.toml").write_text(tomli_w.dumps(table), encoding="utf-8")
+        tolevo.check(tmp_path / "c.toml")
+
+    with pytest.raises(tolevo.ConfigurationError, match=r"is 10\.005 mm, the middle of the limits of these parts"):
+        checked(file="off.csv")
+    with pytest.raises(tolevo.ConfigurationError, match="mixes files of different middles of the limits"):
+        checked(file=["a.csv", "off.csv"])
+    checked(file="off.csv", made_to=0.05)  # the limits of the drawing have changed since
+    part["nominal"] = 10.005
+    checked(file="off.csv", nominal=10.005)
+    sigma, mean = values.std(ddof=1), values.mean()
+    cpk = min(10.06 - mean, mean - 9.95) / (3.0 * sigma)
+    assert f"Cpk {cpk:.2f} (" in invoked("check", tmp_path / "c.toml")
+
+
 def invoked(*arguments: object) -> str:
     done = CliRunner().invoke(app, list(map(str, arguments)))
     assert done.exit_code == 0, done.output
@@ -228,3 +259,109 @@ def test_q_das_there_and_back(tmp_path: Path) -> None:
 def test_a_template_of_limits_needs_a_run(tmp_path: Path) -> None:
     for arguments in (["qdas"], ["designs", "--run", str(tmp_path)], ["qdas", "--run", str(tmp_path)]):
         assert CliRunner().invoke(app, ["template", *arguments]).exit_code == 2
+
+
+MIXED = """problem = "stack"
+[objectives]
+minimise = ["cost"]
+[limits]
+yield_percent = 99.0
+[requirement]
+name = "gap"
+unit = "{of_gap}"
+lower = {lower}
+upper = {upper}
+[[part]]
+name = "housing"
+unit = "{unit}"
+nominal = {housing}
+sensitivity = {a}
+t_min = {low}
+t_max = {high}
+cost = {{ model = "reciprocal", a = 1.0, b = {low} }}
+[[part]]
+name = "shaft"
+nominal = {shaft}
+sensitivity = -1.0
+t_min = {t}
+t_max = {t_max}
+cost = {{ model = "reciprocal", a = 1.0, b = {t} }}
+[[part]]
+name = "seat"
+nominal = 0.0
+sensitivity = -1.0
+limits = "+{seat}/0"
+geometry = "concentricity"
+"""
+UNITS: dict[str, dict[str, object]] = {
+    "mm": {
+        "of_gap": "mm",
+        "lower": 0.3,
+        "upper": 0.7,
+        "unit": "mm",
+        "housing": 30.5,
+        "a": 1,
+        "low": 0.02,
+        "high": 0.3,
+        "shaft": 30.0,
+        "t": 0.03,
+        "t_max": 0.3,
+        "seat": 0.04,
+    },
+    "um and mm": {
+        "of_gap": "um",
+        "lower": 300,
+        "upper": 700,
+        "unit": "mm",
+        "housing": 30.5,
+        "a": 1000,
+        "low": 0.02,
+        "high": 0.3,
+        "shaft": 30000.0,
+        "t": 30,
+        "t_max": 300,
+        "seat": 40,
+    },
+    "inch": {
+        "of_gap": "inch",
+        "lower": 0.012,
+        "upper": 0.028,
+        "unit": "inch",
+        "housing": 1.27,
+        "a": 1,
+        "low": 0.001,
+        "high": 0.01,
+        "shaft": 1.25,
+        "t": 0.001,
+        "t_max": 0.01,
+        "seat": 0.002,
+    },
+}
+
+
+@pytest.mark.parametrize("units", UNITS)
+def test_q_das_of_several_units_and_a_natural_limit(tmp_path: Path, units: str) -> None:
+    """The keys are taken from the text by hand; files in the drawing's and in another unit give one review."""
+    (tmp_path / "c.toml").write_text(MIXED.format(**UNITS[units]), encoding="utf-8")
+    invoked("run", tmp_path / "c.toml", "--out", tmp_path / "o", "--quiet")
+    text = invoked("template", "qdas", "--run", tmp_path / "o")
+    keys = [dict(re.findall(rf"(K\d+)/{at} (.*)", text)) for at in (1, 2, 3)]
+    drawing = pd.read_csv(tmp_path / "o" / "allocation.csv")
+    for row, stated in zip(drawing.itertuples(), keys, strict=True):
+        limits = [float(stated[key]) for key in ("K2101", "K2110", "K2111")]
+        assert limits == [row.nominal, row.lower_limit, row.upper_limit]
+        assert limits[1:] == pytest.approx([row.nominal + row.mid - row.rounded, row.nominal + row.mid + row.rounded])
+        assert stated["K2142"] == row.unit
+    assert [stated["K2120"] for stated in keys] == ["1", "1", "2"]
+    rng, numbered, in_um = np.random.default_rng(7), text, {}
+    for at, (row, stated) in enumerate(zip(drawing.itertuples(), keys, strict=True), 1):
+        values = row.nominal + row.mid + rng.normal(0.0, row.rounded / 4.0, 25).round(6)
+        numbered = numbered.replace(f"K2002/{at} {stated['K2002']}", f"K2002/{at} feature {at}")
+        numbered += "".join(f"K0001/{at} {value:.9g}\n" for value in values)
+        factor = {"mm": 1e3, "inch": 25.4e3, "um": 1.0}[row.unit]
+        in_um[f"{stated['K2002']} [um]"] = [float(f"{value:.9g}") * factor for value in values]
+    (tmp_path / "back.dfq").write_text(numbered, encoding="utf-8")
+    pd.DataFrame(in_um).to_csv(tmp_path / "back.csv", index=False)
+    by_number, by_name = (invoked("review", tmp_path / "o", tmp_path / f) for f in ("back.dfq", "back.csv"))
+    assert by_number == by_name
+    assert all(name in by_number for name in ("housing", "shaft", "seat"))

@@ -382,7 +382,12 @@ def _curve(rows: list[Raw], prices: Prices, unit: str, name: str, faults: list[F
 _TRIAL = re.compile(r"[ _#.\-]*\d+$")
 LISTED = 40
 """Characteristics of a file that a fault lists."""
-REVISED = {"nominal": "nominal sizes", "made_to": "limits", "lower": "limits", "upper": "limits", "unit": "units"}
+REVISED = {
+    "nominal": "nominal sizes",
+    "unit": "units",
+    **dict.fromkeys(("made_to", "lower", "upper"), "limits"),
+    "mid": "middles of the limits",
+}
 """What files of one characteristic must have in common."""
 
 
@@ -429,7 +434,8 @@ def fill_measured(filled: Filled, folder: Path, faults: list[Fault]) -> None:
                     text = f"{name} is a gauge study (K2202 is 2 or 3): its parts are measured again and again: gauge"
                     faults.append(Fault(place, f"{text} = {{ file = ... }} reads it"))
             if "made_to" in measured:  # limits of the drawing may have changed since
-                samples = [{k: v for k, v in one.items() if k not in ("made_to", "lower", "upper")} for one in samples]
+                dropped = ("made_to", "mid", "lower", "upper")
+                samples = [{k: v for k, v in one.items() if k not in dropped} for one in samples]
             sample = join_characteristics(samples, [name for _, name in read], place, faults)
             if len(faults) > before:
                 measured["values"] = None  # no further faults are reported for them
@@ -616,6 +622,7 @@ def _limits_of(stated: tables.Specification) -> Raw:
     limits = {side: end for side, end in ends.items() if end is not None and side != stated.natural}
     if stated.lower is not None and stated.upper is not None and limits:
         known["made_to"] = 0.5 * (stated.upper - stated.lower)
+        known["mid"] = round(0.5 * (stated.upper + stated.lower), 12)
     return known | (limits if len(limits) == 1 else {})
 
 

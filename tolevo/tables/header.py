@@ -24,11 +24,12 @@ _SPELLINGS = {
     "rpm": "U/min",
     "degC": "℃",
     "degF": "℉",
-    "deg": "度 ° Grad",
+    "deg": "度 ° Grad DEG Deg",
+    "inch": "IN In INCH Inch Zoll zoll",
     "arcmin": "Bogenminuten Winkelminuten Bogenmin ′ ' 角分 分",
     "arcsec": "Bogensekunden Winkelsekunden Bogensek ″ '' \" 角秒",
-    "mm": "毫米 ㎜ ミリ",
-    "um": "微米 μm µm ㎛ mym",
+    "mm": "毫米 ㎜ ミリ MM Millimeter",
+    "um": "微米 μm µm ㎛ mym UM µM Mikrometer",
     "N m": "Nm N·m N*m 牛米",
     "s": "秒 sec sek Sek",
     "min": "minute",
@@ -262,20 +263,28 @@ def _join_blocks(layout: Layout, above: list[Row], numeric: list[int], place: st
 
 
 def _title(rows: list[Row]) -> str:
-    """The title of a block: the last line above its names."""
-    return " ".join(cell for cell in rows[-1][1] if cell) if rows else ""
+    """The title of a block: the last line above its names, of PC-DMIS the name of the dimension in it."""
+    title = " ".join(cell for cell in rows[-1][1] if cell) if rows else ""
+    return re.sub(r"DIM (\S+?) ?= ?.*", r"\1", title)
 
 
 def _drop_summaries(layout: Layout) -> None:
     """Leave out rows of limits below the names, and of means or an end mark below the data."""
     body = layout.body
     first = next((at for at, row in enumerate(body) if not _names_summary(row[1])), len(body))
-    end = next((at for at in range(len(body), first, -1) if not _names_summary(body[at - 1][1])), first)
+    last = next((at for at in range(len(body), first, -1) if not _ends_table(body[at - 1][1])), first)
+    end = next((at for at in range(last, len(body)) if _names_summary(body[at][1])), len(body))
     dropped, layout.body = body[:first] + body[end:], body[first:end]
     layout.summaries += dropped
     layout.blocks = layout.blocks[first:end]
     if dropped:
         layout.notes.append(f"{len(dropped)} rows that hold no measurement are left out: {_list_cells(dropped)}")
+
+
+def _ends_table(row: list[str]) -> bool:
+    """Whether a row can stand below the data: statistics, or a remark among them."""
+    filled = [cell for cell in row if cell]
+    return _names_summary(row) or (len(filled) == 1 < len(row) and not _is_measurement(filled[0]))
 
 
 def _names_summary(row: list[str]) -> bool:

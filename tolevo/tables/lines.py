@@ -226,7 +226,9 @@ class Bulk:
 
     def _is_padded(self, text: str, body: bytes) -> bool:
         """Whether spaces may stand at the ends of cells."""
-        spaces = " " if self.form.delimiter == "\t" else " \t"
+        spaces = "".join(space for space in " \t" if space != self.form.delimiter and space in text)
+        if not spaces:
+            return not text.isascii() and any(space in text for space in _WIDE_SPACES)
         if '"' in text and any(space in text for space in spaces):
             return True
         if not text.isascii() and any(space in text for space in _WIDE_SPACES):
@@ -293,7 +295,7 @@ def prove_column(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None]
     signed = {sign: pc.match_substring(unmarked, sign) for sign in (".", ",") if numbers is None or sign == "."}
     signs = {sign for sign, matches in signed.items() if pc.any(matches).as_py()}
     bare = unmarked.filter(pc.invert(pc.or_(*signed.values()) if len(signed) > 1 else signed["."]))
-    if len(signs) > 1 or pc.any(pc.match_substring_regex(bare, _LABEL)).as_py():
+    if len(signs) > 1 or _has_label(bare):
         return None
     evidence = Evidence(numbers=count, values=count)
     if signs:
@@ -303,6 +305,13 @@ def prove_column(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None]
     if numbers is None:
         numbers = _numbers_of(pc.replace_substring(unmarked, ",", ".") if "," in signs else unmarked, count)
     return None if numbers is None else (evidence, numbers)
+
+
+def _has_label(cells: pa.Array) -> bool:
+    """Whether digits are a label: with a zero in front, or too many for a number."""
+    if not pc.any(pc.or_kleene(pc.greater(pc.binary_length(cells), 15), pc.less(cells, "1"))).as_py():
+        return False  # zeros and signs stand before "1"
+    return bool(pc.any(pc.match_substring_regex(cells, _LABEL)).as_py())
 
 
 def _numbers_of(cells: pa.Array, count: int | None = None) -> NDArray[np.float64] | None:
@@ -376,7 +385,8 @@ def rows_of_fixed_width(text: str) -> list[Row] | None:
     """
     lines = [(at, line.rstrip()) for at, line in enumerate(text.split("\n", 3 * SAMPLE)[: 3 * SAMPLE], 1)]
     sample = [(at, line) for at, line in lines if line.strip()]
-    if len(sample) < 3 or any(sign in line for _, line in sample for sign in ";\t|"):
+    signs = any(sign in line for _, line in sample for sign in ";\t|")
+    if len(sample) < 3 or signs or not any("  " in line for _, line in sample):
         return None
     lengths = Counter(len(line.split()) for _, line in sample[len(sample) // 2 :])
     data = [at for at, (_, line) in enumerate(sample) if _is_data(line, lengths.most_common(1)[0][0])]

@@ -22,10 +22,10 @@ from ..errors import Fault, InputError, nearest, raise_all, refuse
 from ..files import clear_parts, csv_text, restore_cell, write_bytes, write_text
 from ..section import is_forced
 from ..units import converted, fits, shorten_text
-from .header import Layout, Row, find_layout, names_of, split_header, unit_of_cell
+from .header import Layout, Row, find_layout, is_same_unit, known_unit, names_of, split_header, unit_of_cell
 from .lines import ENDS, NEAR, Bulk, probed, prove_column, rows_near, rows_of, rows_of_text
 from .record import AQDEF_SUFFIXES, AS_DETECTED, LONG, Columns, Dialect, ReadOptions, Table, empty_cells
-from .shapes import role_of, specifications_of_rows, transposed_rows, wide_of_long
+from .shapes import group_of, role_of, roles_of, specifications_of_rows, transposed_rows, unclear_rows, wide_of_long
 from .signs import (
     Evidence,
     Exact,
@@ -99,10 +99,11 @@ def assemble_table(
     cells_of: dict[str, Any] = {}
     for name, cells in zip(header, columns or [[] for _ in header], strict=True):
         cells_of.setdefault(names[name], cells)
-    percent = _strip_percent_signs(cells_of)
-    contradicted = [headers[name] for name in percent if units.get(name, "%") != "%"]
-    faults += [Fault(f"{place}: column {n}", "has cells in %, and another unit in its name") for n in contradicted]
-    units |= dict.fromkeys(percent, "%")
+    of_cells = _strip_units(cells_of)
+    contradicted = [name for name, unit in of_cells.items() if not is_same_unit(units.get(name, unit), unit)]
+    text = "has cells in {}, and another unit in its name"
+    faults += [Fault(f"{place}: column {headers[n]}", text.format(of_cells[n])) for n in contradicted]
+    units |= of_cells
     proofs, values = _proofs(cells_of)
     delimiter = dialect.delimiter if dialect.kind == "csv" else ""
     signs, doubts = decide(
@@ -133,6 +134,7 @@ def assemble_table(
     columns_of_names = Columns(cells_of, lines)
     wide = Table(columns_of_names, dialect, units, tuple(notes), tuple(numeric), headers, values, stated)
     faults += _unnamed_rows(wide, place)
+    faults += unclear_rows(wide, place)
     wide, of_shape = (wide, []) if faults else wide_of_long(wide, place, options.shape)
     natural = {
         name: replace(limits, natural="lower")
@@ -181,7 +183,9 @@ def _fill_short_rows(header: list[str], body: list[Row], layout: Layout) -> list
     if not whole and len({len(row) for _, row in body}) == 1 and _are_measured(header, body[0][1]):
         layout.notes.append(f"no row has the last {count - len(body[0][1])} cells: empty")
         return [(at, row + [""] * (count - len(row))) for at, row in body]
-    if not short or len(whole) < 2 or any(not row[-1] for row in whole) or short[-1][0] == body[-1][0]:
+    alone = body[-1][0] == short[-1][0] if short else False  # a last row that is the only one of its length is cut off
+    alone = alone and [len(row) for _, row in short].count(len(short[-1][1])) == 1
+    if not short or len(whole) < 2 or any(not row[-1] for row in whole) or alone:
         return body
     columns = list(zip(*whole, strict=True))
     ranges = [_range(cells) for cells in columns]
@@ -198,7 +202,7 @@ def _fill_short_rows(header: list[str], body: list[Row], layout: Layout) -> list
 
 def _are_measured(header: list[str], row: list[str]) -> bool:
     """Whether a row that is shorter than the names has numbers where measurements and nominal sizes are named."""
-    cells = {role_of(name): cell for name, cell in zip(header, row, strict=False)}
+    cells = dict(zip(roles_of(header), row, strict=False))
     numbers = [cells[role] for role in ("value", "nominal") if role in cells]
     return len(row) < len(header) and "characteristic" in cells and len(numbers) == 2 and all(map(notation, numbers))
 
@@ -212,21 +216,24 @@ def _range(cells: Sequence[str]) -> tuple[float, float] | None:
     return 2.0 * low - high, 2.0 * high - low
 
 
-_PERCENT = re.compile(r"[+\-−]?[\d.,]+ ?%")
+_WITH_UNIT = re.compile(r"([+\-−]?[\d.,]+(?:[eE][+\-−]?\d+)?)( ?(?:%|°|mm|[uµμ]m)| [^\W\d_][^\s\d]*)")
+"""A number and its unit; "1A" is a label."""
 
 
-def _strip_percent_signs(cells_of: dict[str, Any]) -> list[str]:
-    """Take percent signs off the numbers of columns; the names of those that had them."""
-    named = []
+def _strip_units(cells_of: dict[str, Any]) -> dict[str, str]:
+    """Take the unit off the numbers of columns that have one unit in every cell; those units by name."""
+    units = {}
     for name, cells in cells_of.items():
-        if isinstance(cells, list):
-            holds = any("%" in cell for cell in cells)
-        elif holds := any("%" in cell for cell in probed(cells)):
-            cells_of[name] = cells.to_pylist()
-        if holds and all(is_missing(cell) or _PERCENT.fullmatch(cell) for cell in cells_of[name]):
-            named.append(name)
-    cells_of |= {name: [cell.rstrip("% ") for cell in cells_of[name]] for name in named}
-    return named
+        probes = cells if isinstance(cells, list) else probed(cells)
+        first = next((match for cell in probes if (match := _WITH_UNIT.fullmatch(cell))), None)
+        if first is None or not (unit := known_unit(first[2])) or group_of(name):
+            continue
+        texts = cells if isinstance(cells, list) else cells.to_pylist()
+        matches = [_WITH_UNIT.fullmatch(cell) for cell in texts]
+        if all(m[2] == first[2] if m else is_missing(cell) for m, cell in zip(matches, texts, strict=True)):
+            units[name] = unit
+            cells_of[name] = [m[1] if m else cell for m, cell in zip(matches, texts, strict=True)]
+    return units
 
 
 def _proofs(cells_of: dict[str, Any]) -> tuple[dict[str, Evidence], dict[str, NDArray[Any]]]:

@@ -123,7 +123,8 @@ class Columns:
         else:
             encoded = cells.dictionary_encode()
             codes, texts = encoded.indices.to_numpy().astype(np.int64), encoded.dictionary.to_pylist()
-        plain = [str(restore_cell(text)).strip() for text in texts]
+        marked = any(text.startswith("'") for text in texts)
+        plain = [(str(restore_cell(text)) if marked else text).strip() for text in texts]
         at = {text: place for place, text in enumerate(dict.fromkeys(plain))}
         return codes if len(at) == len(plain) else np.array([at[text] for text in plain])[codes], list(at)
 

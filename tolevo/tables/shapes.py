@@ -14,22 +14,23 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..errors import Fault, raise_all
-from .header import Row, is_same_unit, known_unit, split_header
-from .record import LONG, WIDE, Columns, Specification, Table
-from .signs import LIMITS, is_missing, is_summary
+from ..units import converted, fits
+from .header import SAMPLE, Row, is_same_unit, known_unit, split_header
+from .record import LONG, WIDE, Columns, Specification, Table, objects_of
+from .signs import LIMITS, bare, is_missing, is_summary, number_in
 
 _WORDS = {
     "characteristic": "id feature featurename characteristic characteristicname dimension dim dimensionname merkmal "
     "merkmalname merkmalsname merkmalsbezeichnung bezeichnung name element elementname prüfmerkmal messgröße label "
-    "charid 特性 特征 特性名称 尺寸 项目 測定項目",
+    "charid cote caractéristique quota caratteristica 特性 特征 特性名称 尺寸 项目 測定項目",
     "property": "property axis ax achse eigenschaft item",
     "value": "actual act ist istwert istmaß istmass measured meas messwert value wert measuredvalue actualvalue "
-    "measurement 测量值 实测值 实际值 測定値 実測値",
+    "measurement mesure mesuré misura misurato 测量值 实测值 实际值 測定値 実測値",
     **LIMITS,
     "deviation": "deviation dev abw abweichung",
     "part": "part partnb partno partnumber partid teil teilnr teilenr teilnummer teilenummer serial serialnumber "
     "serialno sn serialnr seriennr seriennummer werkstück werkstücknr piece sample stück stücknr bauteil probe "
-    "零件 工件",
+    "pièce pezzo 零件 工件",
     "unit": "unit units einheit einheiten",
 }
 """What columns and rows of measuring machines are called, by what they are, without blanks and points."""
@@ -53,17 +54,23 @@ MAGNITUDE = "-"
 
 def role_of(name: str) -> str:
     """What a column or row of this name is, "" where the name says nothing."""
-    return ROLES.get(_bare(split_header(name)[0]), "")
+    return ROLES.get(bare(split_header(name)[0]), "")
+
+
+def roles_of(names: Sequence[str]) -> list[str]:
+    """What each of several columns or rows is: "UTol" is an upper tolerance beside "LTol", else a lower one beside an
+    upper one ("OTol"), else it is not known.
+    """
+    roles, texts = [role_of(name) for name in names], [bare(split_header(name)[0]) for name in names]
+    english = bool({"lt", "ltol"} & set(texts))
+    doubtful = "upper" if english else "lower" if "upper" in roles else ""
+    decided = {"ut": doubtful, "utol": doubtful} | ({"lt": "lower"} if "ut" in texts else {})
+    return [decided.get(text, role) for text, role in zip(texts, roles, strict=True)]
 
 
 def group_of(name: str) -> str:
     """What the labels of a column of this name group parts by, "" where they group none."""
-    return _GROUPS.get(_bare(name), "")
-
-
-def _bare(name: str) -> str:
-    """A name in lower case, without blanks and points."""
-    return re.sub(r"[\s._:/]", "", name).casefold()
+    return _GROUPS.get(bare(name), "")
 
 
 def transposed_rows(rows: Sequence[Row], shape: str | None, place: str) -> list[Row] | None:
@@ -114,8 +121,7 @@ _Names: TypeAlias = tuple[NDArray[np.int64], list[str]]
 def long_columns(table: Table) -> _Long | None:
     """The columns of a table that has a row per characteristic; None where it has none."""
     roles: dict[str, str] = {}
-    for name in table.columns.names:
-        role = role_of(name)
+    for name, role in zip(table.columns.names, roles_of(table.columns.names), strict=True):
         if role in ("characteristic", "value") and role in roles and role_of(roles[role]) == role:
             continue  # "id" before "name": the first counts
         if role:
@@ -156,13 +162,15 @@ def wide_of_long(table: Table, place: str, shape: str | None) -> tuple[Table, li
         of_property = columns.factorised(long["property"])
         codes, first = _numbered(names[0] * len(of_property[1]) + of_property[0])
         names = codes, [f"{names[1][names[0][at]]} {of_property[1][of_property[0][at]]}" for at in first]
+    of_features = names
     if "block" in columns.cells and "part" not in long and "nominal" in long:
-        names = _of_blocks(names, columns.factorised("block"), columns.numbers(long["nominal"], table.values))
+        of_features = _of_blocks(names, columns.factorised("block"), columns.numbers(long["nominal"], table.values))
+    by_block, names = names is of_features, of_features
     part = columns.factorised(long["part"]) if "part" in long else (np.zeros(len(columns), dtype=np.int64), [""])
     counts = np.bincount(names[0])
     faults: list[Fault] = []
     if "part" not in long:
-        block = columns.factorised("block") if "block" in columns.cells else part
+        block = columns.factorised("block") if "block" in columns.cells and by_block else part
         if block is not part and not _turns(names[0], block[0]).any():
             part = block
         elif counts.min() < counts.max():
@@ -181,13 +189,13 @@ def wide_of_long(table: Table, place: str, shape: str | None) -> tuple[Table, li
     wide: dict[str, Any] = {}
     unused = []
     if "part" in long:
-        wide[long["part"]] = [part[1][code] for code in part[0][first]]
+        wide[long["part"]] = objects_of(part[1])[part[0][first]]
     for name in columns.names:
         if name in long.values():
             continue
         codes, texts = columns.factorised(name)
         if (codes == codes[first][row_of]).all():
-            wide[name] = [texts[code] for code in codes[first]]
+            wide[name] = objects_of(texts)[codes[first]]
         else:
             unused.append(name)
     wide |= {label: row if held is numbers else row.tolist() for label, row in zip(names[1], held, strict=True)}
@@ -305,11 +313,19 @@ def _specifications(
                 stated.setdefault(name, {})[role] = low
     for name in doubted & set(stated):  # its tolerances are of either nominal size
         stated[name] = {role: limit for role, limit in stated[name].items() if role in ("usl", "lsl")}
-    for name in stated:
+    for name, limits in stated.items():
         own = units.get(name, "")
-        for column_name in (long[role] for role in stated[name]):
-            if own and (unit := table.units.get(column_name, "")) and not is_same_unit(unit, own):
-                faults.append(Fault(f"{place}: column {column_name}", f'is in "{unit}", {name} in "{own}"'))
+        for role in limits:
+            if not own or not (unit := table.units.get(long[role], "")) or is_same_unit(unit, own):
+                continue
+            if fits(unit, own):
+                limits[role] = round(float(converted(limits[role], unit, own)), 12)
+            else:
+                faults.append(Fault(f"{place}: column {long[role]}", f'is in "{unit}", {name} in "{own}"'))
+    if not ({"upper", "usl"} & set(long) and {"lower", "lsl"} & set(long)):
+        used = set(long.values())
+        unclear = [n for n in table.numeric if n not in used and _LIMIT_LIKE.search(n) and not group_of(n)]
+        faults += [Fault(f"{place}: column {table.headers.get(n, n)}", _NO_SIDE) for n in unclear]
     lower = long.get("lower", "")
     plus = bool(lower) and any(text.startswith("+") for text in table.columns.factorised(lower)[1])
     specifications, wrong = _of_stated(stated, table.headers.get(lower, lower), plus, place)
@@ -357,6 +373,27 @@ def _of_stated(
     return specifications, faults
 
 
+_LIMIT_LIKE = re.compile(r"(?<!out)(?<!in)(?<!out )(?<!in )tol|limit|grenz|abma|spec|^(?:max|min)\.?$", re.IGNORECASE)
+_NO_SIDE = (
+    "seems to hold tolerances or limits, and its name does not say of which side: call it upper tol, lower tol, USL or "
+    "LSL, or remove it"
+)
+
+
+def unclear_rows(table: Table, place: str) -> list[Fault]:
+    """A fault for every row of a table whose name is like that of a limit, or no number where parts have numbers."""
+    name, cells = next(iter(table.columns.cells.items()))
+    if name in table.values or role_of(name) in ("characteristic", "property"):
+        return []
+    numbered, ends = role_of(name) == "part" and name in table.numeric, max(len(cells) - SAMPLE, SAMPLE)
+    shown = ((at, str(cells[at])) for at in (*range(min(SAMPLE, len(cells))), *range(ends, len(cells))))
+    texts = [(at, text) for at, text in shown if not is_missing(text) and np.isnan(number_in(text))]
+    unclear = [(at, text) for at, text in texts if numbered or _LIMIT_LIKE.search(text)]
+    what = "names no part, as most rows do: if it holds limits, call it USL or LSL, upper or lower tol, else remove it"
+    few = unclear if 2 * len(unclear) < min(len(cells), 2 * SAMPLE) else []
+    return [Fault(f"{place}: row {table.columns.lines[at]}", f'"{text}" {what}') for at, text in few]
+
+
 _UNSIGNED = "its lower tolerances can be above the nominal size or below it: write their signs, +0.01 or -0.01"
 
 
@@ -394,7 +431,8 @@ def specifications_of_rows(
 
     `number(at, cell)` is the number in a cell of the column at that place, NaN where there is none.
     """
-    by_role = {role: row for row in rows if (role := role_of(next((cell for cell in row if cell), ""))) in SPECIFIED}
+    roles = roles_of([next((cell for cell in row if cell), "") for row in rows])
+    by_role = {role: row for role, row in zip(roles, rows, strict=True) if role in SPECIFIED}
     stated: dict[str, dict[str, float]] = {}
     for at, name in enumerate(names):
         for role, row in by_role.items():

@@ -35,17 +35,32 @@ _DATE = re.compile(
     rf"|\d{{1,2}}[-. ]+{_MONTH}[-. ]+\d{{2,4}}(?:[ T]+\d.*)?|{_MONTH}\.? \d{{1,2}},? \d{{4}}(?:[ T]+\d.*)?",
     re.IGNORECASE,
 )
+
+
+def _sided(before: str, after: str, others: str) -> str:
+    """Names of tolerances of one side: "uppertol", "tol+"."""
+    stems = "tol tolerance toleranz deviation dev abmass abmaß abweichung abw".split()
+    names = [begin + stem for begin in before.split() for stem in stems]
+    return " ".join([*names, *(stem + end for end in after.split() for stem in stems), others])
+
+
+def _ends(before: str, others: str) -> str:
+    """Names of limits of one side: "upperlimit"."""
+    stems = "limit lim spec speclimit specificationlimit tolerancelimit grenze grenzwert grenzmaß toleranzgrenze"
+    return " ".join([*(begin + stem for begin in before.split() for stem in stems.split()), others])
+
+
 LIMITS = {
-    "nominal": "nominal nom nominalvalue soll sollwert sollmaß sollmass nennmaß nennmass nennwert target theo "
-    "nominale 名义值 标准值 理论值 設計値 基準値",
-    "upper": "uppertol uppertolerance upperdeviation tol+ +tol tolerance+ ot oberetoleranz obtol oberesabmaß "
-    "obereabweichung plustol otol tolplus tolsup 上公差",
-    "lower": "lowertol lowertolerance lowerdeviation tol- -tol tolerance- ut unteretoleranz untol unteresabmaß "
-    "untereabweichung minustol utol tolminus tolinf 下公差",
-    "usl": "usl upperlimit upperspec upperspecificationlimit og ogw otg obergrenze oberergrenzwert obereregrenze "
-    "上限 规格上限",
-    "lsl": "lsl lowerlimit lowerspec lowerspecificationlimit ug ugw utg untergrenze unterergrenzwert untereregrenze "
-    "下限 规格下限",
+    "nominal": "nominal nom nominalvalue nominalsize basic theoretical soll sollwert sollmaß sollmass nennmaß nennmass "
+    "nennwert target theo nominale 名义值 标准值 理论值 設計値 基準値",
+    "upper": _sided("upper up plus + ober obere oberes ob", "+ plus sup upper up oben", "ot otol maxtol tolmax 上公差"),
+    "lower": _sided(
+        "lower low lo minus - unter untere unteres unt un",
+        "- minus inf lower low unten",
+        "ut utol ltol mintol tolmin 下公差",
+    ),
+    "usl": _ends("upper ober obere oberer oberes ob", "usl og ogw otg höchstmaß größtmaß 上限 规格上限"),
+    "lsl": _ends("lower unter untere unterer unteres unt", "lsl ug ugw utg mindestmaß kleinstmaß 下限 规格下限"),
 }
 """What nominal sizes, tolerances and limits are called, without blanks and points."""
 SUMMARY = frozenset(
@@ -54,13 +69,18 @@ SUMMARY = frozenset(
     "toleranz tolerance ende end eof moyenne écart-type 平均 平均值 平均値 合计 合計 最大 最小 "
     "最大值 最小值 标准差 公差 上限 下限 pp ppk cpu cpl cg cgk variance varianz s(n-1) 6s 6sigma n stddev "
     "standardabweichung standarddeviation sd meanvalue mittelwerte maximalwert minimalwert statistics "
-    "statistik endofreport endofdata s r".split()
+    "statistik endofreport endofdata s r sn-1".split()
 ) | {word.casefold() for words in LIMITS.values() for word in words.split()}
 """Names of rows at the top or the bottom of a table that are not measurements, in lower case."""
 
 
 PLAIN = re.compile(r"[+-]?\d+(?:[.,]\d*)?").fullmatch
 """Matches what is a number at a glance, as most cells of long tables are."""
+
+
+def bare(name: str) -> str:
+    """A name in lower case, without blanks, points and brackets."""
+    return re.sub(r"[\s._:/()\[\]]", "", name).casefold()
 
 
 def is_missing(cell: str) -> bool:
@@ -77,8 +97,7 @@ def is_summary(cell: str) -> bool:
     """Whether a cell names a row that is not a measurement: a mean, a limit, the end."""
     if PLAIN(cell):
         return False
-    word = re.sub(r"[\s._/]", "", cell.casefold())
-    return word.rstrip(":") in SUMMARY or (":" in word and word.partition(":")[0] in SUMMARY)
+    return re.sub(r"^[±+-]?\d(?=sigma)", "", bare(cell.partition(":")[0])) in SUMMARY
 
 
 # How one cell writes a number: which of its signs are decimal, which group thousands.

@@ -43,6 +43,10 @@ GUESSES = ("cp1252", "cp1250", "cp850", "gbk", "big5", "cp932", "euc_kr", "mac_r
 _LATIN_1 = bytes([*range(0x80), *range(0xA0, 0x100)])
 _CONTROLS = bytes([*range(9), 0x0B, 0x0C, *range(0x0E, 0x20), 0x7F])
 _SIGN_IN_WORD = re.compile(r"[\xa0-\xff](?<!\w)[a-z\xdf-\xff](?<=\w)|(?<=[a-z])[\xa1-\xaf\xb1-\xb6\xb8-\xbf](?<!\w)")
+_LETTER_IN_WORD = re.compile(rb"[A-Za-z][\xb5-\xff]{1,2}[a-z]|(?<![\x80-\xff])[\xb5-\xff](?:[\x80-\xff]{2})*(?=[a-z])")
+"""One or two letters with accents between others, or an odd number before one, as in "Länge" and "µm": a word of two
+bytes a character has an even number of bytes, and no other letters around it.
+"""
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 
 
@@ -106,12 +110,13 @@ def _decode_legacy(content: bytes, place: str) -> str:
     lines = b"\n".join(line for line in content.splitlines() if not line.isascii())
     sample = lines[:SAMPLE].replace(b"\t", b";")
     western = not lines.translate(None, _LATIN_1)
-    choices = [choice for choice in CHOICES if not (western and choice == "mac-roman")]
+    # Umlauts of DOS and Macintosh are signs of cp1252 (0x80 to 0x9f); no sign stands within a word.
+    latin = lines.decode("latin-1")
+    words = western and not _SIGN_IN_WORD.search(latin) and bool(_LETTER_IN_WORD.search(lines))
+    choices = [name for name in CHOICES if not (western and name == "mac-roman") and not (words and name in EAST_ASIAN)]
     name = str(chardet.detect(sample, include_encodings=choices)["encoding"] or "").lower()
     if name in EAST_ASIAN and _decodes(lines, EAST_ASIAN[name]) is not None:
         return EAST_ASIAN[name]
-    # Umlauts of DOS and Macintosh are signs of cp1252 (0x80 to 0x9f); no sign stands within a word.
-    latin = lines.decode("latin-1")
     if (
         western
         and not _SIGN_IN_WORD.search(latin)

@@ -179,6 +179,11 @@ FAULTS = {
     "cut off": ("Teil;D\n1;10,123\n2;10,125\n3;10,124\n4;10,1", 'ends within its last number, "10,1"'),
     "nameless statistics": ("Teil;D1;L2\n1;25,1;40,1\n2;25,2;40,2\n3;25,3;40,3\n;25,2;40,2\n", "row 5: names no part"),
     "nameless first column": ("Nr;D1\n1;25,1\n2;25,2\n3;25,3\n;25,2\n;0,1\n", r"row 5: .*column Nr.* nor do 1 other"),
+    "limits of one side": (f"{HEAD.replace('lower', '')}1;A;10,1;10;0,2;0,2\n2;A;9,9;10;0,2;0,2\n", "not say of which"),
+    "a tolerance": ("part;id;actual;nominal;Tol\n1;A;10,1;10;0,2\n2;A;10,1;10;0,2\n", "column Tol: .*not say of which"),
+    "no side of UTol": ("part;id;actual;nominal;UTol\n1;A;9,9;10;0,2\n2;A;9,8;10;0,2\n", "column UTol: .*which side"),
+    "limits called otherwise": ("Teil;D\n1;2,5\n2;2,6\n3;2,6\nGrenzen;2,9\n", 'row 5: "Grenzen" names no part'),
+    "limits among texts": ("Typ;D\nx;2,5\ny;2,6\nz;2,6\nTol. Mitte;2,9\n", 'row 5: "Tol. Mitte" names no part'),
     "nameless row": (f"{HEAD}1;A;10,1;10;0,2;-0,2\n2;A;10,1;10;0,2;-0,2\n3;;9,9;10;0,2;-0,2\n", "no characteristic"),
     "a column is missing": ("Merkmal;Teil 1;Teil 2;Teil 3\nD1;1,5;1,6;1,7\nL2;2,5;2,6\n", "row 3: 4 cells expected"),
     "a cell is missing": ("a;b;c\n1;20,5;3\n1;3\n1;20,6;3\n1;20,7;3\n", "row 3: 3 cells expected"),
@@ -267,10 +272,8 @@ D      2.0000     2.0012     0.0500     0.0500     0.0012     0.0000
 
 def test_blocks_of_features_name_their_characteristics(tmp_path: Path) -> None:
     table = read(tmp_path, DIMENSION.format(n=1, x=8.0) + DIMENSION.format(n=2, x=18.0))
-    title = "DIM LOC{}= LOCATION OF CIRCLE CIR{} UNITS=MM X"
-    found = {title.format(n, n): table.specifications[title.format(n, n)].nominal for n in (1, 2)}
-    assert list(found.values()) == [8.0, 18.0]
-    assert table.frame[title.format(2, 2)].dropna().tolist() == [18.0]
+    assert [table.specifications[f"LOC{n} X"].nominal for n in (1, 2)] == [8.0, 18.0]
+    assert table.frame["LOC2 X"].tolist() == [18.0]  # both features are of one part
 
 
 def test_rows_shorter_than_the_names_of_calypso(tmp_path: Path) -> None:
@@ -331,3 +334,65 @@ def test_a_column_of_units_beside_measurements(tmp_path: Path) -> None:
     for text in ("part,d [mm],unit\n1,10.5,um\n2,10.6,um\n", "part,d,unit\n1,10.5,um\n2,10.6,mm\n"):
         with pytest.raises(tolevo.ConfigurationError, match=r"d: has several units: .*um"):
             read(tmp_path, text, "t.csv")
+
+
+HEADINGS = {
+    "Ob. Tol;Unt. Tol": ("0,05", "-0,02"),
+    "UTol;LTol": ("0,05", "-0,02"),
+    "OTol;UTol": ("0,05", "-0,02"),
+    "Tol (+);Tol (-)": ("0,05", "-0,02"),
+    "Tol. oben;Tol. unten": ("0,05", "-0,02"),
+    "Upper Dev [um];Lower Dev [um]": ("50", "-20"),
+    "Höchstmaß;Mindestmaß": ("10,05", "9,98"),
+    "Upper Tolerance Limit;Lower Tolerance Limit": ("10,05", "9,98"),
+}
+
+
+@pytest.mark.parametrize("heading", HEADINGS)
+def test_limits_by_what_they_are_called(tmp_path: Path, heading: str) -> None:
+    upper, lower = HEADINGS[heading]
+    rows = "".join(f"{part};A;10,0{part};10;{upper};{lower}\n" for part in range(1, 5))
+    stated = read(tmp_path, f"Teil;Merkmal;Istwert [mm];Nennmaß [mm];{heading}\n{rows}").specifications["A"]
+    assert (stated.nominal, stated.lower, stated.upper) == (10.0, 9.98, 10.05)
+    row_names, cells = heading.split(";"), (upper, lower)
+    if "um" not in heading:  # a row has the unit of its column
+        rows = "".join(f"{name};{cell}\n" for name, cell in zip(["Soll", *row_names], ["10", *cells], strict=True))
+        stated = read(tmp_path, f"Teil;A [mm]\n{rows}1;10,01\n2;10,02\n3;10,03\n").specifications["A"]
+        assert (stated.nominal, stated.lower, stated.upper) == (10.0, 9.98, 10.05)
+
+
+def test_units_in_capitals_and_in_cells(tmp_path: Path) -> None:
+    rows = "1;A;10,01;10;MM\n2;A;10,02;10;mm\n1;W;30,5;30;Grad\n2;W;30,6;30;DEG\n"
+    assert read(tmp_path, f"part;id;actual;nominal;unit\n{rows}").units == {"A": "mm", "W": "deg"}
+    table = read(tmp_path, "part;id;nominal;uppertol;actual\n1;A;10 mm;0,05 mm;10,01 mm\n2;A;10 mm;0,05 mm;n.a.\n")
+    assert table.units == {"A": "mm"}
+    assert table.specifications["A"].upper == 10.05
+    assert table.frame["A"].tolist() == [10.01, None]
+    labels = read(tmp_path, "part;Typ;A\n1A;3A;10,01mm\n2A;4A;10,02mm\n")
+    assert labels.frame["part"].tolist() == ["1A", "2A"]
+    assert labels.units == {"A": "mm"}
+    assert read(tmp_path, "part;A\n1;10,01 mm\n2;395 um\n").frame["A"].tolist() == ["10,01 mm", "395 um"]
+    with pytest.raises(tolevo.ConfigurationError, match="has cells in um, and another unit in its name"):
+        read(tmp_path, "part;A [mm]\n1;10,1 um\n2;10,2 um\n")
+
+
+@pytest.mark.parametrize("word", ["Länge", "Größe", "Höhe", "Außenmaß", "Prüfmaß", "Abstand [µm]", "Fläche", "Nähe °"])
+def test_words_with_accents_are_no_signs_of_two_bytes(tmp_path: Path, word: str) -> None:
+    (tmp_path / "t.csv").write_bytes(f"Teil;{word};D2\n1;10,01;2,5\n2;10,02;2,6\n".encode("cp1252"))
+    assert f"{word.partition(' [')[0]}" in tolevo.read_table(tmp_path / "t.csv").columns.names
+
+
+def test_signs_of_two_bytes_stay_signs(tmp_path: Path) -> None:
+    text = "零件;长度;直径;测量值\n一;10.01;2.5;尺寸一\n二;10.02;2.6;尺寸二\n"
+    (tmp_path / "t.csv").write_bytes(text.encode("gb18030"))
+    assert "长度" in tolevo.read_table(tmp_path / "t.csv").columns.names
+
+
+def test_a_footer_with_remarks_and_last_rows_that_are_short(tmp_path: Path) -> None:
+    rows = "".join(f"P{part};10,0{part};2,{part}5\n" for part in range(6))
+    table = read(tmp_path, f"Teil;D1;L2\n{rows}Mean;10,025;2,75\n3 Sigma;0,05;0,5\nParts measured: 6;;\nEnd;;\n")
+    assert table.frame["D1"].tolist() == [10.0, 10.01, 10.02, 10.03, 10.04, 10.05]
+    rows = "".join(f"P{part};10,0{part};2,{part}5{';ok' if part % 5 == 0 else ''}\n" for part in range(9))
+    assert read(tmp_path, f"Teil;D1;L2;remark\n{rows}").frame["L2"].tolist() == pytest.approx(
+        [2.05 + 0.1 * at for at in range(9)]
+    )

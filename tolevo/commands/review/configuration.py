@@ -26,6 +26,7 @@ from ...problems.stack import Stack
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Kind
 from ...units import split_unit
+from ..run.tolerances import nominal_and_mid
 from .review import Reopened, review
 
 REPLACED = ("distribution", "cp", "cpk", "shift", "measured")
@@ -156,12 +157,13 @@ class Owner:
 
     mid: float = 0.0
     natural: str = ""
+    size: float | None = None
     written: tables.Characteristic | None = None
 
     @property
     def nominal(self) -> float:
         """Its nominal size, 0 where none is stated."""
-        stated = self.table.get("nominal")
+        stated = self.table.get("nominal", self.size)
         return float(stated) if isinstance(stated, int | float) else 0.0
 
     @property
@@ -187,7 +189,7 @@ def _owners(table: Table, problem: ToleranceProblem, design: dict[str, float]) -
                 part["unit"],
                 part,
                 design.get(f"{part['name']}_t", float(part.get("tolerance") or 0.0)),
-                chosen="machine" in part or "process" in part,
+                chosen=bool({"machine", "process", "grade"} & set(part)),
                 mid=known.mid,
                 natural={-1: "lower", 1: "upper"}.get(known.natural, ""),
             )
@@ -201,7 +203,8 @@ def _owners(table: Table, problem: ToleranceProblem, design: dict[str, float]) -
             mid = problem.settings.variables[v.name].mid
             t = problem.fixed.get(v.name, design.get(v.name, 0.0))
             shifts, chosen = mid is not None, "machine" in table_of_variable
-            owners.append(Owner(v.name, v.unit, table_of_variable, t, follows, shifts, chosen, mid or 0.0))
+            size, _ = nominal_and_mid(problem, v)
+            owners.append(Owner(v.name, v.unit, table_of_variable, t, follows, shifts, chosen, mid or 0.0, size=size))
     return owners
 
 
@@ -280,13 +283,19 @@ def _refers_to_owner(file: MeasuredFile, owner: Owner, name: str) -> bool:
     return any(label in owner.names for label, characteristic in file.names.items() if characteristic == name)
 
 
+_CHOSEN = "has machines, processes or grades to choose from: state the measurements in them, or fix its tolerance"
+
+
 def _measured_table(owner: Owner, files: Sequence[MeasuredFile], faults: list[Fault], notes: list[str]) -> Table | None:
     """The table of an owner with what the files hold of it; None where they hold nothing."""
     samples, names = [], []
     for file in files:
         for name in dict.fromkeys(name for name in file.names.values() if _refers_to_owner(file, owner, name)):
             try:
-                samples.append(file.values(name))
+                if not (read := file.values(name))["values"]:
+                    notes.append(f"{file.place}: {name} has no values: not measured")
+                    continue
+                samples.append(read)
                 names.append(file.place)
             except InputError as error:
                 faults += error.faults
@@ -296,7 +305,7 @@ def _measured_table(owner: Owner, files: Sequence[MeasuredFile], faults: list[Fa
     place = f"PARTS ({owner.name})"
     sample: dict[str, Any] = join_characteristics(samples, names, place, faults)
     if owner.chosen:
-        faults.append(Fault(place, "has machines or processes to choose from: state the measurements in them"))
+        faults.append(Fault(place, _CHOSEN))
         return None
     stated, t, unit = sample.pop("made_to", None), owner.t, owner.unit
     if stated is not None and owner.follows and sample.get("unit") == unit and abs(stated - t) > 1e-6 * t:
@@ -306,6 +315,7 @@ def _measured_table(owner: Owner, files: Sequence[MeasuredFile], faults: list[Fa
     sample |= {key: known[key] for key in ("gauge", "mean") if key in known}
     sample |= {} if owner.shifts else {"mean": "corrected"}
     sample |= {"made_to": f"{t!r} {unit}"} if owner.follows else {}
+    sample |= {"nominal": f"{owner.size!r} {unit}"} if owner.size and "nominal" not in sample else {}
     return owner.anew(sample)
 
 
