@@ -24,6 +24,7 @@ from ..units import unit_hint
 
 if TYPE_CHECKING:
     from .conditions import OperatingConditions
+    from .cost_columns import CostColumn, Robust
     from .tolerance_problem import ToleranceProblem
 
 # `[promise]`: what is promised of the yield, and how it is meant.
@@ -202,7 +203,8 @@ class Settings:
     `columns` says what the columns of a file are, `labels` what readers know the mechanism by;
     `money` is what the costs are in, `notes` say how the configuration was understood, `machines`
     make tolerances of a problem that is not a stack, `promise` is what such a problem promises;
-    `operating` are the conditions in which its units are evaluated.
+    `operating` are the conditions in which its units are evaluated; `cost_columns` are its further costs, `robust`
+    says how well its cost curves are known.
     """
 
     parameters: Mapping[str, Value] = field(default_factory=dict)
@@ -224,6 +226,8 @@ class Settings:
     machines: Mapping[str, tuple[Offer, ...]] = field(default_factory=dict)
     promise: Promise | None = None
     operating: OperatingConditions | None = None
+    cost_columns: tuple[CostColumn, ...] = ()
+    robust: Robust | None = None
 
 
 # Assumptions: values in use that no document prints.

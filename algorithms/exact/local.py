@@ -51,7 +51,7 @@ class Smooth:
         kinds = [v.tolerance for v in problem.free if not v.integer]
         self.log = np.array(kinds, dtype=bool) & (self.low > 0.0)
         names = {*problem.objectives, *(limit.name for limit in problem.limits)}
-        known = {*problem.gradient(problem.complete(self.x[None, :])[:0]), *problem.names}
+        known = {*problem.slopes(problem.complete(self.x[None, :])[:0]), *problem.names}
         self.analytic = names <= known
         sides = [bound for limit in problem.limits for bound in _percentages(limit)]
         self.least = np.array([] if problem.declaration.sampled else sides)
@@ -100,7 +100,7 @@ class Smooth:
     def _exact(self, y: Array) -> tuple[Array, Array]:
         problem, x = self.run.problem, self.vectors(y[None, :])
         designs = problem.complete(x)
-        slopes = recall_columns((designs,), lambda: dict(problem.gradient(designs)))
+        slopes = recall_columns((designs,), lambda: dict(problem.slopes(designs)))
         slopes |= {name: unit for name, unit in _units(problem).items() if name not in slopes}
         columns = [problem.names.index(v.name) for v in problem.free if not v.integer]
         width = self.high - self.low

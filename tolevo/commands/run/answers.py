@@ -33,7 +33,7 @@ from .promise import (
     promised_limits,
     worth_of_corrections,
 )
-from .proofs import EXACT, ProvenFront, are_informative_bounds, distance_words, exact_table, percent
+from .proofs import EXACT, ProvenFront, are_informative_bounds, costs_less, distance_words, exact_table, percent
 from .references import gain_column
 
 # The choices of a front, as parts of the result of a run.
@@ -416,24 +416,24 @@ class Sentences:
             )
         below = 100.0 * gap / (100.0 + gap)  # a gap is in percent of the bound
         middle, most = float(np.nanmedian(below)), float(np.nanmax(below))
-        at = self._at_equal_requirements()
+        at, less = self._at_equal_requirements(), costs_less(self.problem)
         if len(gap) == 1 and most < EXACT:
-            return f"Proven: this is the least cost within the limits{at} ({proven.statement})."
+            return f"Proven: this is the least {words(self.problem.priced)} within the limits{at} ({proven.statement})."
         if len(gap) == 1:
             return (
-                f"Proven: no allocation within the limits{at} costs less than {percent(most)} "
+                f"Proven: no allocation within the limits{at} {less} than {percent(most)} "
                 f"below this one ({proven.statement})."
             )
         if most < EXACT:
             return f"Proven: every point of the front is optimal{at} ({proven.statement})."
         return (
-            f"Proven: no allocation of equal other objectives{at} costs less than {percent(middle)} below a point of "
+            f"Proven: no allocation of equal other objectives{at} {less} than {percent(middle)} below a point of "
             f"the front in the median, {percent(most)} at most ({proven.statement})."
         )
 
     def _at_equal_requirements(self) -> str:
         """What a bound holds at, beside the limits: the requirements that stand for an output of the run."""
-        form = self.problem.form()
+        form = self.problem.priced_form()
         asked = {*self.names, *(limit.name for limit in self.problem.limits if limit.count)}
         standing = [words(row) for row, name in form.stands.items() if name in asked] if form is not None else []
         return f" at equal {join_with_and(standing)}" if standing else ""

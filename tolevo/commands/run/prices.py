@@ -62,7 +62,7 @@ def slopes_of(problem: ToleranceProblem, designs: Array) -> Slopes:
     """
     rows = np.unique(np.linspace(0, len(designs) - 1, MAX_PRICED_DESIGNS).astype(np.int64))
     selected, moved = designs[rows], [*tolerances_of(problem), *settings_of(problem)]
-    known = problem.gradient(selected)
+    known = problem.slopes(selected)
     names = [name for name in problem.objectives if name != COST]
     limited = [limit.name for limit in problem.limits if limit.count and limit.name != COST]
     differenced = set() if problem.declaration.sampled else {output.name for output in problem.outputs}
