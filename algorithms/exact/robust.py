@@ -34,11 +34,11 @@ from .choices import has_only_point_ways, least_cost, search_vector
 from .combination import within as inside_limits
 from .solver import closed_form
 
-MOVES = 60
+MOVES = 40
 """Allocations and scenarios that are added at most."""
 APART = 16
 """Choices of ways whose games are played apart at most."""
-CLOSED = 1e-3
+CLOSED = 5e-3
 """Fraction of the worst regret that the proof may leave open."""
 Allocation = tuple[tuple[int, ...], Array]
 """Ways and tolerances (features,)."""

@@ -412,6 +412,7 @@ def _conclude_run(
     summary = _summary(plan, search_result, front, status, proven, time.monotonic() - start)
     summary |= measures(search_result, front, front_proof, exact)
     summary |= {"robust": robust.summary} if robust.summary else {}
+    summary |= {"bound_of": plan.problem.priced} if plan.problem.priced != "cost" else {}
     summary |= drawn(plan.problem, front) | ({"alternatives": alternative_costs} if alternative_costs else {})
     result = _result(plan, search_result, front, references, summary, proven, exact)
     looser = label_fronts(relaxed)
