@@ -403,7 +403,7 @@ def within_reach(form: Form, limits: Array) -> Flags:
 def reason(problem: ToleranceProblem, form: Form | None) -> str:
     """Why nothing can be proven of the points of a problem; empty where something can."""
     if problem.priced not in problem.objectives:
-        return "no cost is an objective"
+        return "cost is not an objective"
     if form is None:
         bound = problem.cost_bound() if problem.priced == "cost" else None
         return "the problem has no convex form" if bound is None else bound.missing
