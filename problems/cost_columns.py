@@ -364,7 +364,7 @@ def weighted_form(problem: ToleranceProblem, form: Form, weights: Mapping[str, f
         elif more:
             known = problem.curves_of(name)
             same = known[at][0] == way.curve if len(known) > at else way.curve == Reciprocal(0.0, 0.0)
-            if not same or feature.count != problem.pieces_of(name):
+            if not same or way.curve.priced or feature.count != problem.pieces_of(name):
                 return None
         return weighted_sum([(of_cost, way.curve), *more])
 

@@ -219,8 +219,8 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
 # in w; its tangent at a solution t is D(t) - d, from which the next weights follow (Kelley 1960).
 
 
-SOLVED_WITHIN = 24
-"""Points whose weights are searched; the others take those of their neighbours."""
+SOLVED_WITHIN, SOLVED_QUANTILES = 24, 4
+"""Points whose weights are searched, and those where quantiles take long; others take their neighbours' weights."""
 WEIGHTINGS = 40
 """Weights that are tried for a point at most."""
 WEIGHTED_GAP = 1e-8
@@ -250,12 +250,13 @@ def _bounds_within_costs(
     if not weighted.known:
         return None
     order = np.lexsort([*most.T, *np.where(np.isfinite(limits), limits, 0.0).T])
-    solved = np.unique(order[np.linspace(0, len(order) - 1, SOLVED_WITHIN).astype(int)])
+    few = SOLVED_QUANTILES if plain.quantiles else SOLVED_WITHIN
+    solved = np.unique(order[np.linspace(0, len(order) - 1, few).astype(int)])
     tried = [(at, weights) for at in solved for weights in weighted.best_weights(limits[at], most[at], bound[at])]
     best = bound.copy()
     place = np.argsort(order)
     for at, weights in tried:
-        step = max(1, len(order) // SOLVED_WITHIN)
+        step = max(1, len(order) // few)
         near = np.flatnonzero((np.abs(place - place[at]) <= step) & np.isfinite(best))
         best[near] = np.maximum(best[near], weighted.bounds(weights, limits[near], most[near]))
     return best

@@ -15,8 +15,8 @@ from scipy.optimize import minimize
 import tolevo
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
-from tolevo.models.cost_reading import SumOfCurves, weighted_sum
-from tolevo.models.costs import Exponential, Reciprocal, ReciprocalPower, ReciprocalSquared, Table
+from tolevo.models.cost_reading import SumOfCurves, add_constant_cost, times, weighted_sum
+from tolevo.models.costs import CostCurve, Exponential, Reciprocal, ReciprocalPower, ReciprocalSquared, Table
 
 PARTS = [
     {"name": "a", "count": 2, "sensitivity": 1.0, "cost": {"model": "reciprocal", "a": 1.0, "b": 0.1}},
@@ -237,6 +237,25 @@ def test_a_weighted_sum_of_curves_is_one_curve(curves: list[Any]) -> None:
         values = whole.cost(fine) + linear[at] * fine + square[at] * fine**2
         own = whole.cost(best[at : at + 1])[0] + linear[at] * best[at] + square[at] * best[at] ** 2
         assert own <= values.min() + 1e-10
+
+
+class Own(CostCurve):
+    """A curve of a plugin, whose coefficients no other module knows: 3 - t."""
+
+    def cost(self, t: Any) -> Any:
+        return 3.0 - t
+
+    def slope(self, t: Any) -> Any:
+        return -np.ones_like(t)
+
+
+def test_curves_of_plugins_are_scaled_as_a_whole() -> None:
+    np.testing.assert_allclose(times(Own(), 2.0).cost(T), 6.0 - 2.0 * T, rtol=1e-14)
+    np.testing.assert_allclose(add_constant_cost(times(Own(), 2.0), 1.0).cost(T), 7.0 - 2.0 * T, rtol=1e-14)
+    np.testing.assert_allclose(add_constant_cost(Own(), 1.0).cost(T), 4.0 - T, rtol=1e-14)
+    whole = weighted_sum([(2.0, Own()), (0.5, Reciprocal(1.0, 0.2))])
+    np.testing.assert_allclose(whole.cost(T), 6.5 - 2.0 * T + 0.1 / T, rtol=1e-14)
+    np.testing.assert_allclose(times(whole, 3.0).cost(T), 3.0 * whole.cost(T), rtol=1e-14)
 
 
 @pytest.mark.parametrize(
