@@ -10,8 +10,8 @@ from functools import reduce
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 
 from ...errors import ModelError
 from ...problems.forms import Feature, Form, Way, largest_parts, least_values
@@ -328,7 +328,9 @@ class _Weighted:
                 ]
             )
             ends = [(0.0, reach if of else 0.0) for of in held]
-            found = linprog([*np.zeros(len(most)), -1.0], A_ub=rows, b_ub=right, bounds=[*ends, (None, None)])
+            found = scipy.optimize.linprog(
+                [*np.zeros(len(most)), -1.0], A_ub=rows, b_ub=right, bounds=[*ends, (None, None)]
+            )
             if found.x is None:
                 break
             weights = np.asarray(found.x[:-1])

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
-from scipy.optimize import linprog
+import scipy
 
 from ...models.cost_reading import add_constant_cost, times
 from ...models.costs import CostCurve
@@ -248,7 +248,7 @@ class _Game:
         regrets = np.array([self.costs(one) for one in rows]) - np.array(self.best)
         count, columns = regrets.shape
         unit = float(np.max(np.abs(regrets))) or 1.0
-        found = linprog(
+        found = scipy.optimize.linprog(
             [*np.zeros(columns), -1.0],
             A_ub=np.hstack([-regrets / unit, np.ones((count, 1))]),
             b_ub=np.zeros(count),

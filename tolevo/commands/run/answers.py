@@ -295,7 +295,8 @@ class Sentences:
         """
         none = f", and none adds to the {words(self.priced)}"
         if self._cost <= self.floor + COST_TOLERANCE * abs(self._cost):
-            return f"{none}: nothing in the ranges {costs_less(self.problem)}"
+            cheaper = "is cheaper" if self.priced == COST else costs_less(self.problem)
+            return f"{none}: nothing in the ranges {cheaper}"
         within, without = self._solved({}), self._solved(dict.fromkeys(limits, Bound()))
         if within is not None and without is not None and within - without <= EXACT / 100.0 * abs(within):
             return f"{none} (solved without them)"
