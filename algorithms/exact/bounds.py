@@ -310,42 +310,33 @@ class _Weighted:
         plain = self.form(np.zeros(len(most)))
         assert plain is not None
         start = self._costs_at(plain, limits)
-        held = np.isfinite(most)
+        held, level = np.isfinite(most), np.where(np.isfinite(most), most, 0.0)
         if start is None or np.all(start[1][held] <= most[held]):
             return []
         spans = [max(*np.diff(ends), 1e-12 * abs(ends[1]), 1e-300) for ends in map(cost_range, [plain, *self._alone])]
-        unit = spans[0] / np.array(spans[1:])
-        cuts, best, chosen = [start], -np.inf, np.zeros(len(most))
-        cut_at, reach = [np.zeros(len(most))], LARGEST_WEIGHT
+        unit, none = spans[0] / np.array(spans[1:]), np.zeros(len(most))
+        slopes, right = [np.where(held, start[1] - level, 0.0) * unit], [start[0]]
+        best, chosen, reach = -np.inf, none, LARGEST_WEIGHT
         for _ in range(WEIGHTINGS):
-            scaled = [(np.where(held, costs - most, 0.0) * unit) for _, costs in cuts]
             # maximise y with y <= value_m + slope_m (w - w_m)
-            rows = np.array([[*(-slope), 1.0] for slope in scaled])
-            right = np.array(
-                [
-                    value - np.where(held, most, 0.0) @ (weights * unit) - slope @ weights
-                    for (value, _), slope, weights in zip(cuts, scaled, cut_at, strict=True)
-                ]
-            )
-            ends = [(0.0, reach if of else 0.0) for of in held]
-            found = scipy.optimize.linprog(
-                [*np.zeros(len(most)), -1.0], A_ub=rows, b_ub=right, bounds=[*ends, (None, None)]
-            )
+            rows = np.hstack([-np.array(slopes), np.ones((len(slopes), 1))])
+            ends = [*((0.0, reach if of else 0.0) for of in held), (None, None)]
+            found = scipy.optimize.linprog([*none, -1.0], A_ub=rows, b_ub=right, bounds=ends)
             if found.x is None:
                 break
             weights = np.asarray(found.x[:-1])
             if best > -np.inf and -found.fun - best <= WEIGHTED_GAP * max(abs(best), 1e-300):
-                if np.any(chosen >= reach):
-                    reach *= LARGER
-                    continue
-                break
+                if not np.any(chosen >= reach):
+                    break
+                reach *= LARGER
+                continue
             form = self.form(weights * unit)
             known = None if form is None else self._costs_at(form, limits)
             if known is None:
                 break
-            cuts.append(known)
-            cut_at.append(weights)
-            value = known[0] - np.where(held, most, 0.0) @ (weights * unit)
+            value = known[0] - level @ (weights * unit)
+            slopes.append(np.where(held, known[1] - level, 0.0) * unit)
+            right.append(value - float(slopes[-1] @ weights))
             if value > best:
                 best, chosen = value, weights
         return [chosen * unit] if np.any(chosen > 0.0) else []
