@@ -126,7 +126,7 @@ def seed_vectors(run: Run, count: int) -> Array:
     it omits may forbid the value that is best for it.
     """
     problem, form = run.problem, run.problem.guide()
-    if form is None or "cost" not in problem.objectives:
+    if form is None or problem.priced != "cost" or "cost" not in problem.objectives:
         return np.empty((0, problem.n_var))
     closed = closed_form(problem)
     if closed is not None and is_corrected(closed):

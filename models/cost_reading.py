@@ -4,12 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from ..section import POSITIVE, Array, Range, Section
-from .costs import CURVES, CostCurve, Reciprocal, ReciprocalPower, ReciprocalSquared, Table, stationary_power
+from .costs import (
+    CURVES,
+    Combined,
+    CostCurve,
+    Exponential,
+    Reciprocal,
+    ReciprocalPower,
+    ReciprocalSquared,
+    Table,
+    stationary_power,
+)
 
 
 def read_curve(section: Section, default: CostCurve | None = None) -> CostCurve | None:
@@ -134,15 +145,92 @@ def add_constant_cost(curve: CostCurve, more: float) -> CostCurve:
         return curve
     if isinstance(curve, Table):
         return replace(curve, cost_at=tuple(cost + more for cost in curve.cost_at))
+    if isinstance(curve, SumOfCurves):
+        return SumOfCurves((*curve.terms, (1.0, Reciprocal(more, 0.0))))
+    if not hasattr(curve, "a"):
+        return SumOfCurves(((1.0, curve), (1.0, Reciprocal(more, 0.0))))
     return replace(curve, a=curve.a + more)  # type: ignore[type-var,attr-defined]
+
+
+SCALED = (Reciprocal, ReciprocalSquared, ReciprocalPower, Exponential, Combined)
+"""Curves whose cost is in proportion to a, b and c together."""
 
 
 def times(curve: CostCurve, factor: float) -> CostCurve:
     """The curve with every cost multiplied by `factor`."""
     if isinstance(curve, Table):
         return replace(curve, cost_at=tuple(factor * cost for cost in curve.cost_at))
+    if factor == 1.0:
+        return curve
+    if isinstance(curve, SumOfCurves):
+        return SumOfCurves(tuple((factor * weight, one) for weight, one in curve.terms))
+    if not isinstance(curve, SCALED):
+        return SumOfCurves(((factor, curve),))
     scaled = {key: factor * getattr(curve, key) for key in ("a", "b", "c") if hasattr(curve, key)}
     return replace(curve, **scaled)  # type: ignore[type-var]
+
+
+def weighted_sum(terms: Sequence[tuple[float, CostCurve]]) -> CostCurve:
+    """The curve of sum of weight C(t), weights >= 0: one of the reciprocal family where all are of one exponent."""
+    scaled = [times(curve, weight) for weight, curve in terms if weight > 0.0]
+    powers = [curve for curve in scaled if not _is_constant(curve)]
+    constant = sum(float(curve.a) for curve in scaled if _is_constant(curve))  # type: ignore[attr-defined]
+    if not powers:
+        return Reciprocal(constant, 0.0)
+    joint = Joint.of(powers)
+    if len(powers) == 1:
+        return add_constant_cost(powers[0], constant)
+    if joint is None or not isinstance(joint.k, float):
+        every = [*powers, Reciprocal(constant, 0.0)] if constant else powers
+        return SumOfCurves(tuple((1.0, curve) for curve in every))
+    a, b = constant + float(joint.a.sum()), float(joint.b.sum())
+    return Reciprocal(a, b) if joint.k == 1.0 else ReciprocalPower(a, b, joint.k)
+
+
+def _is_constant(curve: CostCurve) -> bool:
+    return isinstance(curve, Reciprocal) and curve.b == 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class SumOfCurves(CostCurve):
+    """The sum of weights times curves."""
+
+    terms: tuple[tuple[float, CostCurve], ...]
+
+    def cost(self, t: Array) -> Array:
+        return np.asarray(sum(weight * curve.cost(t) for weight, curve in self.terms))
+
+    def slope(self, t: Array) -> Array:
+        return np.asarray(sum(weight * curve.slope(t) for weight, curve in self.terms))
+
+    @property
+    def bends(self) -> tuple[float, ...]:
+        return tuple(sorted({t for _, curve in self.terms for t in curve.bends}))
+
+    @property
+    def smooth(self) -> bool:
+        return all(curve.smooth for _, curve in self.terms)
+
+    def best(self, linear: Array, square: Array, low: float, high: float) -> Array:
+        """As in the base class; between two entries of tables the sum is smooth and convex."""
+        (weight, only), *more = self.terms
+        if not more:
+            return only.best(linear / weight, square / weight, low, high)
+        knots = sorted({t for _, c in self.terms if isinstance(c, Table) for t in c.t if low < t < high})
+        if not knots:
+            return super(SumOfCurves, self).best(linear, square, low, high)
+        ends = np.array([low, *knots, high])
+        inside = [
+            super(SumOfCurves, self).best(linear, square, first * (1.0 + INSIDE), last * (1.0 - INSIDE))
+            for first, last in pairwise(ends.tolist())
+        ]
+        candidates = np.vstack([np.broadcast_to(ends[:, None], (len(ends), len(linear))), *inside])
+        values = self.cost(candidates) + linear * candidates + square * candidates**2
+        return np.asarray(candidates[np.argmin(values, axis=0), np.arange(len(linear))])
+
+
+INSIDE = 1e-12
+"""Relative distance from an entry of a table at which the slope is that of the interval beside it."""
 
 
 # Several curves of the reciprocal family combined: whole matrices of tolerances at once.

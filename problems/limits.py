@@ -145,7 +145,7 @@ def unreachable_limit_faults(problem: ToleranceProblem) -> list[Fault]:
     faults = []
     for limit in problem.limits:
         low, high = problem.interval(limit.name)
-        corner = "loosest" if limit.name == "cost" else "tightest"
+        corner = "loosest" if limit.name in problem.cost_names else "tightest"
         place, unit = f"limits.{limit.name}", f" {limit.unit}".rstrip()
         if low - limit.high > limit.room(limit.high):
             faults.append(

@@ -24,6 +24,7 @@ from ..units import unit_hint
 
 if TYPE_CHECKING:
     from .conditions import OperatingConditions
+    from .cost_columns import CostColumn, Robust
     from .tolerance_problem import ToleranceProblem
 
 # `[promise]`: what is promised of the yield, and how it is meant.
@@ -203,7 +204,8 @@ class Settings:
     `money` is what the costs are in, `notes` say how the configuration was understood, `machines`
     make tolerances of a problem that is not a stack, `promise` is what such a problem promises;
     `operating` are the conditions in which its units are evaluated; `record` are the ranges of the inputs
-    in the measurements that a correction was found in, `terms` what of it acts on measurements alone.
+    in the measurements that a correction was found in, `terms` what of it acts on measurements alone;
+    `cost_columns` are its further costs, `robust` says how well its cost curves are known.
     """
 
     parameters: Mapping[str, Value] = field(default_factory=dict)
@@ -227,6 +229,8 @@ class Settings:
     operating: OperatingConditions | None = None
     record: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     terms: tuple[Active, ...] = ()
+    cost_columns: tuple[CostColumn, ...] = ()
+    robust: Robust | None = None
 
 
 # Assumptions: values in use that no document prints.

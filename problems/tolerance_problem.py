@@ -16,6 +16,7 @@ from ..errors import Fault, ModelError
 from ..journal import recall_columns
 from ..records import Bars, UnitsShown
 from ..section import Array, Assumption, Integers, Output, Section, Value, Variable, completed
+from .cost_columns import COST, column_interval, column_notes, column_slopes, column_values, weighted_form, with_columns
 from .declaration import ConfiguredProblem, Declaration, Interval
 from .limits import apart, limits_of, unreachable_limit_faults
 from .settings import (
@@ -106,6 +107,8 @@ class ToleranceProblem(Problem):
             self.settings = replace(self.settings, money=replace(money, assumed=priced))
             outputs = add_currency(self.outputs, self.settings.money)
             self.declaration = replace(self.declaration, outputs=outputs)
+        if self.settings.cost_columns:
+            self.declaration = with_columns(self.declaration, self.settings.cost_columns)
         self.objectives = self.settings.objectives
         self.limits = limits_of(self.settings.limits, self.outputs, self.variables)
         set_to = self.settings.variables
@@ -167,6 +170,8 @@ class ToleranceProblem(Problem):
         if output in self.names:
             column = self.names.index(output)
             return float(self.corner(tight=True)[column]), float(self.corner(False)[column])
+        if output != COST and output in self.cost_names:
+            return column_interval(self, output, self.interval(COST))
         return -np.inf, np.inf
 
     def box(self) -> tuple[Array, Array]:
@@ -274,6 +279,7 @@ class ToleranceProblem(Problem):
             outputs = recall_columns(
                 (designs, searching), lambda: self._outputs(designs, searching) | self._further(designs, searching)
             )
+        outputs |= self._further_costs(designs, outputs)
         if errors and not searching:
             outputs |= recall_columns((designs, "errors"), lambda: self._verified(designs, outputs))
         for output in self.outputs:
@@ -335,7 +341,8 @@ class ToleranceProblem(Problem):
 
     def needed_outputs(self, designs: Array) -> dict[str, Array]:
         """Outputs (n,) of full designs as reported, those of `needed`; recalled."""
-        return recall_columns((designs, "needed"), lambda: self.needed(designs))
+        outputs = recall_columns((designs, "needed"), lambda: self.needed(designs))
+        return outputs | self._further_costs(np.asarray(designs, dtype=float), outputs)
 
     def frame(
         self, designs: Array, outputs: Mapping[str, Array] | None = None, searching: bool = False
@@ -364,6 +371,62 @@ class ToleranceProblem(Problem):
         """What each cost curve (n,) gives at full designs."""
         with np.errstate(divide="ignore"):
             return {name: curve.cost(self.column(designs, name)) for name, curve in self.settings.costs.items()}
+
+    # ------------------------------------------------ further costs (`cost_columns`)
+
+    @property
+    def cost_names(self) -> tuple[str, ...]:
+        """The columns that are sums of cost curves: `cost`, and the further ones."""
+        return (COST, *(column.name for column in self.settings.cost_columns))
+
+    @property
+    def priced(self) -> str:
+        """The column that bounds are proven of: the first objective among `cost_names`, `cost` before others."""
+        return next((name for name in self.cost_names if name in self.objectives), COST)
+
+    @property
+    def held_costs(self) -> tuple[str, ...]:
+        """The other columns that are minimised or limited from above."""
+        limited = {limit.name for limit in self.limits if np.isfinite(limit.high)}
+        return tuple(n for n in self.cost_names if n != self.priced and (n in self.objectives or n in limited))
+
+    def _further_costs(self, designs: Array, outputs: Mapping[str, Array]) -> dict[str, Array]:
+        if not self.settings.cost_columns:
+            return {}
+        return column_values(self, designs, outputs[COST] if COST in outputs else self.cost_of(designs))
+
+    def slopes(self, designs: Array) -> dict[str, Array]:
+        """`gradient`, and the derivatives of further costs."""
+        slopes = self.gradient(designs)
+        if not self.settings.cost_columns:
+            return slopes
+        return dict(slopes) | column_slopes(self, designs, slopes.get(COST, np.zeros_like(designs)))
+
+    def pieces_of(self, name: str) -> int:
+        """How often what a variable tolerates is built in, and paid."""
+        return 1
+
+    def ranges_of(self, name: str) -> tuple[Interval, ...]:
+        """The range of a tolerance in each way of making it."""
+        setting = self.settings.variables[name]
+        ends = (setting.low, setting.high) if setting.value is None else (setting.value, setting.value)
+        return ((float(ends[0] or 0.0), float(ends[1] or 0.0)),)
+
+    def made_by_machines(self, name: str) -> bool:
+        """Whether machines make the part of a tolerance."""
+        return name in self.settings.machines
+
+    def priced_form(self) -> Form | None:
+        """The convex form of the column that bounds are proven of."""
+        form = self.form()
+        return form if form is None or self.priced == COST else self.weighted_form(form, {self.priced: 1.0})
+
+    def weighted_form(self, form: Form, weights: Mapping[str, float]) -> Form | None:
+        """The form of a weighted sum of columns from that of the cost; None where it is not known."""
+        weighted = weighted_form(self, form, weights)
+        if weighted is None or self.priced == COST:
+            return weighted
+        return replace(weighted, statement=weighted.statement.replace("least cost", f"least {self.priced}"))
 
     # ------------------------------------------------ corners
 
@@ -581,7 +644,7 @@ class ToleranceProblem(Problem):
             for text in sample.departures(variable.name)
         )
         prices = filter(None, (rising_price_note(name, curve) for name, curve in settings.costs.items()))
-        return (*settings.notes, *slips, *prices, *departures, *self.warnings())
+        return (*settings.notes, *slips, *prices, *column_notes(self), *departures, *self.warnings())
 
     def samples(self) -> tuple[tuple[str, str, PartSample], ...]:
         """Name and unit of each measured quantity, and its sample."""

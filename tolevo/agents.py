@@ -14,11 +14,14 @@ import os
 import sys
 import tomllib
 from collections.abc import Callable, Mapping
+from ctypes import c_ulong, py_object, pythonapi
 from dataclasses import asdict
 from errno import EACCES
+from inspect import Parameter, signature
 from mimetypes import knownfiles
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from threading import Lock, Timer, get_ident
 from typing import Annotated, Any
 
 import numpy as np
@@ -50,6 +53,9 @@ Toml = Annotated[str, Field(description="A configuration (TOML), its whole text.
 File = Annotated[str, Field(description="A configuration by its name in the directory of the server.")]
 Out = Annotated[str, Field(description="Directory of the results, in that of the server; empty: nothing is written.")]
 Rows = Annotated[int, Field(description="Rows of the front in the answer, evenly spread.", ge=1, le=200)]
+Seconds = Annotated[float, Field(description="The answer is given up after so many seconds.", ge=1.0, le=86_400.0)]
+TIME_LIMIT_S = 600.0
+"""Time limit of a call, by default."""
 Designs = Annotated[list[dict[str, float | str]], Field(description="Designs, one object each: variable to value.")]
 
 
@@ -164,24 +170,62 @@ class Server(MCPServer[Any]):
 
 
 def answering(tool: Callable[..., dict[str, Any]]) -> Callable[..., CallToolResult]:
-    """A tool whose result and faults are both structured, and as text."""
+    """A tool whose result and faults are both structured, and as text, within a time limit."""
     from functools import wraps
 
     @wraps(tool)
-    def answer(*arguments: Any, **options: Any) -> CallToolResult:
+    def answer(tools: Tools, *arguments: Any, time_limit_s: float = TIME_LIMIT_S, **options: Any) -> CallToolResult:
         try:
-            return _result(tool(*arguments, **options), False)
+            with TimeLimit(time_limit_s):
+                return _result(tool(tools, *arguments, **options), False)
         except InputError as error:
-            return _refused(error)
+            fault = error
         except OSError as error:
-            return _refused(refuse(str(error.filename or ""), error.strerror or str(error)))
+            fault = refuse(str(error.filename or ""), error.strerror or str(error))
         except TolevoError as error:
-            return _refused(refuse("", str(error)))
+            fault = refuse("", str(error))
+        except OutOfTime:
+            fault = refuse("time_limit_s", f"no answer within {time_limit_s:g} s: allow more, or ask for less")
         except Exception as error:  # a defect of a model or of this suite: said, never a traceback
-            return _refused(refuse("", f"the computation failed: {type(error).__name__}: {error}"))
+            fault = refuse("", f"the computation failed: {type(error).__name__}: {error}")
+        return _refused(InputError([Fault(*map(tools.relative, (f.place, f.message))) for f in fault.faults]))
 
-    answer.__annotations__ = {**tool.__annotations__, "return": CallToolResult}
+    answer.__annotations__ = {**tool.__annotations__, "time_limit_s": Seconds, "return": CallToolResult}
+    more = Parameter("time_limit_s", Parameter.KEYWORD_ONLY, default=TIME_LIMIT_S, annotation=Seconds)
+    stated = signature(tool, eval_str=True)
+    whole = stated.replace(parameters=[*stated.parameters.values(), more], return_annotation=CallToolResult)
+    answer.__signature__ = whole  # type: ignore[attr-defined]
     return answer
+
+
+class OutOfTime(BaseException):
+    """A call has used its time; no search takes it for an interrupt that ends with what it has."""
+
+
+class TimeLimit:
+    """Raises OutOfTime in the thread of a `with` block that lasts longer than so many seconds."""
+
+    def __init__(self, seconds: float) -> None:
+        self._over = False
+        self._open, self._lock, self._thread = True, Lock(), get_ident()
+        self._timer = Timer(seconds, self._end)
+        self._timer.daemon = True
+
+    def __enter__(self) -> None:
+        self._timer.start()
+
+    def __exit__(self, *error: object) -> None:
+        self._timer.cancel()
+        with self._lock:
+            self._open = False
+            if self._over:  # what was not raised yet is not raised later
+                pythonapi.PyThreadState_SetAsyncExc(c_ulong(self._thread), None)
+
+    def _end(self) -> None:
+        with self._lock:
+            if self._open:
+                self._over = True
+                pythonapi.PyThreadState_SetAsyncExc(c_ulong(self._thread), py_object(OutOfTime))
 
 
 PLACES = {"--out": "out", "frame": "designs", "result": "designs", "data.csv": "data"}
@@ -219,6 +263,9 @@ def _plain(value: Any) -> Any:
     return value if isinstance(value, str | int | bool) or value is None else str(value)
 
 
+GAP = ("verdict", "gap_before", "gap_after", "noise_floor", "effects", "alternatives", "unresolved", "remainder",
+       "where", "next_measurement")  # fmt: skip
+"""Entries of `gap.json` in an answer."""
 TOOLS = ("list_", "check", "analyse", "run", "evaluate", "gap", "certify")
 
 
@@ -243,6 +290,12 @@ class Tools:
         if found:
             raise InputError(found)
         return tables if path is None else path
+
+    def relative(self, text: str) -> str:
+        """A text without the place of the directory, and of what the server keeps for itself, on this machine."""
+        for path in filter(None, (self._guard.root, self._guard.scratch)):
+            text = text.replace(f"{path}{os.sep}", "").replace(str(path), ".")
+        return text
 
     def _out(self, out: str) -> Path | None:
         return self._guard.path(out, "out") if out else None
@@ -310,7 +363,19 @@ class Tools:
         else:
             path = self._guard.path(data, "data")
         done = api.gap(tables, path, self._out(out), workers=1)
-        return {"status": done.status, "words": list(done.lines)}
+        found = done.record
+        if found is None:
+            return {"status": done.status, "words": list(done.lines)}
+        from .commands.gap.gap import record
+
+        whole = record(found)
+        return {
+            "status": done.status,
+            **{key: whole[key] for key in GAP},
+            "units": {axis.name: axis.unit for axis in (*found.outputs, *found.inputs) if axis.unit},
+            "words": list(done.lines),
+            "assumptions": whole["notes"],
+        }
 
     @answering
     def certify(

@@ -41,6 +41,8 @@ OF_NAMES = frozenset(
         "choice.weights",
         "columns",
         "condition[].limits",
+        "cost[].curves",
+        "cost[].weights",
         "costs",
         "design.at",
         "effect[].bounds",
@@ -56,6 +58,7 @@ OF_NAMES = frozenset(
         "range",
         "record",
         "reducers",
+        "robust.factors",
         "rounding",
         "sense",
         "sensitivity",
@@ -70,6 +73,7 @@ PLAIN = frozenset({"costs.assumed", "costs.scale_assumed", "rounding.steps"})
 """Keys that stand beside such names."""
 SHARED = (
     (r"^(?:part\[\](?:\.process\[\])?|feature\[\]|joint\[\]\.ERROR)\.cost(?=\.|$)", f"costs.{NAME}"),
+    (r"^cost\[\]\.curves\.\w+(?=\.)", f"costs.{NAME}"),
     (r"^joint\[\]\.\w+_(?:mrad|um)(?=\.|$)", "joint[].ERROR"),
     (r"^joint\[\]\.ERROR\.cost(?=\.|$)", f"costs.{NAME}"),
     (r"^(?:part\[\]|variables\.NAME)\.(?=machine\[\]|machine$)", ""),

@@ -104,6 +104,8 @@ ONE = {
     "problem": "stack",
     "requirement": {"name": "gap", "unit": "mm", "formula": "u + rest", "lower": 0.0, "upper": 30.0},
     "let": [{"name": "rest", "formula": "b"}],
+    "cost": [{"name": "co2_kg", "unit": "kg", "curves": {"a": COST}}, {"name": "all", "weights": {"cost": 1.0}}],
+    "robust": {"factor": 1.5, "factors": {"a": 1.2}},
     "loop": [{"name": "triangle", "unknown": {"u": 14.0, "phi": "-45 deg"},
               "link": [{"length": "a", "angle": "45 deg"}, {"length": "b", "angle": "phi"},
                        {"length": "u", "direction": [-1, 0]}]}],

@@ -4,12 +4,13 @@ ways with convex ones.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from ...errors import ModelError
@@ -182,14 +183,15 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
     keeps them and is as good in all other objectives costs less than the bound.
     Raises ModelError where a point disproves its bound.
     """
-    form = problem.form()
+    form = problem.priced_form()
     missing = reason(problem, form)
     if missing:
         return Proof.without(points, missing)
+    cost = np.asarray(values[problem.priced])
     if form is None:
         known = problem.cost_bound()
         assert known is not None  # else there is a reason
-        bound, cost = known.least_costs(values, points), np.asarray(values["cost"])
+        bound = known.least_costs(values, points)
         return Proof(_checked(problem, bound, cost, np.abs(cost)), known.statement)
     if not points:
         return Proof(np.empty(0), form.statement, form.relaxed)
@@ -199,9 +201,145 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
     )
     distinct, place = np.unique(limits, axis=0, return_inverse=True)
     bound = _least_bound(form, distinct)[np.ravel(place)]
-    cost = np.asarray(values["cost"])
     size = np.maximum(np.abs(cost), np.min(np.abs(cost_range(form))))
-    return Proof(_checked(problem, bound, cost, size), form.statement, form.relaxed)
+    statement, omitted = form.statement, form.relaxed
+    if held := problem.held_costs:
+        most = np.array([_most_of(problem, values, name, points) for name in held]).T
+        higher = _bounds_within_costs(problem, limits, held, most, bound)
+        if higher is None:
+            omitted, statement = (*omitted, *held), f"{statement}; {', '.join(held)} left out"
+        else:
+            bound, statement = higher, f"{statement}, at no more {', '.join(held)}"
+    return Proof(_checked(problem, bound, cost, size), statement, omitted)
+
+
+# Bounds of a cost while further costs keep limits: Lagrangian ones, by forms of weighted sums of the costs.
+#
+# For any weights w >= 0 no design that keeps D(t) <= d costs less than min (C + w D) - w d. That is concave
+# in w; its tangent at a solution t is D(t) - d, from which the next weights follow (Kelley 1960).
+
+
+SOLVED_WITHIN, SOLVED_QUANTILES = 24, 4
+"""Points whose weights are searched, and those where quantiles take long; others take their neighbours' weights."""
+WEIGHTINGS = 40
+"""Weights that are tried for a point at most."""
+WEIGHTED_GAP = 1e-8
+"""Relative gap between a bound and what better weights could add, at which a search ends."""
+LARGEST_WEIGHT, LARGER = 4.0, 30.0
+"""Weights at most at first, in units of the ratio of the ranges of both costs, and how much larger they may be next."""
+
+
+def _most_of(problem: ToleranceProblem, values: Mapping[str, Array], name: str, points: int) -> Array:
+    """The most (n,) of a cost: that of the point where it is an objective, and the limit of the problem."""
+    own = np.asarray(values[name]) if name in problem.objectives else np.full(points, np.inf)
+    limit = float(loosened(np.array(upper_limit(problem, name)), LIMIT_WIDENING))
+    return np.minimum(own + LOOSER * np.abs(own), limit)
+
+
+def _bounds_within_costs(
+    problem: ToleranceProblem, limits: Array, names: tuple[str, ...], most: Array, bound: Array
+) -> Array | None:
+    """Bounds (n,) at limits (n, r) and at most `most` (n, k) of some costs; None where these have no form.
+
+    `bound` (n,) are those without the costs.
+    """
+    plain = problem.form()
+    if plain is None:
+        return None
+    weighted = _Weighted(problem, plain, names)
+    if not weighted.known:
+        return None
+    order = np.lexsort([*most.T, *np.where(np.isfinite(limits), limits, 0.0).T])
+    few = SOLVED_QUANTILES if plain.quantiles else SOLVED_WITHIN
+    solved = np.unique(order[np.linspace(0, len(order) - 1, few).astype(int)])
+    tried = [(at, weights) for at in solved for weights in weighted.best_weights(limits[at], most[at], bound[at])]
+    best = bound.copy()
+    place = np.argsort(order)
+    for at, weights in tried:
+        step = max(1, len(order) // few)
+        near = np.flatnonzero((np.abs(place - place[at]) <= step) & np.isfinite(best))
+        best[near] = np.maximum(best[near], weighted.bounds(weights, limits[near], most[near]))
+    return best
+
+
+def cost_at(form: Form, chosen: Sequence[int], t: Array) -> float:
+    """The cost of one allocation: ways and tolerances (features,)."""
+    parts = [
+        feature.count * float(feature.ways[way].curve.cost(np.array([value]))[0])
+        for feature, way, value in zip(form.features, chosen, t.tolist(), strict=True)
+    ]
+    return float(form.base + sum(parts))
+
+
+class _Weighted:
+    """Forms of the priced cost plus weighted others."""
+
+    def __init__(self, problem: ToleranceProblem, form: Form, names: tuple[str, ...]) -> None:
+        self._problem, self._plain, self._names = problem, form, names
+        alone = [self.form(weights, priced=0.0) for weights in np.eye(len(names))]
+        self._alone = [of for of in alone if of is not None]
+        self.known = len(self._alone) == len(names) and self.form(np.zeros(len(names))) is not None
+
+    def form(self, weights: Array, priced: float = 1.0) -> Form | None:
+        """The form at weights (k,) of the others."""
+        terms = {self._problem.priced: priced} | dict(zip(self._names, weights.tolist(), strict=True))
+        return self._problem.weighted_form(self._plain, terms)
+
+    def bounds(self, weights: Array, limits: Array, most: Array) -> Array:
+        """Bounds (n,) at one set of weights (k,)."""
+        form = self.form(weights)
+        assert form is not None
+        least, given = _least_bound(form, limits), np.where(weights > 0.0, most, 0.0) @ weights
+        return np.asarray(less_rounding(least, given))
+
+    def _costs_at(self, form: Form, limits: Array) -> tuple[float, Array] | None:
+        """Least weighted cost at limits (r,), and the costs (k,) of a design that has it."""
+        used = np.isfinite(limits)
+        used[0] |= not np.any(used)
+        optimum = least_cost(convex_pieces(restrict_form(form, used)), limits[None, used])
+        if not np.isfinite(optimum.cost[0]):
+            return None
+        way_of = [[at for at, way in enumerate(f.ways) for _ in _pieces(way)] for f in form.features]
+        chosen = [ways[piece] for ways, piece in zip(way_of, optimum.chosen[0], strict=True)]
+        return float(optimum.bound[0]), np.array([cost_at(alone, chosen, optimum.t[0]) for alone in self._alone])
+
+    def best_weights(self, limits: Array, most: Array, bound: float) -> list[Array]:
+        """The weights (k,) of the highest bound at limits (r,) and at most `most` (k,); none where 0 is best."""
+        if not np.isfinite(bound):
+            return []
+        plain = self.form(np.zeros(len(most)))
+        assert plain is not None
+        start = self._costs_at(plain, limits)
+        held, level = np.isfinite(most), np.where(np.isfinite(most), most, 0.0)
+        if start is None or np.all(start[1][held] <= most[held]):
+            return []
+        spans = [max(*np.diff(ends), 1e-12 * abs(ends[1]), 1e-300) for ends in map(cost_range, [plain, *self._alone])]
+        unit, none = spans[0] / np.array(spans[1:]), np.zeros(len(most))
+        slopes, right = [np.where(held, start[1] - level, 0.0) * unit], [start[0]]
+        best, chosen, reach = -np.inf, none, LARGEST_WEIGHT
+        for _ in range(WEIGHTINGS):
+            # maximise y with y <= value_m + slope_m (w - w_m)
+            rows = np.hstack([-np.array(slopes), np.ones((len(slopes), 1))])
+            ends = [*((0.0, reach if of else 0.0) for of in held), (None, None)]
+            found = scipy.optimize.linprog([*none, -1.0], A_ub=rows, b_ub=right, bounds=ends)
+            if found.x is None:
+                break
+            weights = np.asarray(found.x[:-1])
+            if best > -np.inf and -found.fun - best <= WEIGHTED_GAP * max(abs(best), 1e-300):
+                if not np.any(chosen >= reach):
+                    break
+                reach *= LARGER
+                continue
+            form = self.form(weights * unit)
+            known = None if form is None else self._costs_at(form, limits)
+            if known is None:
+                break
+            value = known[0] - level @ (weights * unit)
+            slopes.append(np.where(held, known[1] - level, 0.0) * unit)
+            right.append(value - float(slopes[-1] @ weights))
+            if value > best:
+                best, chosen = value, weights
+        return [chosen * unit] if np.any(chosen > 0.0) else []
 
 
 def _checked(problem: ToleranceProblem, bound: Array, cost: Array, size: Array) -> Array:
@@ -258,12 +396,12 @@ def within_reach(form: Form, limits: Array) -> Flags:
 
 def reason(problem: ToleranceProblem, form: Form | None) -> str:
     """Why nothing can be proven of the points of a problem; empty where something can."""
-    if "cost" not in problem.objectives:
+    if problem.priced not in problem.objectives:
         return "cost is not an objective"
     if form is None:
-        bound = problem.cost_bound()
+        bound = problem.cost_bound() if problem.priced == "cost" else None
         return "the problem has no convex form" if bound is None else bound.missing
-    known_by = ("cost", *form.outputs, *form.stands.values())
+    known_by = (*problem.cost_names, *form.outputs, *form.stands.values())
     others = [name for name in problem.objectives if name not in known_by]
     if others:
         known = ", ".join(form.outputs)

@@ -21,7 +21,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ...journal import recall_arrays
-from ...problems.forms import Feature, Form, Spread, largest_parts, spread_of
+from ...problems.forms import Feature, Form, Spread, Way, largest_parts, spread_of
 from ...problems.limits import EQUAL, LIMIT_ROUNDING, loosened
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Flags, Integers
@@ -637,13 +637,19 @@ def _stack_optima(optima: list[Optimum]) -> Optimum:
 
 
 def _recall_optimum(form: Form, limits: Array, solve: Callable[[], Optimum]) -> Optimum:
-    ranges = [(way.low, way.high) for feature in form.features for way in feature.ways]
+    ranges = [(way.low, way.high, *_end_costs(way)) for feature in form.features for way in feature.ways]
 
     def arrays() -> tuple[Array, ...]:
         optimum = solve()
         return tuple(getattr(optimum, name) for name in Optimum.__dataclass_fields__)
 
     return Optimum(*recall_arrays((limits, *form.outputs, np.array(ranges)), arrays))
+
+
+def _end_costs(way: Way) -> tuple[float, float]:
+    """Costs at both ends, by which forms of one problem with different curves are distinguished."""
+    low, high = way.curve.cost(np.array([way.low, way.high])).tolist()
+    return low, high
 
 
 def _has_point_alternatives(form: Form) -> bool:
@@ -680,7 +686,8 @@ def _least_cost_by_squares(form: Form, limits: Array, watch: Watch) -> Optimum:
     squares, optima, floor = Squares(form), [Optimum.unknown(form, limits[:0])], cost_range(form)[0]
     known: Leaf | None = None
     for done, limit in enumerate(limits, 1):
-        ways, t, mu, numbers = recall_arrays((limit, *form.outputs), partial(_leaf_arrays, squares, limit, known))
+        ends = np.array([_end_costs(way) for feature in form.features for way in feature.ways])
+        ways, t, mu, numbers = recall_arrays((limit, *form.outputs, ends), partial(_leaf_arrays, squares, limit, known))
         best = Leaf(tuple(ways.tolist()), t, float(numbers[0]), float(numbers[1]), mu)
         if np.isfinite(best.cost):
             known = best

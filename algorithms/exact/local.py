@@ -54,7 +54,7 @@ class Smooth:
         self.low, self.high = problem.complete(ends)[:, self.columns]  # the ranges at these integers
         self.log = np.array([v.tolerance for v in moving], dtype=bool) & (self.low > 0.0)
         names = {*problem.objectives, *(limit.name for limit in problem.limits)}
-        known = {*problem.gradient(problem.complete(self.x[None, :])[:0]), *problem.names}
+        known = {*problem.slopes(problem.complete(self.x[None, :])[:0]), *problem.names}
         self.analytic = names <= known
         sides = [bound for limit in problem.limits for bound in _percentages(limit)]
         self.least = np.array([] if problem.declaration.sampled else sides)
@@ -103,7 +103,7 @@ class Smooth:
     def _exact(self, y: Array) -> tuple[Array, Array]:
         problem, x = self.run.problem, self.vectors(y[None, :])
         designs = problem.complete(x)
-        slopes = recall_columns((designs,), lambda: dict(problem.gradient(designs)))
+        slopes = recall_columns((designs,), lambda: dict(problem.slopes(designs)))
         slopes |= {name: unit for name, unit in _units(problem).items() if name not in slopes}
         columns, width = self.columns, self.high - self.low
         rate = np.where(self.log, x[0, self.moving] * np.log(_ratio(self)), width)

@@ -18,6 +18,7 @@ from .choices import (
     Watch,
     best_search_vectors,
     cheapest_choice,
+    cost_range,
     has_only_point_ways,
     ignore_progress,
     least_cost,
@@ -43,6 +44,8 @@ HALVINGS = 12
 """Times a move of what stands for an output is halved."""
 BACK = np.array([0.0, 1e-9, 1e-7, 1e-5, 1e-3, 1e-2])
 """Fractions of the way back to a design that keeps the limits, where SLSQP ends just beyond them."""
+WEIGHTS = (0.0, *np.geomspace(1e-2, 1e2, 9).tolist(), 1e4)
+"""Weights of a further cost, in units of the ratio of the ranges of both."""
 EARLY = 0.9
 """Fraction of the work that a closed form takes."""
 CHECKED_POINTS = 3
@@ -62,13 +65,15 @@ class Exact(Solver):
         from .epsilon import epsilon_front  # with the solvers, which reading a configuration does not need
 
         form = closed_form(run.problem)
-        if form is None and run.problem.objectives == ("cost",):
+        if form is None and run.problem.objectives == (run.problem.priced,):
             x = _cheapest_point_choice(run.problem)
             if len(x):
                 run.choose(x)
                 run.evaluate(x)
                 return
         if form is None:
+            if run.problem.held_costs:
+                _evaluate_weighted_fronts(run, self.points)
             epsilon_front(run, self.points)
             return
         run.phase("closed form", 0.0)
@@ -98,6 +103,34 @@ class Exact(Solver):
             epsilon_front(run, self.points)
 
 
+def _evaluate_weighted_fronts(run: Run, points: int) -> None:
+    """Evaluate allocations of least weighted costs: each is on the front of the cost and those that are held."""
+    problem = run.problem
+    form = problem.form()
+    if form is None or form.relaxed or not set(problem.objectives) <= {*form.outputs, *problem.cost_names}:
+        return
+    every = [(name, weight) for name in problem.held_costs for weight in WEIGHTS]
+    swept = [name in problem.objectives for name in form.outputs]
+    remaining = run.evaluations_left
+    few = max(2, (points if remaining is None else min(points, remaining // 2)) // len(every))
+    upper = row_limits(problem, form)
+    for at, (name, weight) in enumerate(every):
+        run.phase("weighted costs", 0.3 * at / len(every))
+        alone = [problem.weighted_form(form, {column: 1.0}) for column in (problem.priced, name)]
+        if any(of is None for of in alone):
+            return
+        ranges = [np.ptp(cost_range(of)) for of in alone if of is not None]
+        weighted = problem.weighted_form(form, {problem.priced: 1.0, name: weight * ranges[0] / max(ranges[1], 1e-300)})
+        used = np.array(swept) | np.isfinite(upper)
+        if weighted is None or not np.any(used):
+            return
+        pieces = convex_pieces(restrict_form(weighted, used))
+        optimum = front(pieces, few, loosened(upper[used], ROOMIER), np.array(swept)[used])
+        x = best_search_vectors(problem, pieces, within(pieces, optimum, _strict_limits(pieces, upper[used])))
+        if len(x):
+            run.evaluate(x)
+
+
 def _report_optimum(run: Run, form: Form, optimum: Optimum, share: float) -> None:
     """Report a point that is solved; those of a coarse front are evaluated, so that it has points
     from the start, unless evaluations are counted.
@@ -113,8 +146,8 @@ def _report_optimum(run: Run, form: Form, optimum: Optimum, share: float) -> Non
 
 def closed_form(problem: ToleranceProblem) -> Form | None:
     """The form, restricted to the requirements of the problem; None where it omits any of them."""
-    form = problem.form()
-    if form is None or form.relaxed or reason(problem, form):
+    form = problem.priced_form()
+    if form is None or form.relaxed or problem.held_costs or reason(problem, form):
         return None
     asked = {*problem.objectives, *(limit.name for limit in problem.limits)}
     used = np.array([not asked.isdisjoint(form.requesting_outputs(name)) for name in form.outputs])
@@ -132,7 +165,7 @@ def exact_vectors(problem: ToleranceProblem, form: Form, points: int, watch: Wat
     if problem.n_obj == 1:
         return _cheapest_design(problem, form, upper)
     swept = np.array([not set(form.requesting_outputs(name)).isdisjoint(problem.objectives) for name in form.outputs])
-    most = upper_limit(problem, "cost")
+    most = upper_limit(problem, problem.priced)
     limit, x = upper, np.empty((0, problem.n_var))
     for _ in range(CORRECTIONS):
         optimum = front(form, points, loosened(limit, ROOMIER), swept, float(loosened(most)), watch)
@@ -171,7 +204,7 @@ def _improve_by_full_model(run: Run, form: Form, x: Array) -> Array:
     if (
         form.exact
         or has_only_point_ways(form)
-        or problem.objectives != ("cost",)
+        or problem.objectives != (problem.priced,)
         or len(x) != 1
         or problem.declaration.sampled
     ):
@@ -192,7 +225,7 @@ def _improve_by_full_model(run: Run, form: Form, x: Array) -> Array:
 
 def _cheapest_point_choice(problem: ToleranceProblem) -> Array:
     """The cheapest choice where the form omits limits, but all its ways are points; else nothing."""
-    form = problem.form()
+    form = problem.priced_form()
     if form is None or form.also or form.settled or not has_only_point_ways(form):
         return np.empty((0, problem.n_var))
     x = cheapest_choice(problem, form, row_limits(problem, form), -np.inf)

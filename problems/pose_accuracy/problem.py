@@ -326,7 +326,7 @@ class PoseAccuracy(PromisingPoses):
             limit.name
             for limit in self.limits
             if limit.name in (*OVER_MACHINES, PROMISED, ASSURANCE)
-            or (limit.name in (*ERRORS, "cost") and np.isfinite(limit.low))
+            or (limit.name in (*ERRORS, *self.cost_names) and np.isfinite(limit.low))
         )
         left_out = f"; limits left out: {', '.join(relaxed)}" if relaxed else ""
         return Form(

@@ -284,7 +284,7 @@ def form_of(problem: RobotProblem) -> Form | None:
     features = [*_gear_features(problem, len(outputs)), *_link_features(problem, len(outputs))]
     base = (problem.gears.wave.base * problem.gears.largest[1]).tolist()
     offset = np.array([*[0.0] * (len(outputs) - len(base)), *base])
-    asked = (*outputs, "cost", *STANDS.values(), *(v.name for v in problem.variables))
+    asked = (*outputs, *problem.cost_names, *STANDS.values(), *(v.name for v in problem.variables))
     relaxed = tuple(
         limit.name
         for limit in problem.limits

@@ -177,21 +177,22 @@ def grade_feature(problem: RvBacklash, k: float) -> Feature:
     return Feature("", tuple(ways), GRADE)
 
 
-def _limits_from_below(limit: Limit) -> bool:
-    """Whether a limit keeps an output of the form, or the cost, from falling."""
-    return limit.name in (*OUTPUTS, "cost") and bool(np.isfinite(limit.low))
+def _limits_from_below(limit: Limit, costs: tuple[str, ...]) -> bool:
+    """Whether a limit keeps an output of the form, or one of the costs, from falling."""
+    return limit.name in (*OUTPUTS, *costs) and bool(np.isfinite(limit.low))
 
 
 def _relaxed_limits(problem: RvBacklash, settled: dict[str, float]) -> tuple[str, ...]:
     """Limits that the form leaves out; those that its modification keeps are not among them."""
     profile = profile_at(problem, {name: np.array([value]) for name, value in settled.items()})
     kept = {PROMISED} if problem.promise and problem.promise.statement == ASSURED else set()
-    known = {*OUTPUTS, *MODIFICATION_LIMITS, *kept, "cost", *(v.name for v in problem.variables if v.tolerance)}
+    tolerances = {v.name for v in problem.variables if v.tolerance}
+    known = {*OUTPUTS, *MODIFICATION_LIMITS, *kept, *problem.cost_names, *tolerances}
     return tuple(
         limit.name
         for limit in problem.limits
         if not allows_any(limit)
-        and (limit.name not in known or _limits_from_below(limit))
+        and (limit.name not in known or _limits_from_below(limit, problem.cost_names))
         and not (limit.name in profile and np.all(limit.kept(profile[limit.name])))
     )
 

@@ -328,20 +328,20 @@ def _relaxed_limits(problem: RvBacklash, shift: Shift, rows: list[Row]) -> tuple
     """Limits that the form leaves out; those that a modification of every shift keeps are not."""
     s = np.linspace(shift.low, shift.high, SHIFTS)
     profile = profile_at(problem, columns_of(problem, shift, s))
-    known = {row.output for row in rows} | {"cost", *SHIFT_LIMITS}
+    known = {row.output for row in rows} | {*problem.cost_names, *SHIFT_LIMITS}
     known |= {v.name for v in problem.variables if v.tolerance or v.name == "involute_grade"}
     return tuple(
         limit.name
         for limit in problem.limits
         if not allows_any(limit)
-        and (limit.name not in known or _has_unkept_side(limit))
+        and (limit.name not in known or _has_unkept_side(limit, problem.cost_names))
         and not (limit.name in profile and np.all(limit.kept(profile[limit.name])))
     )
 
 
-def _has_unkept_side(limit: Limit) -> bool:
+def _has_unkept_side(limit: Limit, costs: tuple[str, ...]) -> bool:
     """Whether a limit has a side that no row keeps."""
     if limit.name == "yield_percent":
         return bool(np.isfinite(limit.high))
-    rows = ("cost", "backlash_arcmin", "interference_probability")
+    rows = (*costs, "backlash_arcmin", "interference_probability")
     return limit.name in rows and bool(np.isfinite(limit.low))

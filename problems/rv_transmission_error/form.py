@@ -74,7 +74,7 @@ def form_of(problem: RvTransmissionError) -> Form | None:
 
 def _relaxed_limits(problem: RvTransmissionError) -> tuple[str, ...]:
     """Limits that the form leaves out."""
-    known = {"cost", TE, *STD}
+    known = {*problem.cost_names, TE, *STD}
     return tuple(
         limit.name
         for limit in problem.limits

@@ -298,10 +298,11 @@ def _omitted_limits(stack: Stack, rows: set[str]) -> tuple[str, ...]:
     """Limits that the form cannot keep: on other quantities, or from below."""
     tolerances = {f"{part.name}_t" for part in stack.definition.parts if not part.fixed}
     tested = _domains(stack)
+    known = {*rows, *stack.cost_names}
     return tuple(
         limit.name
         for limit in stack.limits
-        if limit.name not in tolerances | tested and (limit.name not in {*rows, "cost"} or _drops_a_side(limit))
+        if limit.name not in tolerances | tested and (limit.name not in known or _drops_a_side(limit))
     )
 
 

@@ -412,6 +412,21 @@ class Stack(ToleranceProblem):
         """The linear model of the first requirement."""
         return self.measured[0].linear
 
+    def _part_of(self, name: str) -> Part | None:
+        return next((part for part in self._parts if name == f"{part.name}_t"), None)
+
+    def pieces_of(self, name: str) -> int:
+        part = self._part_of(name)
+        return 1 if part is None else part.count
+
+    def ranges_of(self, name: str) -> tuple[Interval, ...]:
+        part = self._part_of(name)
+        return super().ranges_of(name) if part is None else tuple((p.low, p.high) for p in part.processes)
+
+    def made_by_machines(self, name: str) -> bool:
+        part = self._part_of(name)
+        return part is not None and part.by_machine
+
     def cost_of(self, designs: Array) -> Array:
         """Sum over parts of count times the cost of the chosen process (n,)."""
         return np.asarray(self._by_part(designs).sum(axis=1))
@@ -445,7 +460,7 @@ class Stack(ToleranceProblem):
         return {f"{p.name}_t": drawn(p) for p in self._parts}.get(name, {})
 
     def curves_of(self, name: str) -> tuple[tuple[CostCurve, float], ...]:
-        part = next((p for p in self._parts if name == f"{p.name}_t"), None)
+        part = self._part_of(name)
         curves = [process.curve for process in part.processes] if part else []
         known = [curve for curve in curves if curve is not None]
         if part is None or part.by_machine or len(known) != len(curves):

@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 mcp = pytest.importorskip("mcp")
@@ -170,3 +171,56 @@ def test_the_guard_refuses_files_connections_and_processes(tmp_path: Path) -> No
     ):
         with pytest.raises(PermissionError):
             guard.audit(event, arguments)
+
+
+def test_the_gap_is_answered_with_units_and_effects() -> None:
+    """A lost motion with 1 arcmin more play than the model has: the answer holds what `gap.json` holds."""
+    rows = ["torque_Nm,direction,output_angle_deg,twist_arcmin"]
+    rng = np.random.default_rng(1)
+    for angle in (0.0, 90.0, 180.0):
+        for torque in np.linspace(-400.0, 400.0, 9):
+            twist = 0.01 * torque + 0.8 * np.sign(torque) + 0.02 * rng.normal()
+            rows.append(f"{torque},{1 if torque > 0 else -1},{angle},{twist}")
+    configuration = 'model = "rv_lost_motion"'
+    _, (found, late) = calls(
+        None,
+        [
+            ("gap", {"configuration": configuration, "data": "\n".join(rows)}),
+            (
+                "certify",
+                {
+                    "configuration": STACK,
+                    "designs": [{"a_t": 0.1, "b_t": 0.1}],
+                    "time_limit_s": 1.0,
+                    "seeds": 20,
+                    "evaluations": 100_000,
+                },
+            ),
+        ],
+    )
+    content = found.structured_content
+    assert content["verdict"] in ("no_gap", "named", "ambiguous", "partial", "unnamed")
+    assert content["units"]["twist_arcmin"] == "arcmin"
+    assert content["gap_before"] >= content["gap_after"] > 0.0
+    assert content["noise_floor"] > 0.0
+    assert {"effects", "alternatives", "where", "next_measurement", "assumptions", "words"} <= set(content)
+    for effect in content["effects"]:
+        assert all({"value", "interval", "unit"} <= set(parameter) for parameter in effect["parameters"].values())
+    assert late.is_error
+    assert late.structured_content["faults"][0]["place"] == "time_limit_s"
+    assert "within 1 s" in late.structured_content["faults"][0]["message"]
+
+
+def test_faults_do_not_say_where_the_directory_is(tmp_path: Path) -> None:
+    (tmp_path / "own.toml").write_text(start('"missing.csv"'))
+    (tmp_path / "bad.toml").write_text("problem = ")
+    wanted = [
+        ("check", {"file": "own.toml"}),
+        ("check", {"file": "bad.toml"}),
+        ("check", {"file": "none.toml"}),
+        ("run", {"configuration": STACK, "out": "own.toml"}),
+        ("gap", {"configuration": 'model = "rv_lost_motion"', "data": "none.csv"}),
+    ]
+    for answer in calls(tmp_path, wanted)[1]:
+        assert answer.is_error
+        assert str(tmp_path) not in str(answer.structured_content)

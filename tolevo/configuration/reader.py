@@ -14,6 +14,7 @@ from ..algorithms.settings import AlgorithmSettings
 from ..commands.run.choice import ALL, RULES, ChoiceSettings, Step
 from ..commands.run.tolerances import coarse_steps, rounding_faults
 from ..errors import Fault, InputError, raise_all, refuse
+from ..problems.cost_columns import column_faults, factor_faults, read_cost_columns, read_robust, with_columns
 from ..problems.declaration import Declaration
 from ..problems.settings import METHODS, Bound, PropagationSetting, Settings, VariableSetting, unit_slips
 from ..problems.tolerance_problem import ToleranceProblem
@@ -200,6 +201,8 @@ PROBLEM_ONLY = (
     "choice",
     "rounding",
     "currency",
+    "cost",
+    "robust",
     START,
 )
 
@@ -297,6 +300,9 @@ def _read_problem(
         top.finish()
         raise InputError(faults)
     columns = read_design_columns(top, declared.variables)
+    cost_columns = read_cost_columns(top, declared)
+    robust = read_robust(top, declared)
+    declared = with_columns(declared, cost_columns)
     settings = replace(
         _settings(top, declared, model, notes),
         seed=seed,
@@ -307,6 +313,8 @@ def _read_problem(
         columns=columns,
         record=record,
         terms=terms,
+        cost_columns=cost_columns,
+        robust=robust,
     )
     objectives = settings.objectives or declared.objectives
     search = read_search(top.section("algorithm"), len(objectives), declared.algorithm)
@@ -353,6 +361,7 @@ def _check_as_a_whole(problem: ToleranceProblem, choice: ChoiceSettings, algorit
     """Raise InputError with every fault of a problem whose sections are valid."""
     beyond = [] if reachable else problem.out_of_reach()
     wrong = [fault for fault in problem.faults() if fault not in beyond]
+    wrong += [*column_faults(problem), *factor_faults(problem)]
     raise_all([*wrong, *(unit_slips(problem) if wrong else ()), *rounding_faults(problem, choice)])
     from ..commands.run.contradictions import contradictions  # imports the exact solver
 

@@ -10,6 +10,7 @@ from typing import Any
 from ..models.cost_reading import curve_table
 from ..models.input_reading import written as distribution_table
 from ..models.inputs import Uniform
+from ..problems.cost_columns import column_tables, robust_table
 from ..problems.promise import means_promise
 from ..problems.settings import Bound, Settings, VariableSetting
 from ..problems.tolerance_problem import ToleranceProblem
@@ -32,6 +33,8 @@ def complete_tables(problem: ToleranceProblem, name: str, model: str) -> dict[st
         **settings.labels.stated(),
         "seed": settings.seed,
         **resolved_money(settings.money, resolved_problem(problem)),
+        **column_tables(problem),
+        **robust_table(problem),
         **resolved_measurement(settings),
     }
 

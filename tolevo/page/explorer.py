@@ -266,6 +266,7 @@ def content_of(result: RunResult, most: int) -> dict[str, Any]:
     front = result.front.reset_index(drop=True)
     rows = thin_points(front, names, _chosen_rows(result), most)
     kept = front.iloc[rows]
+    of_cost = kept.drop(columns=["bound", "gap_percent"], errors="ignore") if "bound_of" in result.summary else kept
     variables = [axis for axis in result.variables if axis.name in front]
     relaxed = {} if result.relaxed is None else dict(iter(result.relaxed.groupby("label", sort=False)))
     return {
@@ -274,8 +275,8 @@ def content_of(result: RunResult, most: int) -> dict[str, Any]:
         "rows": rows.tolist(),
         "aims": [kept[name].tolist() for name in names],
         "values": [kept[axis.name].tolist() for axis in variables],
-        "bound": _column(kept, "bound"),
-        "gap": _column(kept, "gap_percent"),
+        "bound": _column(of_cost, "bound"),
+        "gap": _column(of_cost, "gap_percent"),
         "references": _references(result, names, variables),
         "choices": _choices(result),
         "rounded": _rounded_values(result),
@@ -429,7 +430,7 @@ def _contributions(contributions: pd.DataFrame | None, result: RunResult) -> lis
 
 
 def _prices(prices: pd.DataFrame | None) -> list[dict[str, Any]]:
-    if prices is None or prices.empty:
+    if prices is None or prices.empty or "price_of" in prices:  # not of the cost that this page is about
         return []
     columns = {"rows": "point", "price": "price", "source": "source", "tighter": "tighter"}
     columns |= {"spread": "spread_percent"} if "spread_percent" in prices else {}

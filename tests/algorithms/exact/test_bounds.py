@@ -53,9 +53,14 @@ class Plain:
     objectives: tuple[str, ...] = ("cost", "v")
     limits: tuple[Limit, ...] = ()
     why: str = ""
+    priced: str = "cost"
+    held_costs: tuple[str, ...] = ()
+    cost_names: tuple[str, ...] = ("cost",)
 
     def form(self) -> Form | None:
         return self.own
+
+    priced_form = form
 
     def unproven(self) -> str:
         return self.why

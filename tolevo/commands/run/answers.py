@@ -33,7 +33,7 @@ from .promise import (
     promised_limits,
     worth_of_corrections,
 )
-from .proofs import EXACT, ProvenFront, are_informative_bounds, distance_words, exact_table, percent
+from .proofs import EXACT, ProvenFront, are_informative_bounds, costs_less, distance_words, exact_table, percent
 from .references import gain_column
 
 # The choices of a front, as parts of the result of a run.
@@ -164,6 +164,7 @@ class Sentences:
         self.units = {o.name: o.unit for o in problem.outputs}
         self.units |= {v.name: v.unit for v in problem.variables}
         self.units[COST] = problem.settings.money.currency
+        self.priced = problem.priced
         self.names = list(problem.objectives)
         self.point = chosen_point(result)
 
@@ -259,10 +260,10 @@ class Sentences:
         return "; ".join([*(["there is " + ", or ".join(better)] if better else []), *worse])
 
     def of_limits(self) -> str:
-        limits = [o for o in self.problem.limits if o.count and o.name != COST]
+        limits = [o for o in self.problem.limits if o.count and o.name != self.priced]
         row = self.result.front.iloc[[self.point]]
         if not limits:
-            for cost in (o for o in self.problem.limits if o.name == COST):
+            for cost in (o for o in self.problem.limits if o.name == self.priced):
                 how = "binds" if points_at_limit(cost, row)[0] else "is kept with a margin"
                 return f"{self._here} the limit of {self.limit(cost)} {how}."
             return "No limits are set in addition to the objectives."
@@ -283,22 +284,23 @@ class Sentences:
 
     @property
     def _cost(self) -> float:
-        return float(self.result.front.iloc[self.point].get(COST, np.nan))
+        return float(self.result.front.iloc[self.point].get(self.priced, np.nan))
 
     def money(self, amount: float) -> str:
-        return f"{plain_number(amount, 3)} {self.units[COST]}".rstrip()
+        return f"{plain_number(amount, 3)} {self.units[self.priced]}".rstrip()
 
     def _held_back(self, limits: list[str]) -> str:
         """What is known of limits that a point keeps with a margin: what the cost is without them,
         which single steps they forbid, or that it is not known.
         """
-        none = ", and none adds to the cost"
+        none = f", and none adds to the {words(self.priced)}"
         if self._cost <= self.floor + COST_TOLERANCE * abs(self._cost):
-            return f"{none}: nothing in the ranges is cheaper"
+            cheaper = "is cheaper" if self.priced == COST else costs_less(self.problem)
+            return f"{none}: nothing in the ranges {cheaper}"
         within, without = self._solved({}), self._solved(dict.fromkeys(limits, Bound()))
         if within is not None and without is not None and within - without <= EXACT / 100.0 * abs(within):
             return f"{none} (solved without them)"
-        tried = self._tried()
+        tried = self._tried() if self.priced == COST else pd.DataFrame()
         blocked = tried[(tried["breaks"] != "") & (tried["cost_change"] < 0.0)] if len(tried) else tried
         if within is not None and without is not None:
             return f", but without them the least cost would be {self.money(within - without)} lower"
@@ -306,12 +308,12 @@ class Sentences:
             step = blocked.sort_values("cost_change", kind="stable").iloc[0].to_dict()
             saved = self.money(-float(step["cost_change"]))
             return f", but they hold steps back: {step_words(step)}, would save {saved}, and breaks {step['broken']}"
-        return "; whether one of them adds to the cost is not known"
+        return f"; whether one of them adds to the {words(self.priced)} is not known"
 
     @property
     def floor(self) -> float:
         """The least cost of the ranges, whatever the limits; -inf where it is not known."""
-        return float(self.problem.interval(COST)[0])
+        return float(self.problem.interval(self.priced)[0])
 
     def _tried(self) -> pd.DataFrame:
         """The single steps that were tried at the point."""
@@ -407,7 +409,7 @@ class Sentences:
         proven = self.proven
         gap = self.result.front["gap_percent"].to_numpy(dtype=float)
         if np.all(np.isnan(gap)):
-            why = proven.missing or proven.statement or "there is no bound of the cost"
+            why = proven.missing or proven.statement or f"there is no bound of the {words(self.priced)}"
             return f"How far the points are from the optimum is not proven ({why})."
         if not are_informative_bounds(self.problem, proven, gap):
             return (
@@ -416,24 +418,24 @@ class Sentences:
             )
         below = 100.0 * gap / (100.0 + gap)  # a gap is in percent of the bound
         middle, most = float(np.nanmedian(below)), float(np.nanmax(below))
-        at = self._at_equal_requirements()
+        at, less = self._at_equal_requirements(), costs_less(self.problem)
         if len(gap) == 1 and most < EXACT:
-            return f"Proven: this is the least cost within the limits{at} ({proven.statement})."
+            return f"Proven: this is the least {words(self.problem.priced)} within the limits{at} ({proven.statement})."
         if len(gap) == 1:
             return (
-                f"Proven: no allocation within the limits{at} costs less than {percent(most)} "
+                f"Proven: no allocation within the limits{at} {less} than {percent(most)} "
                 f"below this one ({proven.statement})."
             )
         if most < EXACT:
             return f"Proven: every point of the front is optimal{at} ({proven.statement})."
         return (
-            f"Proven: no allocation of equal other objectives{at} costs less than {percent(middle)} below a point of "
+            f"Proven: no allocation of equal other objectives{at} {less} than {percent(middle)} below a point of "
             f"the front in the median, {percent(most)} at most ({proven.statement})."
         )
 
     def _at_equal_requirements(self) -> str:
         """What a bound holds at, beside the limits: the requirements that stand for an output of the run."""
-        form = self.problem.form()
+        form = self.problem.priced_form()
         asked = {*self.names, *(limit.name for limit in self.problem.limits if limit.count)}
         standing = [words(row) for row, name in form.stands.items() if name in asked] if form is not None else []
         return f" at equal {join_with_and(standing)}" if standing else ""

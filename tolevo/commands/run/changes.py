@@ -332,6 +332,8 @@ def advice(problem: ToleranceProblem, tried: pd.DataFrame, design_values: Mappin
 
     `design_values` are the objectives of the point, as far as it has them.
     """
+    if problem.priced != COST:
+        return ""  # what a step saves of the cost is no reason where another column is minimised
     currency = problem.settings.money.currency
     others = [name for name in problem.objectives if name != COST]
     size = max(abs(float(design_values.get(COST, 0.0))), 1e-300)

@@ -33,6 +33,7 @@ def contradictions(problem: ToleranceProblem, algorithm: str) -> list[Fault]:
     if form.also or len(problem.limits) < 2:
         return faults
     limits = row_limits(problem, form)
+    faults += _further_costs_beyond(problem, form, limits)
     used, most = np.isfinite(limits), upper_limit(problem, "cost")
     if not np.any(used) or (not np.isfinite(most) and form.correlation is None):
         return faults
@@ -42,6 +43,23 @@ def contradictions(problem: ToleranceProblem, algorithm: str) -> list[Fault]:
         return faults + _impossible(form, limits)
     if not keeps(bound, most):
         return faults + _too_expensive(form, limits, most, bound)
+    return faults
+
+
+def _further_costs_beyond(problem: ToleranceProblem, form: Form, limits: Array) -> list[Fault]:
+    """Limits on further costs that the other limits forbid."""
+    faults, used = [], np.isfinite(limits)
+    for name in problem.cost_names[1:] if np.any(used) else ():
+        most, alone = upper_limit(problem, name), problem.weighted_form(form, {name: 1.0})
+        if not np.isfinite(most) or alone is None:
+            continue
+        pieces = convex_pieces(restrict_form(alone, used))
+        least = float(least_cost(pieces, loosened(limits[used])[None, :]).bound[0])
+        if np.isfinite(least) and not keeps(least, most):
+            text = (
+                f"at most {most:g} cannot be kept with the other limits, within which the least {name} is {least:.6g}"
+            )
+            faults.append(Fault(f"limits.{name}", f"{text}; raise one of them"))
     return faults
 
 

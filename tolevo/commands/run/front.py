@@ -44,6 +44,8 @@ from ...section import Array, differences, flat
 from .plan import RunPlan
 
 EXACT = "exact, least cost within the limits"
+ROBUST = "least worst regret"
+"""Labels of references."""
 """Label of the exact optimum among the references."""
 MAX_SAMPLED_CANDIDATES = 100
 """Designs recomputed at most where every design is tested on a sample of fresh units."""
@@ -135,11 +137,12 @@ def join_references(
     """The front joined with the references within reach, without the points that they dominate.
 
     A reference can join where it meets all limits and lies in the search space; the exact optimum
-    does not take the place of the one point of a single-objective run. Returns the front, the
-    number of points removed and the number of references joined.
+    and the allocation of least worst regret do not take the place of the one point of a single-objective
+    run. Returns the front, the number of points removed and the number of references joined.
     """
     if problem.n_obj == 1 and len(references):
-        references = references[references["label"] != EXACT]
+        chosen = references["label"].str.startswith("exact, least ") | (references["label"] == ROBUST)
+        references = references[~chosen]
     if not len(references):
         return front, 0, 0
     names = list(problem.objectives)

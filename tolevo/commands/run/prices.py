@@ -55,16 +55,16 @@ class Slopes:
 
 
 def slopes_of(problem: ToleranceProblem, designs: Array) -> Slopes:
-    """The derivatives of the objectives but the cost, and of the limited outputs, by tolerance.
+    """The derivatives of the objectives but the one that is priced, and of the limited outputs, by tolerance.
 
     At most `MAX_PRICED_DESIGNS` designs, evenly spaced. Where an objective has no derivative, that of the output
     that explains it is taken; what has none is differenced, but no limited output of a sample.
     """
     rows = np.unique(np.linspace(0, len(designs) - 1, MAX_PRICED_DESIGNS).astype(np.int64))
     selected, moved = designs[rows], [*tolerances_of(problem), *settings_of(problem)]
-    known = problem.gradient(selected)
-    names = [name for name in problem.objectives if name != COST]
-    limited = [limit.name for limit in problem.limits if limit.count and limit.name != COST]
+    known = problem.slopes(selected)
+    names = [name for name in problem.objectives if name != problem.priced]
+    limited = [limit.name for limit in problem.limits if limit.count and limit.name != problem.priced]
     differenced = set() if problem.declaration.sampled else {output.name for output in problem.outputs}
     names += [name for name in limited if name in differenced.union(known) and name not in names]
     at = [problem.names.index(v.name) for v in moved]
@@ -74,7 +74,7 @@ def slopes_of(problem: ToleranceProblem, designs: Array) -> Slopes:
     if unknown := [name for name in source.values() if name not in known]:
         known = known | _differences(problem, selected, unknown, moved)
     along = {name: wide * known[source[name]][:, at] for name in names}
-    cost = known[COST] if COST in known else problem.cost_slopes(selected)
+    cost = known[problem.priced] if problem.priced in known else problem.cost_slopes(selected)
     with np.errstate(invalid="ignore"):
         saved = -wide * cost[:, at]
     return Slopes(rows, selected, along, source, saved)
@@ -186,10 +186,11 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
     a lower limit), `price` (cost per unit of the output), `source`: `multiplier` where the point is
     proven optimal (gap at most `PROVEN` %) and the conditions hold, `front` where there are none
     and it is the slope of the front of two objectives, else `estimate`, with `spread_percent`, the
-    residual of the conditions.
+    residual of the conditions. Where another column of costs is minimised, prices are in its unit and `price_of`
+    names it.
     """
     names, rows = list(slopes.along), slopes.rows
-    if front.empty or not names or not slopes.saved.size or COST not in front:
+    if front.empty or not names or not slopes.saved.size or problem.priced not in front:
         return pd.DataFrame()
     binding, sides, sizes = _limits_at(problem, front.iloc[rows], names)
     fitted, residual = _fit_prices(problem, slopes, binding, sides, sizes)
@@ -201,14 +202,15 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
     frames = []
     for at, name in enumerate(names):
         price, source = fitted[:, at], sources.copy()
-        slope = front_slopes(front, name) if name in problem.objectives else None
+        slope = front_slopes(front, name, problem.priced) if name in problem.objectives else None
         if slope is not None:
             known = np.isfinite(slope[rows]) & (source == "estimate") & np.isnan(residual)
             price, source = np.where(known, slope[rows], price), np.where(known, "front", source)
         price = np.where(rough[:, at], np.nan, price)
         columns = {"point": rows, "output": name, "unit": units.get(name, "")}
         columns |= {"tighter": np.where(sides[:, at] < 0.0, "more", "less"), "price": price, "source": source}
-        frames.append(pd.DataFrame(columns | {"spread_percent": residual}))
+        columns |= {"spread_percent": residual}
+        frames.append(pd.DataFrame(columns | ({"price_of": problem.priced} if problem.priced != COST else {})))
     return pd.concat(frames, ignore_index=True)
 
 
@@ -297,12 +299,12 @@ def _is_proven(front: pd.DataFrame) -> NDArray[np.bool_]:
     return np.asarray(front["gap_percent"].to_numpy(dtype=float) <= PROVEN)
 
 
-def front_slopes(front: pd.DataFrame, name: str) -> Array | None:
+def front_slopes(front: pd.DataFrame, name: str, priced: str = COST) -> Array | None:
     """-d cost/d`name` (n,) of a front of two objectives by its points on either side; else None.
 
     NaN where the points are too few.
     """
-    values, cost = front[name].to_numpy(dtype=float), front[COST].to_numpy(dtype=float)
+    values, cost = front[name].to_numpy(dtype=float), front[priced].to_numpy(dtype=float)
     order = np.argsort(values, kind="stable")
     if len(order) < 3 or np.any(np.diff(cost[order]) > 0.0):
         return None

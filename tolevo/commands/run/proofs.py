@@ -81,7 +81,7 @@ def add_bounds(
     frame = frame[[name for name in frame if name != "knee"] + ["knee"] * ("knee" in frame)]
     eligible = frame[frame["feasible"].astype(bool)] if "feasible" in frame else frame
     eligible = eligible if within is None else eligible[within[frame.index.isin(eligible.index)]]
-    form = problem.form()
+    form = problem.priced_form()
     rows = () if form is None else tuple(name for name in form.stands if name in eligible)
     names = dict.fromkeys((*problem.objectives, *rows))
     values = {name: eligible[name].to_numpy(dtype=float) for name in names}
@@ -89,9 +89,9 @@ def add_bounds(
         bounds = proof(problem, values, len(eligible))
     except ModelError as error:
         return frame, Proof.without(len(frame), f"{error}; please report it")
-    if len(eligible) and "cost" in values:
+    if len(eligible) and problem.priced in values:
         frame.loc[eligible.index, "bound"] = bounds.bound
-        frame.loc[eligible.index, "gap_percent"] = bounds.gap_percent(values["cost"])
+        frame.loc[eligible.index, "gap_percent"] = bounds.gap_percent(values[problem.priced])
     return frame, bounds
 
 
@@ -124,7 +124,7 @@ def exact_front(problem: ToleranceProblem, known: np.ndarray | None = None) -> P
     values = _objectives(problem, x[selected])
     columns = dict(zip(problem.objectives, values.T, strict=True))
     bounds = proof(problem, columns, len(selected))
-    if not np.all(columns["cost"] - bounds.bound <= CLOSED * np.abs(columns["cost"])):
+    if not np.all(columns[problem.priced] - bounds.bound <= CLOSED * np.abs(columns[problem.priced])):
         return None
     if not alone:
         x = _points_between(problem, x)
@@ -179,18 +179,18 @@ def measures(result: SearchResult, front: pd.DataFrame, proven: Proof, exact: Pr
 def end_notes(problem: ToleranceProblem, front: pd.DataFrame) -> list[str]:
     """How much of each end of a front of cost and one requirement is missing, if it is proven."""
     form = closed_form(problem)
-    names = [name for name in problem.objectives if name != "cost"]
+    names = [name for name in problem.objectives if name != problem.priced]
     if form is None or not len(front) or len(names) != 1 or problem.n_obj != 2:
         return []
     if names[0] not in form.outputs:  # a requirement stands for it, whose end says nothing of it
         return []
     row, limits = form.outputs.index(names[0]), row_limits(problem, form)
+    cheapest = float(least_bounds(form, limits[None, :])[0])
     limits[row] = np.inf
     least = least_value(form, row, limits)
-    cheapest = float(least_bounds(form, limits[None, :])[0])
     ends = [
         (names[0], float(front[names[0]].min()), None if least is None else least.value),
-        ("cost", float(front["cost"].min()), cheapest),
+        (problem.priced, float(front[problem.priced].min()), cheapest),
     ]
     units = {output.name: f" {output.unit}".rstrip() for output in problem.outputs}
     return [
@@ -199,6 +199,11 @@ def end_notes(problem: ToleranceProblem, front: pd.DataFrame) -> list[str]:
         for name, reached, proven in ends
         if proven is not None and np.isfinite(proven)
     ]
+
+
+def costs_less(problem: ToleranceProblem) -> str:
+    """The words for less of the column that bounds are proven of."""
+    return "costs less" if problem.priced == "cost" else f"has less {problem.priced}"
 
 
 def _relative_shortfall(reached: float, proven: float) -> str:
@@ -219,7 +224,7 @@ def proof_notes(problem: ToleranceProblem, front: pd.DataFrame, proven: Proof) -
             f"in the median, because it leaves out limits that hold them back ({proven.statement})"
         ]
     return [
-        f"proven: no allocation of equal or better other objectives costs less than the bound "
+        f"proven: no allocation of equal or better other objectives {costs_less(problem)} than the bound "
         f"({proven.statement}); the points lie {distance_words(np.nanmedian(gap))} above it in the "
         f"median, {distance_words(np.nanmax(gap))} at most"
     ]
@@ -380,6 +385,8 @@ def requirements_of(
     """
     form = problem.form()
     if front.empty or form is None or len(set(form.outputs)) < 2 or reason(problem, form):
+        return None
+    if problem.held_costs or problem.priced != "cost":
         return None
     if not form.exact and len(set(form.outputs)) < len(form.outputs):
         return None

@@ -21,7 +21,8 @@ from ...files import write_bytes
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem, designs_of
 from ...section import Array
-from .front import EXACT, reported_front
+from ...units import plain_number
+from .front import EXACT, ROBUST, reported_front
 from .plan import RunPlan
 from .proofs import ProvenFront, distance_words, exact_front
 
@@ -188,16 +189,77 @@ def exact_optimum(problem: ToleranceProblem, exact: ProvenFront | None) -> pd.Da
     if proven is None:
         return pd.DataFrame()
     frame = problem.reported().frame(proven.designs[:1])
-    frame.insert(0, "label", EXACT)
+    frame.insert(0, "label", EXACT if problem.priced == "cost" else EXACT.replace("cost", problem.priced))
     return frame
 
 
+REGRET = "worst_regret"
+"""Column of the most that an allocation may cost more than the best one, whatever the true curves."""
+
+
+@dataclass(frozen=True, slots=True)
+class Regrets:
+    """The allocation of least worst regret, one row with `label`; the summary, and all in sentences."""
+
+    row: pd.DataFrame
+    summary: Mapping[str, object]
+    notes: tuple[str, ...]
+
+    def added(self, references: pd.DataFrame) -> pd.DataFrame:
+        """The references with `worst_regret` of this allocation and of the least cost."""
+        known = {ROBUST: self.summary.get(REGRET), EXACT: self.summary.get("least_cost_worst_regret")}
+        if not self.summary or references.empty:
+            return references
+        return references.assign(**{REGRET: references["label"].map(known).astype(float)})
+
+
+def regrets(problem: ToleranceProblem) -> Regrets:
+    """What uncertain cost curves may cost; nothing where `[robust]` does not say how uncertain they are."""
+    from ...algorithms.exact.robust import robust_allocation
+
+    robust = problem.settings.robust
+    if robust is None:
+        return Regrets(pd.DataFrame(), {}, ())
+    found = robust_allocation(problem)
+    if isinstance(found, str):
+        return Regrets(pd.DataFrame(), {}, (f"no allocation is robust of the uncertain cost curves: {found}",))
+    row = problem.reported().frame(problem.complete(found.x))
+    row.insert(0, "label", ROBUST)
+    unit = problem.settings.money.currency
+    cost, least_cost = (float(problem.cost_of(problem.complete(x))[0]) for x in (found.x, found.nominal_x))
+    summary = {
+        REGRET: found.regret,
+        "worst_regret_bound": found.least,
+        "least_cost_worst_regret": found.nominal,
+        "cost": cost,
+        "least_cost": least_cost,
+        "unit": unit,
+        "design": dict(zip(problem.names, problem.complete(found.x)[0].tolist(), strict=True)),
+    }
+    most, nominal, least = (f"{plain_number(v)} {unit}".rstrip() for v in (found.regret, found.nominal, found.least))
+    notes = (
+        "if each cost curve is the stated one times a factor of its own, within what [robust] states, the least cost "
+        f"by the stated curves ({plain_number(least_cost)} {unit}".rstrip()
+        + f") costs at most {nominal} more than the best allocation for the true curves",
+        f"{ROBUST}: the allocation of that name in references.csv (cost {plain_number(cost)} {unit}".rstrip()
+        + f" by the stated curves) costs at most {most} more than the best one, whatever the true curves; proven: no "
+        f"allocation within the limits can promise less than {least}",
+    )
+    return Regrets(row, summary, notes)
+
+
 def table(
-    plan: RunPlan, printed: pd.DataFrame, fronts: Mapping[SideSearch, pd.DataFrame | None], exact: ProvenFront | None
+    plan: RunPlan,
+    printed: pd.DataFrame,
+    fronts: Mapping[SideSearch, pd.DataFrame | None],
+    exact: ProvenFront | None,
+    robust: pd.DataFrame | None = None,
 ) -> pd.DataFrame:
-    """All references, one row each, before comparison with the front; `exact` is its exact one."""
+    """All references, one row each, before comparison with the front; `exact` is its exact one, `robust` the
+    allocation of least worst regret.
+    """
     optimum = exact_optimum(plan.problem, exact) if plan.references else pd.DataFrame()
-    frames = [frame for frame in (printed, optimum) if len(frame)]
+    frames = [frame for frame in (printed, optimum, robust) if frame is not None and len(frame)]
     for side, front in fronts.items():
         if not (side.relaxed or side.apart or side.overlay) and front is not None and len(front):
             row = plan.problem.reported().frame(designs_of(plan.problem, front.iloc[:1]))

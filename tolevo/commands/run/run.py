@@ -79,6 +79,7 @@ from .references import (
     SideSearch,
     compare,
     documents,
+    regrets,
     searches_from_front,
     side_searches,
     store_reducer_fronts,
@@ -384,7 +385,8 @@ def _conclude_run(
     """Everything that follows from the searches, and what the terminal says of the proof."""
     searched = reported_front(plan.problem, search_result)
     exact = exact_front(plan.problem, solved_front(plan, search_result))
-    references = table(plan, printed, fronts, exact)
+    robust = regrets(plan.problem)
+    references = table(plan, printed, fronts, exact, robust.row)
     front, dropped, joined = join_references(searched, references, plan.problem)
     front, front_proof = add_bounds(front, plan.problem)
     before = next((side_front for side, side_front in fronts.items() if side.apart), None)
@@ -392,7 +394,7 @@ def _conclude_run(
     relaxed = {side.label: side_front for side, side_front in fronts.items() if side.relaxed}
     if len(references):
         references, _ = add_bounds(references, plan.problem, rows_in_range(references, plan.problem))
-        references = compare(references, searched, relaxed, plan.problem)
+        references = robust.added(compare(references, searched, relaxed, plan.problem))
     status = "done" if len(front) else "no_feasible_point"
     names = list(plan.problem.objectives)
     for other_front in overlays.values():
@@ -404,11 +406,14 @@ def _conclude_run(
     alternative_costs = alternatives(plan.problem, front)
     remarks = (*plan.problem.remarks(front), *sentences(alternative_costs))
     failures = _failure_notes(search_result)
-    notes = (*failures, *_start_notes(plan), *warned, *remarks, *resume_notes, *_notes(references, dropped, joined))
+    first = (*failures, *robust.notes, *_start_notes(plan))
+    notes = (*first, *warned, *remarks, *resume_notes, *_notes(references, dropped, joined))
     decisions = decide(plan.problem, front, plan.choice)
     proven = (*proof_notes(plan.problem, front, front_proof), *end_notes(plan.problem, front), *notes, *decisions.notes)
     summary = _summary(plan, search_result, front, status, proven, time.monotonic() - start)
     summary |= measures(search_result, front, front_proof, exact)
+    summary |= {"robust": robust.summary} if robust.summary else {}
+    summary |= {"bound_of": plan.problem.priced} if plan.problem.priced != "cost" else {}
     summary |= drawn(plan.problem, front) | ({"alternatives": alternative_costs} if alternative_costs else {})
     result = _result(plan, search_result, front, references, summary, proven, exact)
     looser = label_fronts(relaxed)

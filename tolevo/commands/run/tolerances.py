@@ -12,6 +12,7 @@ from ...errors import Fault
 from ...models.cost_reading import curve_table
 from ...models.costs import CostCurve, Table
 from ...models.iso286 import GRADES, MAX_SIZE_MM, grade_um
+from ...problems.cost_columns import COST, costs_by_variable
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Assumption, Kind, Variable
 from ...units import converted, drawing_number, fits, split_unit, to_unit
@@ -420,10 +421,12 @@ def allocation(
     `symbol` that of a geometrical characteristic. `notation` is what to write on the drawing,
     `process` how the part is made where that is chosen, `roughness_Ra_um` what that implies for the
     surface (at most a `roughness_share` of its zone), `cpk_wanted` the capability that the model
-    counts on, and `inspection` what an inspector needs to know of it. Where a problem is one of
+    counts on, and `inspection` what an inspector needs to know of it. Where there are further costs, a column
+    of each, the first one included, has what the variable costs as rounded. Where a problem is one of
     several models, the last column says which.
     """
     rows = []
+    costs = {point: _costs(problem, both[1]) for point, both in designs.items()}
     models = _models(problem, {point: both[1] for point, both in designs.items()})
     for point, label in choices.items():
         for at, variable in enumerate(problem.variables):
@@ -434,11 +437,20 @@ def allocation(
                 | _row(problem, variable, old, new, name)
                 | {"rounding": rules.get(variable.name, "fixed")}
                 | _drawing_notes(problem, variable, designs[point][1], new, name, roughness_share)
+                | {column: each.get(variable.name, np.nan) for column, each in costs[point].items()}
                 | models[point]
             )
     table = pd.DataFrame(rows)
     numbers = ("nominal", "mid", "lower_limit", "upper_limit", "lower_deviation", "upper_deviation", "roughness_Ra_um")
     return table.astype(dict.fromkeys(numbers, float))
+
+
+def _costs(problem: ToleranceProblem, rounded: Array) -> dict[str, dict[str, float]]:
+    """By column of costs and variable: what it costs at a full design; empty where the cost is the only one."""
+    if not problem.settings.cost_columns:
+        return {}
+    by_column = {COST: problem.costs_of(rounded[None])} | costs_by_variable(problem, rounded[None])
+    return {name: {variable: float(cost[0]) for variable, cost in each.items()} for name, each in by_column.items()}
 
 
 def _models(problem: ToleranceProblem, rounded: Mapping[int, Array]) -> dict[int, dict[str, str]]:

@@ -327,7 +327,7 @@ def _gap_percent(run: Ended) -> float:
     if run.problem.n_obj == 1:
         return _gap(float(front.min()), run.measure.bound)
     columns = dict(zip(run.problem.objectives, front.T, strict=True))
-    gap = proof(run.problem, columns, len(front)).gap_percent(columns["cost"])
+    gap = proof(run.problem, columns, len(front)).gap_percent(columns[run.problem.priced])
     return float(np.nanmedian(gap)) if not np.isnan(gap).all() else nan
 
 
@@ -365,7 +365,7 @@ def unsuitable_response(name: str, problem: ToleranceProblem) -> str:
     if name == "hypervolume_ratio" and problem.n_obj == 1:
         return "has no meaning for one objective: use gap_percent"
     if name == "gap_percent":
-        text = reason(problem, problem.form())
+        text = reason(problem, problem.priced_form())
         return f"cannot be computed ({text}): use hypervolume" if text else ""
     if name in ("hypervolume_ratio", "evaluations_to_99", "cpu_s_to_99"):
         text = _no_exact_front(problem)
