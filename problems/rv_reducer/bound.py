@@ -375,7 +375,7 @@ class CommonErrorBound:
         designs[:, problem.names.index("involute_grade")] = grades
         costs = [cost for name, cost in problem.costs_of(designs).items() if name not in counted]
         rest = np.sum(costs, axis=0) + np.zeros(len(grades))
-        return [Grade(problem.model.involute(grade), float(cost)) for grade, cost in zip(grades, rest, strict=True)]
+        return [Grade(stage, float(cost)) for stage, cost in zip(problem.tightest_gears(grades), rest, strict=True)]
 
     def least_costs(self, values: Mapping[str, Array], points: int) -> Array:
         """Least costs (points,) at limits and at values (points,) of the objectives: inf where no design keeps them,

@@ -8,15 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from ...errors import Fault
+from ...models.costs import Reciprocal
 from ...models.rv_reducer import declared
 from ...models.rv_reducer.contact import declared as contact
 from ...models.rv_reducer.contact.contact import interference, shape_faults
 from ...models.rv_reducer.contact.geometry import ContactGeometry
 from ...models.rv_reducer.population.errors import nearest_prime, shares_a_factor, spreads_evenly
 from ...models.rv_reducer.population.measures import INTERFERENCE
+from ...models.rv_reducer.population.units import GEARS
 from ...section import Kind, Need, Output, Parameter, Value, Variable, number, too_many
 from ...units import MM
-from ..declaration import Interval
+from ..declaration import Declaration, Interval
 from ..rv_backlash.problem import DEFAULT_COSTS
 from ..settings import Bound, Settings
 
@@ -187,6 +189,61 @@ VARIABLES: tuple[Variable, ...] = (
     _disc_variable("bore_um", "um", 0.5, 10.0, "position of the crank bores in a disc, either direction"),
     _disc_variable("crank_phase_mrad", "mrad", 0.3, 10.0, "phase of each journal of a crankshaft"),
 )
+
+
+# Tooth thickness of sun and planets apart from their grade: declared where a configuration states it.
+
+
+THICKNESS = tuple(
+    Variable(
+        f"thickness_{gear}_um",
+        "um",
+        Kind.HALF_WIDTH,
+        1.0,
+        15.0,
+        f"base tangent length of the {gear}, by Es_s, its allowance, to Es_s + 2 t below nominal",
+        valid_low=0.0,
+        valid_high=1000.0,
+    )
+    for gear in GEARS
+)
+"""The search ranges are assumptions."""
+ALLOWANCES = {
+    variable.name: Parameter(
+        f"thickness_allowance_{gear}_um",
+        20.0,
+        "um",
+        f"allowance |Es_s| of the base tangent length of the {gear}",
+        "",
+        assumed=True,
+        low=0.0,
+        high=1000.0,
+    )
+    for gear, variable in zip(GEARS, THICKNESS, strict=True)
+}
+"""Assumed: at 20 um each, gears of grade 6 do not jam and gears of grade 7 do."""
+FLANK_CLEARANCE = Output(
+    "flank_clearance_min_um", "um", "least flank clearance j_nmin of the involute stage", larger_is_better=True
+)
+"""Below 0, a sun and a planet within their limits may jam."""
+COSTS_OF_THICKNESS = {"thickness_sun_um": Reciprocal(a=0.05, b=1.0), "thickness_planet_um": Reciprocal(a=0.1, b=2.0)}
+"""Assumed: +-5 um cost 0.2 a gear, of which one is a sun and two are planets."""
+
+
+def with_thickness(plain: Declaration, stated: Collection[str]) -> Declaration:
+    """The declaration with tolerances of the thickness of teeth, where some are `stated`."""
+    more = tuple(variable for variable in THICKNESS if variable.name in stated)
+    if not more:
+        return plain
+    return replace(
+        plain,
+        variables=(*plain.variables, *more),
+        outputs=(*plain.outputs, FLANK_CLEARANCE),
+        parameters=(*plain.parameters, *(ALLOWANCES[variable.name] for variable in more)),
+        costs={**plain.costs, **{variable.name: COSTS_OF_THICKNESS[variable.name] for variable in more}},
+        limits={**plain.limits, FLANK_CLEARANCE.name: Bound(low=0.0)},
+        unconditional=plain.unconditional | {FLANK_CLEARANCE.name},
+    )
 
 
 # Outputs of `rv_reducer`, its default limits and objectives.
@@ -360,7 +417,7 @@ GEOMETRY = (
     "cranks",
     "involute_stage",
 )
-GEARS = (
+GEAR_DEVIATIONS = (
     "gear_runout_um",
     "base_pitch_deviation_um",
     "helix_deviation_um",
@@ -372,7 +429,7 @@ GEARS = (
 )
 STIFFNESS = ("normal_stiffness_N_per_mm", "series_stiffness_Nm_per_arcmin")
 TORQUES = ("rated_torque_Nm", "momentary_torque_Nm")
-OF_THE_STAGE = ("reduction_ratio", "sun_pitch_radius_mm", "pressure_angle_deg", *GEARS, "involute_grade")
+OF_THE_STAGE = ("reduction_ratio", "sun_pitch_radius_mm", "pressure_angle_deg", *GEAR_DEVIATIONS, "involute_grade")
 """What means nothing without an involute stage."""
 DEFAULTS = {p.name: p.default for p in PARAMETERS}
 
@@ -398,7 +455,7 @@ def _groups(given: Settings, stage: bool) -> Iterator[str]:
     values = given.parameters
     mids = [name for name in DEFAULTS if name.endswith("_mid_um")]
     yield from _inherited_names("", (n for n in (*GEOMETRY[:-1], "pressure_angle_deg")), values, stage)
-    yield from _inherited_names("gear deviations", GEARS, values, stage)
+    yield from _inherited_names("gear deviations", GEAR_DEVIATIONS, values, stage)
     yield from _inherited_names("mid-limits", mids, values, stage)
     yield from _inherited_names("", (*STIFFNESS, *TORQUES), values, stage)
     ranges = [v.name for v in VARIABLES if v.name not in DISC_TO_DISC]
@@ -520,6 +577,9 @@ def _unused_setting_faults(geometry: ContactGeometry, given: Settings) -> Iterat
     text = "there is no involute stage (parameters.involute_stage = false): leave it out"
     if not geometry.involute_stage and grade is not None and grade.value is None:
         yield Fault("variables.involute_grade", text)
+    for name in (variable.name for variable in THICKNESS if variable.name in given.variables):
+        if not geometry.involute_stage:
+            yield Fault(f"variables.{name}", text)
     if not geometry.involute_stage and "involute_grade" in given.costs:
         yield Fault("costs.involute_grade", text)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -18,6 +19,7 @@ from ...models.rv_reducer.population.errors import Lattice, Scaled, Table, turn_
 from ...models.rv_reducer.population.measures import Conditions, Measures
 from ...models.rv_reducer.population.units import (
     NO_STAGE,
+    Involute,
     Statistic,
     UnitBasis,
     deviation,
@@ -79,9 +81,9 @@ class UnitModel(UnitBasis):
             mid[error] = mid.get(error, 0.0) + more
         return replace(self, mid=mid, change=change)
 
-    def measures(self, turn: Turn) -> Measures:
+    def measures(self, turn: Turn, involute: Involute) -> Measures:
         """Statistics of the units of a turn, with what effects change outside their contact."""
-        statistics = Measures(turn, self.involute(turn.design.involute_grade), self.conditions)
+        statistics = Measures(turn, involute, self.conditions)
         return ChangedMeasures(statistics, self.change) if self.change.outside else statistics
 
     def population(self, positions: int, units: int, seed: int, stream: int) -> Population:
@@ -110,6 +112,8 @@ VARIABLE = {"stagger": "stagger_arcmin", "dr_rp": "dr_rp_mm", "dr_p": "dr_p_mm",
 """Variables of derivatives whose names do not end in `_um`."""
 BY_GRADE = 0.5 * log(2.0)
 """Derivative of ln(phi_1) by the ISO grade."""
+STEP_OF_GRADE, STEP_OF_THICKNESS = 1e-3, 1e-2
+"""Steps [grades], [um] of differences by the involute stage: some 1e-4 of phi_1, of which a statistic is smooth."""
 LOADED = {
     "lost_motion_arcmin": "lost_motion",
     "transmission_error_arcsec": "transmission_error",
@@ -174,9 +178,10 @@ class Evaluation:
     ) -> None:
         self.model, self.drawn, self.means = model, drawn, means
         self.design = model.design(row, means)
-        self.involute = model.involute(self.design.involute_grade)
+        self.involute = model.involute(self.design.involute_grade, self.design.thickness)
         self._elastic: dict[bool, Elastic] = {}
         self._statistics: dict[str, Statistic] = {}
+        self._others: dict[Involute, Evaluation] = {}
 
     @cached_property
     def turn(self) -> Turn:
@@ -186,7 +191,7 @@ class Evaluation:
     @cached_property
     def measures(self) -> Measures:
         """Statistics of rigid units."""
-        return self.model.measures(self.turn)
+        return self.model.measures(self.turn, self.involute)
 
     def value(self, name: str) -> float:
         """A sampled output."""
@@ -201,10 +206,41 @@ class Evaluation:
         statistic, scale = self._statistic(name), SCALE.get(name, 1.0)
         slopes = self._slopes(name)
         slopes["involute_grade"] = scale * BY_GRADE * statistic.by_involute
+        if self.design.thickness:
+            slopes |= self._by_involute(name)
         circle = self.design.width("pin_circle_radius")
         if circle > 0.0:
             slopes["pin_circle_radius_um"] += scale * statistic.by_zone / circle
         return slopes
+
+    def _by_involute(self, name: str) -> dict[str, float]:
+        """Derivatives by the grade and by the thickness of teeth, which change the ends of j_n apart.
+
+        By central differences of the statistic: it is smooth in phi_1, and the contact is not solved again.
+        """
+        grade, thickness = self.design.involute_grade, self.design.thickness
+        pairs = {
+            "involute_grade": [(grade + step * STEP_OF_GRADE, thickness) for step in (1.0, -1.0)],
+            **{
+                f"thickness_{gear}_um": [(grade, {**thickness, gear: t + s * STEP_OF_THICKNESS}) for s in (1.0, -1.0)]
+                for gear, t in thickness.items()
+            },
+        }
+        steps = dict.fromkeys(pairs, STEP_OF_THICKNESS) | {"involute_grade": STEP_OF_GRADE}
+        slopes = {}
+        for variable, ends in pairs.items():
+            high, low = (self._with_involute(self.model.involute(*end)).value(name) for end in ends)
+            slopes[variable] = 0.5 * (high - low) / steps[variable]
+        return slopes
+
+    def _with_involute(self, involute: Involute) -> Evaluation:
+        """The same units behind another involute stage; evaluated once."""
+        if involute not in self._others:
+            other = copy.copy(self)
+            other.__dict__.pop("measures", None)
+            other.involute, other._statistics, other._others = involute, {}, {}
+            self._others[involute] = other
+        return self._others[involute]
 
     def by_mean(self, name: str) -> dict[str, float]:
         """Derivatives of a sampled output by the means of errors, by variable.

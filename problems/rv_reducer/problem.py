@@ -18,11 +18,11 @@ from ...models.rv_reducer import geometry as modification
 from ...models.rv_reducer.cycloid import pin_circle_growth
 from ...models.rv_reducer.geometry import RvGeometry
 from ...models.rv_reducer.population.errors import nearest_prime
-from ...models.rv_reducer.population.units import stem
+from ...models.rv_reducer.population.units import GEARS, Involute, stem
 from ...records import UnitsShown
-from ...section import Array, Value, Variable, number
+from ...section import Array, Section, Value, Variable, number
 from ...units import ARCMIN, MM, UM
-from ..declaration import Declaration, Interval
+from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..machined import Machined
 from ..rv_backlash.problem import DEFAULT_COSTS
 from ..rv_backlash.shift import TERMS
@@ -31,9 +31,11 @@ from ..tolerance_problem import Variant
 from . import declared
 from .counterparts import Change, changes_of, outputs_without_rule, sentence, worn
 from .declared import (
+    ALLOWANCES,
     DEFAULT_LIMITS,
     DEFAULT_OBJECTIVES,
     DISC_TO_DISC,
+    FLANK_CLEARANCE,
     HOLD_INTERFERENCE,
     OUTPUTS,
     PARAMETERS,
@@ -46,8 +48,9 @@ from .declared import (
     size_faults,
     unlimited_interference_faults,
     unpriced_error_faults,
+    with_thickness,
 )
-from .evaluation import MEASURES, Evaluation, Populations, UnitModel, is_unit_statistic, unit_tables
+from .evaluation import MEASURES, STEP_OF_GRADE, Evaluation, Populations, UnitModel, is_unit_statistic, unit_tables
 from .promising import PromisingUnits
 
 if TYPE_CHECKING:
@@ -286,6 +289,7 @@ class RvReducer(PromisingUnits, Machined):
     _drawn_again = frozenset(("_searched", "_reported", "_recent", "_verdicts", "_mixed", "_promised_units", "_finer"))
 
     def __init__(self, settings: Settings | None = None) -> None:
+        self.declaration = with_thickness(type(self).declaration, settings.variables if settings else ())
         super().__init__(settings)
         given = self.settings
         units = UnitModel.of(given.parameters, given.variables, given.propagation.coverage)
@@ -295,6 +299,24 @@ class RvReducer(PromisingUnits, Machined):
         if lacking:
             raise ModelError(f"{', '.join(lacking)}: no rule says what effects do; add its kind to RULES")
         self.model = units.changed(change)
+
+    @classmethod
+    def configured(cls, top: Section) -> ConfiguredProblem | None:
+        """Thickness of teeth is declared where it is stated; without it, an allowance changes nothing."""
+        configured, parameters = super().configured(top), top.section("parameters")
+        stated = [name for name in ALLOWANCES if name in top.section("variables")]
+        for name in stated:
+            table = top.section("variables").section(name)
+            if not any(key in table for key in ("value", "low", "high", "limits")):
+                table.fault("", "states nothing: give its value, or low and high")
+        for name, parameter in ALLOWANCES.items():
+            if name not in stated and parameters.take(parameter.name) is not None:
+                parameters.fault(
+                    parameter.name,
+                    f"changes nothing: state variables.{name} (value, or low and high), or leave it out; the thickness "
+                    "of the teeth follows their grade",
+                )
+        return configured and replace(configured, declaration=with_thickness(configured.declaration, stated))
 
     def _completed(self, given: Settings) -> Settings:
         settings = super()._completed(given)
@@ -365,7 +387,7 @@ class RvReducer(PromisingUnits, Machined):
     def as_built(self, design: Array) -> tuple[dict[str, float], dict[str, float]]:
         """Variables by name with the scatter of good parts, and the offsets of their means [um]."""
         effective = self.effective(design[None, :])[0]
-        row = {v.name: float(effective[at]) for at, v in enumerate(VARIABLES)}
+        row = {v.name: float(effective[at]) for at, v in enumerate(self.variables) if not v.labels}
         means = {stem(name): float(mean[0]) for name, (_, mean) in self.as_made(design[None, :]).items()}
         return row, means
 
@@ -405,13 +427,22 @@ class RvReducer(PromisingUnits, Machined):
         """Sampled outputs that a search needs."""
         return frozenset(filter(is_unit_statistic, self.required_outputs))
 
+    def _flank_clearance(self, designs: Array) -> dict[str, Array]:
+        """j_nmin [um] (n,) of the gears of full designs, where their thickness has a tolerance of its own."""
+        thickness = {gear: self.column(designs, n) for gear in GEARS if (n := f"thickness_{gear}_um") in self.names}
+        if not thickness:
+            return {}
+        least, _ = self.model.flank_clearances(self.column(designs, "involute_grade"), thickness)
+        return {FLANK_CLEARANCE.name: least / UM}
+
     def profile(self, designs: Array) -> dict[str, Array]:
-        """Outputs of the tooth modification (n,) of full designs."""
+        """Outputs of the tooth modification (n,) of full designs, and of the gears."""
         pair = (self.column(designs, "dr_rp_mm") * MM, self.column(designs, "dr_p_mm") * MM)
         nominal = self.model.geometry.nominal
         return {
             "radial_gap_mm": (pair[0] - pair[1]) / MM,
             "modification_backlash_arcmin": modification.modification_backlash(nominal, *pair) / ARCMIN,
+            **self._flank_clearance(designs),
         }
 
     def gradient(self, designs: Array) -> dict[str, Array]:
@@ -431,7 +462,7 @@ class RvReducer(PromisingUnits, Machined):
         return self.by_limits(designs, gradients, by_mean) | self._plain_slopes(designs)
 
     def _plain_slopes(self, designs: Array) -> dict[str, Array]:
-        """Derivatives of cost and profile."""
+        """Derivatives of cost, profile and flank clearance."""
         names = ("radial_gap_mm", "modification_backlash_arcmin")
         slopes = {name: np.zeros_like(designs) for name in names}
         nominal = self.model.geometry.nominal
@@ -441,6 +472,13 @@ class RvReducer(PromisingUnits, Machined):
             column = self.names.index(name)
             slopes["radial_gap_mm"][:, column] = gap
             slopes["modification_backlash_arcmin"][:, column] = backlash
+        if FLANK_CLEARANCE.name in {output.name for output in self.outputs}:
+            finer, coarser = designs.copy(), designs.copy()
+            at, slope = self.names.index("involute_grade"), np.zeros_like(designs)
+            finer[:, at], coarser[:, at] = finer[:, at] + STEP_OF_GRADE, coarser[:, at] - STEP_OF_GRADE
+            ends = [self._flank_clearance(moved)[FLANK_CLEARANCE.name] for moved in (finer, coarser)]
+            slope[:, at] = 0.5 * (ends[0] - ends[1]) / STEP_OF_GRADE
+            slopes[FLANK_CLEARANCE.name] = slope
         return slopes | {"cost": self.cost_slopes(designs)}
 
     def counterparts(self) -> tuple[str, ...]:
@@ -449,8 +487,11 @@ class RvReducer(PromisingUnits, Machined):
     # ---------------------------------------------------------------- what is known
 
     def references(self) -> dict[str, Array]:
-        """The documents' allocations, which are those of the RV-40E-121 alone, without machines."""
-        if self.machined_tolerances or changed_geometry_parameters(self.settings.parameters):
+        """The documents' allocations, which are those of the RV-40E-121 alone, without machines, and with a
+        thickness of teeth that follows their grade.
+        """
+        own = any(name in ALLOWANCES for name in self.names)
+        if own or self.machined_tolerances or changed_geometry_parameters(self.settings.parameters):
             return {}
         nominal = nominal_of(self)
         return {
@@ -507,6 +548,12 @@ class RvReducer(PromisingUnits, Machined):
             return self._cost_interval
         if output in ("backlash_max_arcmin", "backlash_mean_arcmin") and not self._stretched:
             return self._least_backlash + self.model.change.effective, np.inf
+        if output == FLANK_CLEARANCE.name:
+            grades = np.array(super().interval("involute_grade"))[::-1]
+            ends = np.repeat(self._corner(tight=True)[None, :], 2, axis=0)
+            ends[:, self.names.index("involute_grade")] = grades
+            least, most = self._flank_clearance(ends)[output]
+            return float(least), float(most)
         return super().interval(output)
 
     @property
@@ -516,10 +563,22 @@ class RvReducer(PromisingUnits, Machined):
 
     @cached_property
     def _least_backlash(self) -> float:
-        """Quantile of phi_1 alone at the finest grade [arcmin]."""
-        alone = self.model.involute(super().interval("involute_grade")[0])
-        at = self.model.planet.quantile(np.array([self.settings.propagation.coverage]))
-        return alone.middle + alone.half * float(at[0])
+        """Least quantile of phi_1 alone [arcmin]."""
+        at = float(self.model.planet.quantile(np.array([self.settings.propagation.coverage]))[0])
+        return min(alone.middle + alone.half * at for alone in self.tightest_gears())
+
+    def tightest_gears(self, grades: Array | None = None) -> list[Involute]:
+        """phi_1 at every grade of the range (or at `grades`), thickness of teeth at its tightest.
+
+        With a thickness of its own, a finer grade need not have less backlash.
+        """
+        low, high = super().interval("involute_grade")
+        thickness = {
+            gear: super(RvReducer, self).interval(n)[0] for gear in GEARS if (n := f"thickness_{gear}_um") in self.names
+        }
+        if grades is None:
+            grades = np.arange(np.rint(low), np.rint(high) + 1.0) if thickness and low < high else np.array([low])
+        return [self.model.involute(grade, thickness) for grade in grades]
 
     def faults(self) -> list[Fault]:
         ends = {name: super(RvReducer, self).interval(name) for name in ("dr_rp_mm", "dr_p_mm")}

@@ -245,8 +245,13 @@ def _notes(measured: Measured, kind: str, sample: Array) -> list[str]:
             f"ends are {how}"
         )
     if measured.rough:
+        why = (
+            f"has no slope at the mid-limits by {', '.join(mechanism.rough)}"
+            if mechanism.rough
+            else "has matched parts"
+        )
         notes.append(
-            f"{label} has no slope at the mid-limits by {', '.join(mechanism.rough)}: contributions to the "
+            f"{label} {why}: contributions to the "
             "variance are those in the growth of the standard deviation with each tolerance"
         )
     if lost := int(np.sum(~np.isfinite(sample))):
