@@ -22,7 +22,7 @@ from scipy.special import ndtr
 from ...section import Array
 from ..inputs import Distribution
 
-CELLS = 4096
+CELLS = 1024
 """Cells of z between whose edges a law counts as uniform."""
 TAIL = 1e-12
 """Probability beyond the outermost edges."""
@@ -36,7 +36,7 @@ class Sorted(NamedTuple):
     below: Array
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=256)
 def sort_parts(law: Distribution, classes: int, error: float) -> Sorted:
     """Parts of a law, measured with a standard deviation of `error`, in units of their half-width t."""
     inner = np.linspace(-1.0, 1.0, classes + 1)[1:-1]

@@ -158,9 +158,7 @@ class Mechanism:
         return any(bool(np.any(self.acting[list(pair.pieces)])) for pair in self.matched)
 
     def built(self, t: Tolerances, z: Array) -> Array:
-        """`values` of the units that are built of independent parts z (k, m), matched where they are."""
-        if not self.matches:
-            return self.values(t, z)
+        """`values` of the units that are built of independent parts z (k, m), sorted and matched."""
         rows = []
         for at, wide in enumerate(spread_of(t)):
             units = z.copy()
@@ -591,7 +589,11 @@ class Sample:
         wide = max(1, SAMPLING_MEMORY // (8 * max(self.size, (pieces + 6) * units)))
         for start in range(0, len(t), wide):
             chosen = slice(start, start + wide)
-            block = [mechanism.built(t[chosen], z) for z in self.deviations]
+            if mechanism.matches:  # parts are sorted once for all units of a design
+                z = np.moveaxis(self.deviations, 0, 1).reshape(pieces, -1)
+                yield chosen, mechanism.built(t[chosen], z).reshape(-1, len(self.deviations), units)
+                continue
+            block = [mechanism.values(t[chosen], z) for z in self.deviations]
             yield chosen, np.stack(block, axis=1)
 
 

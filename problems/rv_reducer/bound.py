@@ -289,6 +289,8 @@ class CommonErrorBound:
         """Why there is none, empty where there is one."""
         if made := ", ".join(self.problem.machined_tolerances):
             return f"no bound is known where machines make tolerances ({made})"
+        if self.problem.model.sorting is not None:
+            return "no bound is known where pins are fitted to units"
         if self.problem.model.change.outside:
             return "no bound is known where effects change the backlash outside of the contact"
         if not np.all(np.isfinite(self.problem.interval("cost"))):

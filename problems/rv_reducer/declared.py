@@ -9,6 +9,7 @@ import numpy as np
 
 from ...errors import Fault
 from ...models.costs import Reciprocal
+from ...models.inputs import Uniform
 from ...models.rv_reducer import declared
 from ...models.rv_reducer.contact import declared as contact
 from ...models.rv_reducer.contact.contact import interference, shape_faults
@@ -228,6 +229,90 @@ FLANK_CLEARANCE = Output(
 """Below 0, a sun and a planet within their limits may jam."""
 COSTS_OF_THICKNESS = {"thickness_sun_um": Reciprocal(a=0.05, b=1.0), "thickness_planet_um": Reciprocal(a=0.1, b=2.0)}
 """Assumed: +-5 um cost 0.2 a gear, of which one is a sun and two are planets."""
+
+
+# Pins that are sorted into classes and fitted to units: declared where a configuration states their number.
+
+
+SORTING = (
+    Parameter(
+        "pin_classes",
+        5,
+        "",
+        "classes that pins are sorted into by their diameter; a unit takes the class that its measured clearance needs",
+        "",
+        low=2,
+        high=50,
+    ),
+    Parameter(
+        "pin_class_um",
+        1.0,
+        "um",
+        "width of a class, of diameters",
+        "",
+        assumed=True,
+        low=0.0,
+        high=100.0,
+        open_low=True,
+    ),
+    Parameter(
+        "pin_match_um",
+        0.3,
+        "um",
+        "standard deviation with which the diameter that a unit needs is known",
+        "",
+        assumed=True,
+        low=0.0,
+        high=100.0,
+    ),
+    Parameter("pin_sorting_price", 0.0, "", "cost of sorting the pins of a unit", "", assumed=True, low=0.0, high=1e9),
+)
+OF_SORTING = (
+    Output(
+        "pins_left_over_percent", "percent", "pins of classes that fewer units need than are made", low=0.0, high=100.0
+    ),
+    Output(
+        "cost_per_good_unit", "", "cost with the pins left over, of each unit that keeps the yield's limit", low=0.0
+    ),
+)
+
+
+def with_sorting(plain: Declaration, stated: Collection[str]) -> Declaration:
+    """The declaration with classes of pins, where their number is `stated`."""
+    if SORTING[0].name not in stated:
+        return plain
+    return replace(plain, parameters=(*plain.parameters, *SORTING), outputs=(*plain.outputs, *OF_SORTING))
+
+
+def sorting_faults(given: Settings, asked: Iterable[str]) -> Iterator[Fault]:
+    """Faults of classes of pins, and of what is not known with them; `asked` are objectives and limits."""
+    p = {parameter.name: number(given.parameters.get(parameter.name, parameter.default)) for parameter in SORTING}
+    if p["pin_class_um"] < 2.0 * p["pin_match_um"]:
+        text = (
+            f"classes of {p['pin_class_um']:g} um are narrower than the measurement can tell: the diameter that a unit "
+            f"needs is known to {p['pin_match_um']:g} um, so that {2.0 * p['pin_match_um']:g} um is the least width"
+        )
+        yield Fault("parameters.pin_class_um", text)
+    pins = given.variables.get("pin_radius_um")
+    zone = 0.25 * p["pin_classes"] * p["pin_class_um"]
+    if pins is not None and ((pins.low, pins.high) != (None, None) or pins.value not in (None, zone)):
+        text = "follows from pin_classes times pin_class_um, the zone of the pins before they are sorted: leave it out"
+        yield Fault("variables.pin_radius_um", text)
+    if pins is not None and pins.distribution is not None and pins.distribution != Uniform():
+        yield Fault("variables.pin_radius_um.distribution", "must be uniform where pins are sorted into classes")
+    if number(given.parameters.get("share_pins", 0.0)) > 0.0:
+        yield Fault("parameters.share_pins", "must be 0 where the pins of a unit are of one class: it is their share")
+    if "pin_radius_um" in given.machines:
+        yield Fault(
+            "variables.pin_radius_um.machine", "pins that are sorted into classes have no machines: leave it out"
+        )
+    if given.effects or number(given.parameters.get("hours", 0.0)) > 0.0:
+        text = "pins are fitted to new units at 20 degC: what effects or wear do to such units is not known here"
+        yield Fault("parameters.pin_classes", text)
+    for name in asked:
+        if name in SAMPLED_UNDER_LOAD:
+            text = "is evaluated where pins are fitted to units, but its derivatives are not known: limit the backlash"
+            yield Fault(f"limits.{name}", text)
 
 
 def with_thickness(plain: Declaration, stated: Collection[str]) -> Declaration:

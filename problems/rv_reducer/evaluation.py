@@ -13,9 +13,9 @@ import numpy as np
 import pandas as pd
 
 from ...models.inputs import Distribution
-from ...models.rv_reducer.population.contact import NAMES, Population, Slopes, Turn
+from ...models.rv_reducer.population.contact import NAMES, Fitted, PinClasses, Population, Slopes, Turn, fit_pins
 from ...models.rv_reducer.population.elastic import Elastic, Loading, elastic
-from ...models.rv_reducer.population.errors import Lattice, Scaled, Table, turn_lattice
+from ...models.rv_reducer.population.errors import Lattice, Scaled, Table, change_units, turn_lattice
 from ...models.rv_reducer.population.measures import Conditions, Measures
 from ...models.rv_reducer.population.units import (
     NO_STAGE,
@@ -37,6 +37,14 @@ from .counterparts import Change, ChangedMeasures
 from .declared import MEASURED
 
 
+def classes_of(parameters: Mapping[str, Value]) -> PinClasses | None:
+    """The classes that pins are sorted into by their diameter, None where they are taken as they come."""
+    if "pin_classes" not in parameters:
+        return None
+    classes, width, error = (number(parameters[name]) for name in ("pin_classes", "pin_class_um", "pin_match_um"))
+    return PinClasses(int(classes), 0.5 * width, 0.5 * error)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class UnitModel(UnitBasis):
     """The properties common to all units, how units are drawn, and the conditions on them."""
@@ -44,6 +52,7 @@ class UnitModel(UnitBasis):
     conditions: Conditions
     loading: Loading
     preload: float
+    sorting: PinClasses | None = None
     change: Change = field(default_factory=Change)
 
     @classmethod
@@ -72,7 +81,7 @@ class UnitModel(UnitBasis):
         preload = 0.01 * number(parameters["preload_percent_of_rated"]) * rated
         basis = UnitBasis.from_parameters(parameters, inputs, mids)
         common = {field.name: getattr(basis, field.name) for field in fields(UnitBasis)}
-        return cls(**common, conditions=conditions, loading=loading, preload=preload)
+        return cls(**common, conditions=conditions, loading=loading, preload=preload, sorting=classes_of(parameters))
 
     def changed(self, change: Change) -> UnitModel:
         """The model with what effects change in it."""
@@ -95,6 +104,8 @@ class UnitModel(UnitBasis):
 # Outputs of one design on a population, and their derivatives.
 
 
+FITTING = 3
+"""Stream of random numbers of the measurement by which pins are fitted."""
 PART = {"backlash_max_arcmin": "max", "backlash_mean_arcmin": "mean"}
 MEASURES = {
     **{name: f"quantile {PART[name]}" for name in MEASURED},
@@ -146,6 +157,8 @@ class Populations:
 
     draw: Callable[[int, int], Population]
     sizes: tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
+    counted: bool = False
+    """Whether pins that are fitted to units are of whole classes, as in a report."""
 
     @cached_property
     def rigid(self) -> Population:
@@ -178,6 +191,9 @@ class Evaluation:
     ) -> None:
         self.model, self.drawn, self.means = model, drawn, means
         self.design = model.design(row, means)
+        if model.sorting is not None:  # the pins of a unit are of one class
+            within = {**self.design.half_width, "pin_radius": 0.5 * model.sorting.width}
+            self.design = replace(self.design, half_width=within)
         self.involute = model.involute(self.design.involute_grade, self.design.thickness)
         self._elastic: dict[bool, Elastic] = {}
         self._statistics: dict[str, Statistic] = {}
@@ -186,7 +202,17 @@ class Evaluation:
     @cached_property
     def turn(self) -> Turn:
         """Rigid units over the turn."""
-        return self.drawn.rigid.turn(self.design)
+        fitted = self._fitted(self.drawn.rigid)
+        turn = self.drawn.rigid.turn(self.design, None if fitted is None else fitted.larger)
+        return turn if fitted is None else replace(turn, fitted=fitted)
+
+    def _fitted(self, drawn: Population) -> Fitted | None:
+        """The pins that are fitted to units, None where they are taken as they come."""
+        if (sorting := self.model.sorting) is None:
+            return None
+        counted = self.drawn.counted
+        rng = np.random.default_rng([FITTING, drawn.units, int(counted)])
+        return fit_pins(drawn.turn(self.design), sorting, rng, counted)
 
     @cached_property
     def measures(self) -> Measures:
@@ -299,6 +325,9 @@ class Evaluation:
             drawn = self.drawn.turning if turning else self.drawn.loaded
             table = Table.of(drawn.lattice, self.design.dr_rp, self.design.dr_p)
             units = Scaled.of(drawn.lattice.geometry, drawn.sample, self.design)
+            if (fitted := self._fitted(self.drawn.loaded)) is not None:
+                larger = {"pin_radius_um": fitted.larger}
+                units = change_units(drawn.lattice.geometry, units, drawn.sample, larger)
             names = [name for name in LOADED.values() if (name == "transmission_error") == turning]
             self._elastic[turning] = elastic(drawn.lattice, table, units, self.model.loading, names)
         return self._elastic[turning]

@@ -37,20 +37,32 @@ from .declared import (
     DISC_TO_DISC,
     FLANK_CLEARANCE,
     HOLD_INTERFERENCE,
+    OF_SORTING,
     OUTPUTS,
     PARAMETERS,
     REFERENCES,
     SAMPLED,
     SAMPLED_UNDER_LOAD,
+    SORTING,
     VARIABLES,
     changed_geometry_parameters,
     default_values_sentence,
     size_faults,
     unlimited_interference_faults,
     unpriced_error_faults,
+    with_sorting,
     with_thickness,
 )
-from .evaluation import MEASURES, STEP_OF_GRADE, Evaluation, Populations, UnitModel, is_unit_statistic, unit_tables
+from .evaluation import (
+    MEASURES,
+    STEP_OF_GRADE,
+    Evaluation,
+    Populations,
+    UnitModel,
+    classes_of,
+    is_unit_statistic,
+    unit_tables,
+)
 from .promising import PromisingUnits
 
 if TYPE_CHECKING:
@@ -290,6 +302,7 @@ class RvReducer(PromisingUnits, Machined):
 
     def __init__(self, settings: Settings | None = None) -> None:
         self.declaration = with_thickness(type(self).declaration, settings.variables if settings else ())
+        self.declaration = with_sorting(self.declaration, settings.parameters if settings else ())
         super().__init__(settings)
         given = self.settings
         units = UnitModel.of(given.parameters, given.variables, given.propagation.coverage)
@@ -302,7 +315,9 @@ class RvReducer(PromisingUnits, Machined):
 
     @classmethod
     def configured(cls, top: Section) -> ConfiguredProblem | None:
-        """Thickness of teeth is declared where it is stated; without it, an allowance changes nothing."""
+        """Thickness of teeth and classes of pins are declared where they are stated; alone, what belongs to them
+        changes nothing.
+        """
         configured, parameters = super().configured(top), top.section("parameters")
         stated = [name for name in ALLOWANCES if name in top.section("variables")]
         for name in stated:
@@ -316,7 +331,13 @@ class RvReducer(PromisingUnits, Machined):
                     f"changes nothing: state variables.{name} (value, or low and high), or leave it out; the thickness "
                     "of the teeth follows their grade",
                 )
-        return configured and replace(configured, declaration=with_thickness(configured.declaration, stated))
+        if configured is None:
+            return None
+        for parameter in SORTING[1:]:
+            if SORTING[0].name not in parameters and parameters.take(parameter.name) is not None:
+                parameters.fault(parameter.name, "changes nothing: state parameters.pin_classes, or leave it out")
+        declaration = with_sorting(with_thickness(configured.declaration, stated), parameters.all_keys())
+        return replace(configured, declaration=declaration)
 
     def _completed(self, given: Settings) -> Settings:
         settings = super()._completed(given)
@@ -330,10 +351,19 @@ class RvReducer(PromisingUnits, Machined):
         fixed = DISC_TO_DISC.get(variable.name)
         if variable.name == "involute_grade" and not self.given.parameters.get("involute_stage", True):
             fixed = variable.document
+        if variable.name == "pin_radius_um" and (sorting := classes_of(self._with_defaults_of_sorting)):
+            given, fixed = VariableSetting(), 0.5 * sorting.classes * sorting.width
         given = given or VariableSetting()
         if fixed is not None and given.value is None and given.low is None and given.high is None:
             given = replace(given, value=fixed)
         return super()._variable(variable, given)
+
+    @property
+    def _with_defaults_of_sorting(self) -> dict[str, Value]:
+        """The parameters that are given, with those of classes of pins where their number is."""
+        given = self.given.parameters
+        defaults = {p.name: p.default for p in SORTING} if SORTING[0].name in given else {}
+        return {**defaults, **given}
 
     # ---------------------------------------------------------------- populations
 
@@ -362,7 +392,7 @@ class RvReducer(PromisingUnits, Machined):
         loaded = nearest_prime(min(positions, LOADED_POSITIONS), self.model.geometry)
         turning = self.count("te_positions")
         draw = partial(self.model.population, seed=self.settings.seed, stream=stream)
-        return Populations(draw, ((positions, units), (loaded, elastic), (turning, elastic)))
+        return Populations(draw, ((positions, units), (loaded, elastic), (turning, elastic)), stream == REPORT)
 
     @cached_property
     def _recent(self) -> OrderedDict[bytes, Evaluation]:
@@ -413,14 +443,38 @@ class RvReducer(PromisingUnits, Machined):
         """Sampled outputs (n,) of full designs, with their standard errors where asked for."""
         more = [f"{name}_error" for name in names] if errors else []
         columns = {name: np.empty(len(designs)) for name in ("phi_1_arcmin", *names, *more)}
+        if self.model.sorting is not None:
+            columns |= {output.name: np.full(len(designs), np.nan) for output in OF_SORTING}
         for at, design in enumerate(designs):
             evaluation = self.evaluation(design, searching)
+            if self.model.sorting is not None and not searching:
+                self._add_sorting(columns, at, design, evaluation)
             columns["phi_1_arcmin"][at] = evaluation.involute.mean
             for name in names:
                 columns[name][at] = evaluation.value(name)
                 if errors:
                     columns[f"{name}_error"][at] = evaluation.error(name)
         return columns | {"cost": self.cost_of(designs)} | self.profile(designs)
+
+    def _add_sorting(self, columns: dict[str, Array], at: int, design: Array, evaluation: Evaluation) -> None:
+        """Pins left over, of classes that are made in equal numbers, and the cost of a good unit."""
+        fitted, sorting = evaluation.turn.fitted, self.model.sorting
+        assert fitted is not None and sorting is not None
+        taken = np.bincount(fitted.number, minlength=sorting.classes) / len(fitted.number)
+        made = sorting.classes * float(taken.max())  # pins that are made for each that is built in
+        radius = self.settings.variables["pin_radius_um"].value
+        pins = (
+            self.settings.costs["pin_radius_um"].cost(np.array([radius]))[0]
+            if "pin_radius_um" in self.settings.costs
+            else 0.0
+        )
+        cost = float(self.cost_of(design[None, :])[0])
+        columns[OF_SORTING[0].name][at] = 100.0 * (1.0 - 1.0 / made)
+        columns[OF_SORTING[1].name][at] = (cost + (made - 1.0) * pins) / (0.01 * evaluation.value("yield_percent"))
+
+    def cost_of(self, designs: Array) -> Array:
+        """Sum of the cost curves, and of sorting the pins (n,)."""
+        return super().cost_of(designs) + number(self.settings.parameters.get("pin_sorting_price", 0.0))
 
     @cached_property
     def _sampled_outputs(self) -> frozenset[str]:
@@ -587,6 +641,9 @@ class RvReducer(PromisingUnits, Machined):
             *unpriced_error_faults({variable.name for variable in self.free}, self.settings.costs),
             *(size_faults(self.count, MAX_CACHED_EVALUATIONS) or super().faults()),
         ]
+        if self.model.sorting is not None:
+            asked = (*self.objectives, *(limit.name for limit in self.limits if limit.count))
+            faults = [*faults, *declared.sorting_faults(self.given, asked)]
         faults = faults or [*self._idle_hours(), *jam_faults(self, self.settings.effects)]
         return faults or self.cost_bound().faults()
 
