@@ -68,11 +68,17 @@ MOVED = {
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """A problem with one changed assumption: which one, its new value, and the problem."""
+    """A problem with one changed assumption: which one, its new value, and the problem.
+
+    `parts` are the measurements that would settle it, 0 where no measurement does; with `regraded` every grade is
+    tried, for assumptions that change which one is best.
+    """
 
     assumption: str
     value: str
     problem: ToleranceProblem
+    parts: int = 0
+    regraded: bool = False
 
 
 class ToleranceProblem(Problem):

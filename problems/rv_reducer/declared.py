@@ -79,6 +79,18 @@ def _wear(name: str, default: float, unit: str, meaning: str) -> Parameter:
     return Parameter(name, default, unit, meaning, "", low=0.0, high=1e6, open_low=open_low)
 
 
+HELD = {
+    "pin_circle_radius": 1.0,
+    "pin_position": 1.0,
+    "pin_hole_radius": 0.8,
+    "pin_radius": 0.25,
+    "pitch": 1.5,
+    "runout": 1.0,
+    "eccentricity": 1.0,
+    "equidistance": 1.0,
+    "shift": 1.0,
+}
+"""Half-widths [um] that precision grinding, jig grinding and centreless grinding with sorting hold [assumed]."""
 UNITS = Need("unit", bytes=2e3)
 """Its errors, drawn."""
 MEASUREMENTS = Need("measurement", bytes=40.0)
@@ -120,6 +132,26 @@ CONTACT: tuple[Parameter, ...] = (
     ),
     Parameter(
         "allow_interference", False, "", "whether a search may go without a limit on interference or preload", ""
+    ),
+    Parameter(
+        "assumptions",
+        "usual",
+        "",
+        "which assumptions are changed, one at a time, to state what they cost; all: laws, errors between discs, "
+        "temperature, tooth thickness, stiffness and positions too, at a multiple of the time",
+        "",
+        choices=("usual", "all"),
+    ),
+    Parameter(
+        "held_um",
+        HELD,
+        "um",
+        "half-widths that processes hold; a point with a tighter one is remarked on",
+        _A,
+        assumed=True,
+        choices=tuple(HELD),
+        low=0.0,
+        high=1000.0,
     ),
     Parameter(
         "te_torque_Nm",

@@ -9,11 +9,13 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 import scipy
 
 from ...errors import Fault, ModelError
 from ...models.effects.measurements import Active
-from ...models.inputs import Uniform
+from ...models.effects.temperature_time import DifferentialThermalExpansion
+from ...models.inputs import Normal, Uniform
 from ...models.rv_reducer import geometry as modification
 from ...models.rv_reducer.cycloid import pin_circle_growth
 from ...models.rv_reducer.geometry import RvGeometry
@@ -202,6 +204,10 @@ SHARES = {
     "share_discs": ("share of the variance of the discs common to a unit", (0.0, 0.5, 1.0)),
     "planet_share": ("share of the variance of the planets' clearances common to a unit", (0.0, 1.0)),
 }
+PARTS_OF_A_LAW, UNITS_MEASURED = 50, 30
+"""Parts of a kind that show the shape of its law, and units whose measurement shows the size of an error [assumed]."""
+WARMER_K, OWN_THICKNESS, MANY_POSITIONS = 1.0, 5.0, 1021
+"""Values that are tried: difference of temperature, half-width of tooth thickness [um], positions of a turn."""
 COUNTED = ("turn_mean", "share_of_turn", "overlap")
 """Definitions of interference that rigid units show."""
 
@@ -209,12 +215,51 @@ COUNTED = ("turn_mean", "share_of_turn", "overlap")
 def variants(problem: RvReducer) -> tuple[Variant, ...]:
     """The problem as it is, then with one assumption changed at a time."""
     same = Variant("as it is", "", _with_parameters(problem))
-    return (same, *_fractions(problem), *_interference(problem), *_disc_to_disc(problem))
+    usual = (same, *_fractions(problem), *_interference(problem), *_disc_to_disc(problem))
+    return (*usual, *_further(problem)) if problem.settings.parameters["assumptions"] == "all" else usual
 
 
 def _with_parameters(problem: RvReducer, **parameters: Value) -> RvReducer:
     given = problem.given
     return type(problem)(replace(given, parameters={**given.parameters, **VARIANT_SETTINGS, **parameters}))
+
+
+def _with_variables(problem: RvReducer, changed: Mapping[str, VariableSetting]) -> RvReducer:
+    given = _with_parameters(problem).given
+    return type(problem)(replace(given, variables={**given.variables, **changed}))
+
+
+def _further(problem: RvReducer) -> Iterator[Variant]:
+    """Laws, errors between discs, temperature, tooth thickness, stiffness and positions."""
+    settings = problem.settings
+    laws = {
+        v.name: replace(problem.given.variables.get(v.name, VariableSetting()), distribution=Normal())
+        for v in problem.variables
+        if v.random and isinstance(settings.variables[v.name].distribution or Uniform(), Uniform)
+    }
+    if laws and problem.model.sorting is None and not problem.machined_tolerances:
+        each = len(laws) * PARTS_OF_A_LAW
+        yield Variant("law of uniform errors", "normal, t = 3 sigma", _with_variables(problem, laws), each, True)
+    for name in DISC_TO_DISC:
+        for factor in (0.5, 2.0) if problem.fixed.get(name, 0.0) > 0.0 else ():
+            fixed = {name: VariableSetting(value=factor * problem.fixed[name])}
+            yield Variant(name, f"{factor:g} times", _with_variables(problem, fixed), UNITS_MEASURED)
+    if problem.model.sorting is None and not settings.effects:
+        effect = Active(DifferentialThermalExpansion(), {"temperature_difference_K": WARMER_K})
+        given = _with_parameters(problem).given
+        warm = type(problem)(replace(given, effects=(effect,)))
+        yield Variant("discs warmer than the housing", f"{WARMER_K:g} K", warm, UNITS_MEASURED)
+    if settings.parameters["involute_stage"] and not any(name in ALLOWANCES for name in problem.names):
+        apart = {name: VariableSetting(value=OWN_THICKNESS) for name in ALLOWANCES}
+        text = f"of its own: allowance 20 um, +-{OWN_THICKNESS:g} um, at the best grade"
+        yield Variant("tooth thickness of sun and planets", text, _with_variables(problem, apart), 0, True)
+    if any(limit.name.startswith("lost_motion") for limit in problem.limits):
+        for name in ("normal_stiffness_N_per_mm", "series_stiffness_Nm_per_arcmin"):
+            for factor in (0.5, 2.0):
+                changed = _with_parameters(problem, **{name: factor * number(settings.parameters[name])})
+                yield Variant(name, f"{factor:g} times", changed, UNITS_MEASURED)
+    finer = nearest_prime(MANY_POSITIONS, problem.model.geometry)
+    yield Variant("positions of a turn", f"{finer}", _with_parameters(problem, positions=finer, search_positions=finer))
 
 
 def _fractions(problem: RvReducer) -> Iterator[Variant]:
@@ -688,6 +733,25 @@ class RvReducer(PromisingUnits, Machined):
         given = [setting.distribution for setting in self.settings.variables.values()]
         uniform = all(d is None or isinstance(d, Uniform) for d in given)
         return validity(self.settings.parameters, uniform, self.model.change)
+
+    def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
+        """Zones that no process is known to hold."""
+        held = self.settings.parameters["held_um"]
+        assert isinstance(held, Mapping)
+        tight = []
+        for name, least in held.items():
+            tolerance = f"{name}_um"
+            zones = front[tolerance] if tolerance in front and tolerance not in self.fixed else front.iloc[:0, 0]
+            if len(zones) and (few := int((zones < number(least)).sum())):
+                tight.append(
+                    f"{tolerance} down to {zones.min():.3g} (at {few} of {len(front)} points; held: {least:g})"
+                )
+        if not tight:
+            return ()
+        return (
+            f"zones tighter than processes are assumed to hold, in um: {'; '.join(tight)}; ask who can make them, raise "
+            "variables.NAME.low, or state what yours hold in parameters.held_um",
+        )
 
     def shown_limit(self) -> tuple[str, float] | None:
         return "backlash_max_arcmin", number(self.settings.parameters["backlash_limit_arcmin"])
