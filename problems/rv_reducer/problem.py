@@ -13,6 +13,7 @@ import pandas as pd
 import scipy
 
 from ...errors import Fault, ModelError
+from ...models.cost_reading import times
 from ...models.effects.measurements import Active
 from ...models.effects.temperature_time import DifferentialThermalExpansion
 from ...models.inputs import Normal, Uniform
@@ -206,6 +207,8 @@ SHARES = {
 }
 PARTS_OF_A_LAW, UNITS_MEASURED = 50, 30
 """Parts of a kind that show the shape of its law, and units whose measurement shows the size of an error [assumed]."""
+WRONG_COSTS = 4
+"""Seed of the patterns of wrong costs."""
 WARMER_K, OWN_THICKNESS, MANY_POSITIONS = 1.0, 5.0, 1021
 """Values that are tried: difference of temperature, half-width of tooth thickness [um], positions of a turn."""
 COUNTED = ("turn_mean", "share_of_turn", "overlap")
@@ -258,6 +261,18 @@ def _further(problem: RvReducer) -> Iterator[Variant]:
             for factor in (0.5, 2.0):
                 changed = _with_parameters(problem, **{name: factor * number(settings.parameters[name])})
                 yield Variant(name, f"{factor:g} times", changed, UNITS_MEASURED)
+    for number_of, signs in enumerate(np.random.default_rng(WRONG_COSTS).choice([0.5, 2.0], (2, len(settings.costs)))):
+        for factors in (signs, 1.0 / signs):
+            curves = {
+                name: times(curve, factor)
+                for (name, curve), factor in zip(settings.costs.items(), factors.tolist(), strict=True)
+            }
+            given = _with_parameters(problem).given
+            wrong = type(problem)(replace(given, costs={**given.costs, **curves}))
+            label = (
+                f"every curve 2 times too high or too low, pattern {number_of + 1}{'a' if factors is signs else 'b'}"
+            )
+            yield Variant("loss of an allocation by wrong costs", label, wrong, true_costs=True)
     finer = nearest_prime(MANY_POSITIONS, problem.model.geometry)
     yield Variant("positions of a turn", f"{finer}", _with_parameters(problem, positions=finer, search_positions=finer))
 
@@ -749,7 +764,7 @@ class RvReducer(PromisingUnits, Machined):
         if not tight:
             return ()
         return (
-            f"zones tighter than processes are assumed to hold, in um: {'; '.join(tight)}; ask who can make them, raise "
+            f"zones tighter than processes are taken to hold, in um: {'; '.join(tight)}; ask who makes them, raise "
             "variables.NAME.low, or state what yours hold in parameters.held_um",
         )
 

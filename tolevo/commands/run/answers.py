@@ -558,6 +558,12 @@ def assumptions_cost(
     ]
     if any(variant.parts for variant in variants):
         _add_worth_of_measuring(rows, [variant.parts for variant in variants])
+    lost = [row for row, variant in zip(rows, variants, strict=True) if variant.true_costs]
+    if known := [row["change_percent"] for row in lost if not np.isnan(row["cost"])]:
+        text = (
+            f"with costs wrong by factors of 2 the allocation loses {max(known):.1f} % at most; the cost is not known"
+        )
+        lost[0]["remark"] = text
     return pd.DataFrame(rows) if len(rows) > 1 else None
 
 
@@ -599,9 +605,14 @@ def cost_of_variant(problem: ToleranceProblem, task: Assumed) -> float:
         if variant.regraded and variable.kind is Kind.GRADE:
             grades = np.arange(np.ceil(problem.xl[at]), np.floor(problem.xu[at]) + 1.0)
             vectors = [np.where(np.arange(len(task.x)) == at, grade, task.x) for grade in grades]
-    branches = ((Branch(Run(variant.problem, Budget(), seed=0), x, task.unit), x) for x in vectors)
-    costs = [cost for branch, x in branches if not np.isnan(cost := _least(branch, x, task.limit))]
-    return min(costs, default=np.nan)
+    costs = []
+    for x in vectors:
+        branch = Branch(Run(variant.problem, Budget(), seed=0), x, task.unit)
+        cost = _least(branch, x, task.limit)
+        if variant.true_costs and not np.isnan(cost):
+            cost = float(problem.cost_of(problem.complete(branch.smooth.vectors(branch.y[0][None, :])))[0])
+        costs.append(cost)
+    return min((cost for cost in costs if not np.isnan(cost)), default=np.nan)
 
 
 def _level(branch: Branch, x: Array) -> Array:
