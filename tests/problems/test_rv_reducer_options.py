@@ -193,3 +193,46 @@ def test_faults_of_classes_are_placed() -> None:
     assert any("state parameters.pin_classes" in fault for fault in alone)
     assert any("parameters.pin_classes" in f for f in faults_of({**PLAIN, "limits": LIMITS,
                "parameters": {**SMALL, "pin_classes": 1}}))  # fmt: skip
+
+
+# The table of assumptions, all of it, and zones that nobody holds.
+
+
+def test_all_assumptions_are_changed_one_at_a_time() -> None:
+    parameters: dict[str, Any] = {**SMALL, "assumptions": "all"}
+    limits = {name: Bound(high=value) for name, value in {**LIMITS, "lost_motion_arcmin": 2.0}.items()}
+    problem = RvReducer(Settings(parameters=parameters, limits=limits, objectives=("cost",)))
+    variants = {(one.assumption, one.value): one for one in problem.variants()}
+    normal = variants["law of uniform errors", "normal, t = 3 sigma"]
+    laws = {type(setting.distribution).__name__ for name, setting in normal.problem.settings.variables.items()
+            if setting.distribution}  # fmt: skip
+    assert laws == {"Normal"}
+    assert normal.parts > 0
+    for name in ("circle_offset_um", "bore_um", "crank_phase_mrad"):
+        doubled = variants[name, "2 times"].problem
+        assert doubled.fixed[name] == 2.0 * problem.fixed[name]
+    assert variants["positions of a turn", "1021"].problem.settings.parameters["search_positions"] == 1021
+    warm = variants["discs warmer than the housing", "1 K"].problem
+    assert [active.effect.name for active in warm.settings.effects] == ["differential_thermal_expansion"]
+    assert ("normal_stiffness_N_per_mm", "2 times") in variants
+    row = design(problem)
+    true = problem.costs_of(row[None, :])
+    wrong = [one for one in variants.values() if one.true_costs]
+    assert len(wrong) == 4
+    for one in wrong:
+        ratios = [float(cost[0] / true[name][0]) for name, cost in one.problem.costs_of(row[None, :]).items()]
+        assert sorted(set(np.round(ratios, 9))) == [0.5, 2.0]
+    usual = RvReducer(Settings(parameters=SMALL, limits=limits, objectives=("cost",))).variants()
+    assert len(usual) < len(variants)
+    assert not any(one.parts or one.true_costs for one in usual)
+
+
+def test_zones_that_nobody_holds_are_remarked_on() -> None:
+    problem = RvReducer(Settings(parameters=SMALL))
+    tight = problem.frame(design(problem, equidistance_um=0.63)[None, :], searching=True)
+    (text,) = problem.remarks(tight)
+    assert "equidistance_um down to 0.63 (at 1 of 1 points; held: 1)" in text
+    loose: dict[str, Any] = {**SMALL, "held_um": {"equidistance": 0.5}}
+    assert not RvReducer(Settings(parameters=loose)).remarks(tight)
+    fixed = RvReducer(Settings(parameters=SMALL, variables={"equidistance_um": VariableSetting(value=0.63)}))
+    assert not fixed.remarks(tight)
