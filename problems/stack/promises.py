@@ -227,6 +227,7 @@ class Measured:
         if not self.straight:
             worst = self._towards_tighter(worst_by_corners, limit_of(t))
         by_output = {"worst_case": worst} | ({"variation": worst} if self.requirement.method == "worst_case" else {})
+        by_output |= {name: side * worst for name, side in WINDOW.items()} if self.straight else {}
         if self.partial and self.name("domain_margin") in wanted:
             by_output["domain_margin"] = self._towards_tighter(least_margin, limit_of(t))
         return {self.name(name): value for name, value in by_output.items()} | self._window_slopes(t, wanted)

@@ -131,6 +131,18 @@ def test_exact_finds_what_a_grid_finds(objective: str) -> None:
     assert reached <= float(values[objective][kept].min()) * 1.002
 
 
+def test_an_analysis_is_of_the_matched_units() -> None:
+    stack = stack_of({"parts": ["pin", "bore"], "classes": 4})
+    design = np.array([[0.012, 0.012]])
+    (row,) = stack.requirements_at(design[0]).to_dict("records")  # type: ignore[union-attr]
+    values = values_at(stack, 0.012, 0.012)
+    assert row["std"] == pytest.approx(values["std"], rel=1e-9)
+    assert row["mean"] == pytest.approx(0.01, abs=1e-5)
+    assert row["worst_case_greatest"] == pytest.approx(0.034)
+    slopes = stack.gradient(design)
+    assert slopes["worst_case_least"][0] == pytest.approx([-1.0, -1.0])
+
+
 def test_the_resolved_configuration_is_the_same_stack() -> None:
     stack = stack_of([{"parts": ["pin", "bore"], "classes": 3, "price": 0.1}])
     again = read(
