@@ -341,10 +341,13 @@ def sorting_faults(given: Settings, asked: Iterable[str]) -> Iterator[Fault]:
     if given.effects or number(given.parameters.get("hours", 0.0)) > 0.0:
         text = "pins are fitted to new units at 20 degC: what effects or wear do to such units is not known here"
         yield Fault("parameters.pin_classes", text)
-    for name in asked:
+    for name in dict.fromkeys(asked):
+        place = f"limits.{name}" if name in given.limits else "objectives.minimise"
         if name in SAMPLED_UNDER_LOAD:
             text = "is evaluated where pins are fitted to units, but its derivatives are not known: limit the backlash"
-            yield Fault(f"limits.{name}", text)
+            yield Fault(place, f"{name} {text}")
+        if name in {output.name for output in OF_SORTING}:
+            yield Fault(place, f"{name} is counted on reported units alone: minimise the cost, and read it there")
 
 
 def with_thickness(plain: Declaration, stated: Collection[str]) -> Declaration:

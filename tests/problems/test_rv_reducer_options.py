@@ -189,6 +189,9 @@ def test_faults_of_classes_are_placed() -> None:
     places = {fault.split(":")[0] for fault in faults_of(table)}
     assert places >= {"parameters.pin_class_um", "variables.pin_radius_um", "parameters.share_pins",
                       "parameters.pin_classes", "limits.lost_motion_arcmin"}  # fmt: skip
+    counted = {**PLAIN, "limits": LIMITS, "objectives": {"minimise": ["cost_per_good_unit"]}}
+    found = faults_of({**counted, "parameters": {**SMALL, "pin_classes": 9}})
+    assert any(f.startswith("objectives.minimise: cost_per_good_unit is counted") for f in found)
     alone = faults_of({**PLAIN, "limits": LIMITS, "parameters": {**SMALL, "pin_match_um": 0.2}})
     assert any("state parameters.pin_classes" in fault for fault in alone)
     assert any("parameters.pin_classes" in f for f in faults_of({**PLAIN, "limits": LIMITS,
