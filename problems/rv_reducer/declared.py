@@ -301,7 +301,11 @@ SORTING = (
 )
 OF_SORTING = (
     Output(
-        "pins_left_over_percent", "percent", "pins of classes that fewer units need than are made", low=0.0, high=100.0
+        "pins_left_over_percent",
+        "percent",
+        "pins of classes that fewer units need than are made, as many of each class",
+        low=0.0,
+        high=100.0,
     ),
     Output(
         "cost_per_good_unit", "", "cost with the pins left over, of each unit that keeps the yield's limit", low=0.0

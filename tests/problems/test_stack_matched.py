@@ -115,7 +115,7 @@ def test_classes_with_sensitivities_and_the_price_of_sorting() -> None:
     assert values["worst_case"] == pytest.approx(0.012)  # whichever classes: no unit is worse
 
 
-@pytest.mark.parametrize("objective", ["cost", "cost_per_good_unit"])
+@pytest.mark.parametrize("objective", [pytest.param("cost", marks=pytest.mark.slow), "cost_per_good_unit"])
 def test_exact_finds_what_a_grid_finds(objective: str) -> None:
     limits = {"yield_percent": 99.0} if objective == "cost" else {}
     table = {**TABLE, "objectives": {"minimise": [objective]}, "limits": limits, "algorithm": {"name": "exact"},
