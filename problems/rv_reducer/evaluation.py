@@ -90,9 +90,12 @@ class UnitModel(UnitBasis):
             mid[error] = mid.get(error, 0.0) + more
         return replace(self, mid=mid, change=change)
 
-    def measures(self, turn: Turn, involute: Involute) -> Measures:
-        """Statistics of the units of a turn, with what effects change outside their contact."""
-        statistics = Measures(turn, involute, self.conditions)
+    def measures(self, turn: Turn, involute: Involute | None = None) -> Measures:
+        """Statistics of the units of a turn, with what effects change outside their contact; behind another involute
+        stage than that of the turn's design where one is given.
+        """
+        stage = involute or self.involute(turn.design.involute_grade, turn.design.thickness)
+        statistics = Measures(turn, stage, self.conditions)
         return ChangedMeasures(statistics, self.change) if self.change.outside else statistics
 
     def population(self, positions: int, units: int, seed: int, stream: int) -> Population:
