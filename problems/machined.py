@@ -160,7 +160,7 @@ class Machined(ToleranceProblem):
         given = settings or Settings()
         self.machined_tolerances = {name: MachinedTolerance(name, offers) for name, offers in given.machines.items()}
         if self.machined_tolerances:
-            variables = add_machine_choices(type(self).declaration.variables, given.machines)
+            variables = add_machine_choices(self.declaration.variables, given.machines)
             self.declaration = replace(self.declaration, variables=variables)
         super().__init__(settings)
 

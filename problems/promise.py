@@ -85,7 +85,7 @@ class WithPromise(ToleranceProblem):
 
     def __init__(self, settings: Settings | None = None) -> None:
         if settings is not None and settings.promise is not None:
-            self.declaration = _declare_promise(type(self).declaration, settings.promise)
+            self.declaration = _declare_promise(self.declaration, settings.promise)
         super().__init__(settings)
 
     @property

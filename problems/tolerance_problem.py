@@ -69,11 +69,19 @@ MOVED = {
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """A problem with one changed assumption: which one, its new value, and the problem."""
+    """A problem with one changed assumption: which one, its new value, and the problem.
+
+    `parts` are the measurements that would settle it, 0 where no measurement does; with `regraded` every grade is
+    tried, for assumptions that change which one is best. With `true_costs` it is a change of the costs alone: what
+    its allocation costs by those of the problem as it is.
+    """
 
     assumption: str
     value: str
     problem: ToleranceProblem
+    parts: int = 0
+    regraded: bool = False
+    true_costs: bool = False
 
 
 class ToleranceProblem(Problem):

@@ -68,6 +68,7 @@ STACK: dict[str, Any] = {
     "part": PARTS,
     "fit": [{"parts": ["k", "l"], "size": "25 H7/g6"}],
     "correlation": [{"parts": ["a_1", "c"], "coefficient": 0.5}],
+    "matched": [{"parts": ["k", "l"], "classes": 3, "u_um": 0.1, "price": 0.1}],
     "condition": [
         {
             "name": "warm",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import cos, radians, sin, sqrt
 
@@ -185,6 +186,24 @@ def backlash_zone(stage: InvoluteStage, geometry: RvGeometry, grade: Array) -> t
     least, most = stage.flank_clearance()
     unit = grade_factor(grade) / lever(stage, geometry)
     return 0.5 * (most + least) * unit, 0.5 * (most - least) * unit
+
+
+def clearance_limits(
+    stage: InvoluteStage, grade: Array, thickness: Iterable[tuple[Array | float, Array | float] | None]
+) -> tuple[Array, Array]:
+    """j_nmin and j_nmax [m], each of the shape of `grade`, with tooth thickness apart from the grade.
+
+    `thickness` has, for sun and planet, the magnitudes |Es_s| and |Es_i| [m] of the deviations of the base tangent
+    length; None: those of `stage`, which grow with the grade. Errors of the gears grow with it in either case.
+    """
+    c, factor = cos(stage.pressure_angle), grade_factor(grade)
+    with_teeth = stage.thickness_upper, stage.thickness_lower
+    errors = [end - 2.0 * teeth * c for end, teeth in zip(stage.flank_clearance(), with_teeth, strict=True)]
+    limits = [np.asarray(end * factor) for end in errors]
+    for gear in thickness:
+        ends = gear or tuple(teeth * factor for teeth in with_teeth)
+        limits = [limit + end * c for limit, end in zip(limits, ends, strict=True)]
+    return limits[0], limits[1]
 
 
 # Staggered assembly: discs turned against each other, and the parts that do it.

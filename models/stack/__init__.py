@@ -2,6 +2,7 @@
 
 from .conditioned import Conditioned, condition_on_piece
 from .linear_sum import LinearSum, linear_sum_of
+from .matching import Matching
 from .mechanism import (
     AsMade,
     Law,
@@ -32,6 +33,7 @@ __all__ = [
     "Law",
     "Linear",
     "LinearSum",
+    "Matching",
     "Mechanism",
     "Sample",
     "Tolerances",

@@ -323,6 +323,6 @@ def _with_piece_value(z: Array, at: int, value: Array | float) -> Array:
 
 
 def condition_on_piece(mechanisms: Sequence[Mechanism], sample: Sample) -> Conditioned | None:
-    """The requirements, with a piece integrated; None where pieces are correlated."""
-    correlated = any(mechanism.correlation is not None for mechanism in mechanisms)
+    """The requirements, with a piece integrated; None where pieces are correlated or matched."""
+    correlated = any(mechanism.correlation is not None or mechanism.matches for mechanism in mechanisms)
     return None if correlated else Conditioned(tuple(mechanisms), sample)

@@ -19,6 +19,7 @@ from ..inputs import Distribution, Normal
 from ..propagation.convolution import Even, even_law
 from ..propagation.monte_carlo import REPLICATES, power_of, replicates
 from ..propagation.symmetric_sum import SymmetricSum
+from .matching import Matching
 
 if TYPE_CHECKING:
     from .features import Disc
@@ -101,7 +102,8 @@ class Mechanism:
     within the widest tolerances; empty where it has a value everywhere. `rough` are the pieces whose
     effect the sensitivities do not describe: the formula has no slope there, or a kink at the
     mid-limits. Sensitivities that are not finite are 0. `discs` are pairs of pieces that are the
-    two components of one place, not independent of each other.
+    two components of one place, not independent of each other. `matched` are pairs of pieces that are sorted into
+    classes and matched: what is linear here, and corners, leaves that out; a `Sample` does not.
     """
 
     names: tuple[str, ...]
@@ -119,6 +121,7 @@ class Mechanism:
     undefined: str = ""
     rough: tuple[str, ...] = ()
     discs: tuple[Disc, ...] = ()
+    matched: tuple[Matching, ...] = ()
 
     @cached_property
     def owners(self) -> NDArray[np.int64]:
@@ -148,6 +151,23 @@ class Mechanism:
     def bounded(self) -> bool:
         """Whether the requirement has a limit, so that it has a yield."""
         return bool(np.isfinite(self.lower) or np.isfinite(self.upper))
+
+    @property
+    def matches(self) -> bool:
+        """Whether the requirement depends on parts that are sorted and matched."""
+        return any(bool(np.any(self.acting[list(pair.pieces)])) for pair in self.matched)
+
+    def built(self, t: Tolerances, z: Array) -> Array:
+        """`values` of the units that are built of independent parts z (k, m), sorted and matched."""
+        rows = []
+        for at, wide in enumerate(spread_of(t)):
+            units = z.copy()
+            for pair in self.matched:
+                pieces = list(pair.pieces)
+                one, other = (float(wide[self.owner[piece]]) for piece in pieces)
+                units[pieces] = pair.matched(z[pieces], (one, other))
+            rows.append(self.values(t[at : at + 1], units))
+        return np.concatenate(rows) if rows else self.values(t, z)
 
     def values(self, t: Tolerances, z: Array) -> Array:
         """y (n, m) of n designs t (n, p) at the deviations z (k, m), NaN where there is none."""
@@ -482,6 +502,8 @@ def law_of(mechanism: Mechanism, covariance: Array) -> Law | str:
     """The law, or why there is none in closed form; `covariance` (p, p) is that of y at t = 1."""
     if mechanism.formula is not None and not mechanism.formula.linear:
         return "the formula is not linear"
+    if mechanism.matches:
+        return "parts are sorted and matched"
     mechanism = _relevant_pieces(mechanism)
     used = dict.fromkeys(mechanism.owner)
     even_laws = {}
@@ -567,6 +589,10 @@ class Sample:
         wide = max(1, SAMPLING_MEMORY // (8 * max(self.size, (pieces + 6) * units)))
         for start in range(0, len(t), wide):
             chosen = slice(start, start + wide)
+            if mechanism.matches:  # parts are sorted once for all units of a design
+                z = np.moveaxis(self.deviations, 0, 1).reshape(pieces, -1)
+                yield chosen, mechanism.built(t[chosen], z).reshape(-1, len(self.deviations), units)
+                continue
             block = [mechanism.values(t[chosen], z) for z in self.deviations]
             yield chosen, np.stack(block, axis=1)
 

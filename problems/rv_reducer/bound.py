@@ -289,6 +289,8 @@ class CommonErrorBound:
         """Why there is none, empty where there is one."""
         if made := ", ".join(self.problem.machined_tolerances):
             return f"no bound is known where machines make tolerances ({made})"
+        if self.problem.model.sorting is not None:
+            return "no bound is known where pins are fitted to units"
         if self.problem.model.change.outside:
             return "no bound is known where effects change the backlash outside of the contact"
         if not np.all(np.isfinite(self.problem.interval("cost"))):
@@ -375,7 +377,7 @@ class CommonErrorBound:
         designs[:, problem.names.index("involute_grade")] = grades
         costs = [cost for name, cost in problem.costs_of(designs).items() if name not in counted]
         rest = np.sum(costs, axis=0) + np.zeros(len(grades))
-        return [Grade(problem.model.involute(grade), float(cost)) for grade, cost in zip(grades, rest, strict=True)]
+        return [Grade(stage, float(cost)) for stage, cost in zip(problem.tightest_gears(grades), rest, strict=True)]
 
     def least_costs(self, values: Mapping[str, Array], points: int) -> Array:
         """Least costs (points,) at limits and at values (points,) of the objectives: inf where no design keeps them,

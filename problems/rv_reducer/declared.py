@@ -8,15 +8,18 @@ from dataclasses import replace
 import numpy as np
 
 from ...errors import Fault
+from ...models.costs import Reciprocal
+from ...models.inputs import Uniform
 from ...models.rv_reducer import declared
 from ...models.rv_reducer.contact import declared as contact
 from ...models.rv_reducer.contact.contact import interference, shape_faults
 from ...models.rv_reducer.contact.geometry import ContactGeometry
 from ...models.rv_reducer.population.errors import nearest_prime, shares_a_factor, spreads_evenly
 from ...models.rv_reducer.population.measures import INTERFERENCE
+from ...models.rv_reducer.population.units import GEARS
 from ...section import Kind, Need, Output, Parameter, Value, Variable, number, too_many
 from ...units import MM
-from ..declaration import Interval
+from ..declaration import Declaration, Interval
 from ..rv_backlash.problem import DEFAULT_COSTS
 from ..settings import Bound, Settings
 
@@ -76,6 +79,18 @@ def _wear(name: str, default: float, unit: str, meaning: str) -> Parameter:
     return Parameter(name, default, unit, meaning, "", low=0.0, high=1e6, open_low=open_low)
 
 
+HELD = {
+    "pin_circle_radius": 1.0,
+    "pin_position": 1.0,
+    "pin_hole_radius": 0.8,
+    "pin_radius": 0.25,
+    "pitch": 1.5,
+    "runout": 1.0,
+    "eccentricity": 1.0,
+    "equidistance": 1.0,
+    "shift": 1.0,
+}
+"""Half-widths [um] that precision grinding, jig grinding and centreless grinding with sorting hold [assumed]."""
 UNITS = Need("unit", bytes=2e3)
 """Its errors, drawn."""
 MEASUREMENTS = Need("measurement", bytes=40.0)
@@ -117,6 +132,26 @@ CONTACT: tuple[Parameter, ...] = (
     ),
     Parameter(
         "allow_interference", False, "", "whether a search may go without a limit on interference or preload", ""
+    ),
+    Parameter(
+        "assumptions",
+        "usual",
+        "",
+        "which assumptions are changed, one at a time, to state what they cost; all: laws, errors between discs, "
+        "temperature, tooth thickness, stiffness and positions too, at a multiple of the time",
+        "",
+        choices=("usual", "all"),
+    ),
+    Parameter(
+        "held_um",
+        HELD,
+        "um",
+        "half-widths that processes hold; a point with a tighter one is remarked on",
+        _A,
+        assumed=True,
+        choices=tuple(HELD),
+        low=0.0,
+        high=1000.0,
     ),
     Parameter(
         "te_torque_Nm",
@@ -187,6 +222,152 @@ VARIABLES: tuple[Variable, ...] = (
     _disc_variable("bore_um", "um", 0.5, 10.0, "position of the crank bores in a disc, either direction"),
     _disc_variable("crank_phase_mrad", "mrad", 0.3, 10.0, "phase of each journal of a crankshaft"),
 )
+
+
+# Tooth thickness of sun and planets apart from their grade: declared where a configuration states it.
+
+
+THICKNESS = tuple(
+    Variable(
+        f"thickness_{gear}_um",
+        "um",
+        Kind.HALF_WIDTH,
+        1.0,
+        15.0,
+        f"base tangent length of the {gear}, by Es_s, its allowance, to Es_s + 2 t below nominal",
+        valid_low=0.0,
+        valid_high=1000.0,
+    )
+    for gear in GEARS
+)
+"""The search ranges are assumptions."""
+ALLOWANCES = {
+    variable.name: Parameter(
+        f"thickness_allowance_{gear}_um",
+        20.0,
+        "um",
+        f"allowance |Es_s| of the base tangent length of the {gear}",
+        "",
+        assumed=True,
+        low=0.0,
+        high=1000.0,
+    )
+    for gear, variable in zip(GEARS, THICKNESS, strict=True)
+}
+"""Assumed: at 20 um each, gears of grade 6 do not jam and gears of grade 7 do."""
+FLANK_CLEARANCE = Output(
+    "flank_clearance_min_um", "um", "least flank clearance j_nmin of the involute stage", larger_is_better=True
+)
+"""Below 0, a sun and a planet within their limits may jam."""
+COSTS_OF_THICKNESS = {"thickness_sun_um": Reciprocal(a=0.05, b=1.0), "thickness_planet_um": Reciprocal(a=0.1, b=2.0)}
+"""Assumed: +-5 um cost 0.2 a gear, of which one is a sun and two are planets."""
+
+
+# Pins that are sorted into classes and fitted to units: declared where a configuration states their number.
+
+
+SORTING = (
+    Parameter(
+        "pin_classes",
+        5,
+        "",
+        "classes that pins are sorted into by their diameter; a unit takes the class that its measured clearance needs",
+        "",
+        low=2,
+        high=50,
+    ),
+    Parameter(
+        "pin_class_um",
+        1.0,
+        "um",
+        "width of a class, of diameters",
+        "",
+        assumed=True,
+        low=0.0,
+        high=100.0,
+        open_low=True,
+    ),
+    Parameter(
+        "pin_match_um",
+        0.3,
+        "um",
+        "standard deviation with which the diameter that a unit needs is known",
+        "",
+        assumed=True,
+        low=0.0,
+        high=100.0,
+    ),
+    Parameter("pin_sorting_price", 0.0, "", "cost of sorting the pins of a unit", "", assumed=True, low=0.0, high=1e9),
+)
+OF_SORTING = (
+    Output(
+        "pins_left_over_percent",
+        "percent",
+        "pins of classes that fewer units need than are made, as many of each class",
+        low=0.0,
+        high=100.0,
+    ),
+    Output(
+        "cost_per_good_unit", "", "cost with the pins left over, of each unit that keeps the yield's limit", low=0.0
+    ),
+)
+
+
+def with_sorting(plain: Declaration, stated: Collection[str]) -> Declaration:
+    """The declaration with classes of pins, where their number is `stated`."""
+    if SORTING[0].name not in stated:
+        return plain
+    return replace(plain, parameters=(*plain.parameters, *SORTING), outputs=(*plain.outputs, *OF_SORTING))
+
+
+def sorting_faults(given: Settings, asked: Iterable[str]) -> Iterator[Fault]:
+    """Faults of classes of pins, and of what is not known with them; `asked` are objectives and limits."""
+    p = {parameter.name: number(given.parameters.get(parameter.name, parameter.default)) for parameter in SORTING}
+    if p["pin_class_um"] < 2.0 * p["pin_match_um"]:
+        text = (
+            f"classes of {p['pin_class_um']:g} um are narrower than the measurement can tell: the diameter that a unit "
+            f"needs is known to {p['pin_match_um']:g} um, so that {2.0 * p['pin_match_um']:g} um is the least width"
+        )
+        yield Fault("parameters.pin_class_um", text)
+    pins = given.variables.get("pin_radius_um")
+    zone = 0.25 * p["pin_classes"] * p["pin_class_um"]
+    if pins is not None and ((pins.low, pins.high) != (None, None) or pins.value not in (None, zone)):
+        text = "follows from pin_classes times pin_class_um, the zone of the pins before they are sorted: leave it out"
+        yield Fault("variables.pin_radius_um", text)
+    if pins is not None and pins.distribution is not None and pins.distribution != Uniform():
+        yield Fault("variables.pin_radius_um.distribution", "must be uniform where pins are sorted into classes")
+    if number(given.parameters.get("share_pins", 0.0)) > 0.0:
+        yield Fault("parameters.share_pins", "must be 0 where the pins of a unit are of one class: it is their share")
+    if "pin_radius_um" in given.machines:
+        yield Fault(
+            "variables.pin_radius_um.machine", "pins that are sorted into classes have no machines: leave it out"
+        )
+    if given.effects or number(given.parameters.get("hours", 0.0)) > 0.0:
+        text = "pins are fitted to new units at 20 degC: what effects or wear do to such units is not known here"
+        yield Fault("parameters.pin_classes", text)
+    for name in dict.fromkeys(asked):
+        place = f"limits.{name}" if name in given.limits else "objectives.minimise"
+        if name in SAMPLED_UNDER_LOAD:
+            text = "is evaluated where pins are fitted to units, but its derivatives are not known: limit the backlash"
+            yield Fault(place, f"{name} {text}")
+        if name in {output.name for output in OF_SORTING}:
+            yield Fault(place, f"{name} is counted on reported units alone: minimise the cost, and read it there")
+
+
+def with_thickness(plain: Declaration, stated: Collection[str]) -> Declaration:
+    """The declaration with tolerances of the thickness of teeth, where some are `stated`."""
+    more = tuple(variable for variable in THICKNESS if variable.name in stated)
+    if not more:
+        return plain
+    return replace(
+        plain,
+        variables=(*plain.variables, *more),
+        outputs=(*plain.outputs, FLANK_CLEARANCE),
+        parameters=(*plain.parameters, *(ALLOWANCES[variable.name] for variable in more)),
+        costs={**plain.costs, **{variable.name: COSTS_OF_THICKNESS[variable.name] for variable in more}},
+        limits={**plain.limits, FLANK_CLEARANCE.name: Bound(low=0.0)},
+        unconditional=plain.unconditional | {FLANK_CLEARANCE.name},
+    )
 
 
 # Outputs of `rv_reducer`, its default limits and objectives.
@@ -360,7 +541,7 @@ GEOMETRY = (
     "cranks",
     "involute_stage",
 )
-GEARS = (
+GEAR_DEVIATIONS = (
     "gear_runout_um",
     "base_pitch_deviation_um",
     "helix_deviation_um",
@@ -372,7 +553,7 @@ GEARS = (
 )
 STIFFNESS = ("normal_stiffness_N_per_mm", "series_stiffness_Nm_per_arcmin")
 TORQUES = ("rated_torque_Nm", "momentary_torque_Nm")
-OF_THE_STAGE = ("reduction_ratio", "sun_pitch_radius_mm", "pressure_angle_deg", *GEARS, "involute_grade")
+OF_THE_STAGE = ("reduction_ratio", "sun_pitch_radius_mm", "pressure_angle_deg", *GEAR_DEVIATIONS, "involute_grade")
 """What means nothing without an involute stage."""
 DEFAULTS = {p.name: p.default for p in PARAMETERS}
 
@@ -398,7 +579,7 @@ def _groups(given: Settings, stage: bool) -> Iterator[str]:
     values = given.parameters
     mids = [name for name in DEFAULTS if name.endswith("_mid_um")]
     yield from _inherited_names("", (n for n in (*GEOMETRY[:-1], "pressure_angle_deg")), values, stage)
-    yield from _inherited_names("gear deviations", GEARS, values, stage)
+    yield from _inherited_names("gear deviations", GEAR_DEVIATIONS, values, stage)
     yield from _inherited_names("mid-limits", mids, values, stage)
     yield from _inherited_names("", (*STIFFNESS, *TORQUES), values, stage)
     ranges = [v.name for v in VARIABLES if v.name not in DISC_TO_DISC]
@@ -520,6 +701,9 @@ def _unused_setting_faults(geometry: ContactGeometry, given: Settings) -> Iterat
     text = "there is no involute stage (parameters.involute_stage = false): leave it out"
     if not geometry.involute_stage and grade is not None and grade.value is None:
         yield Fault("variables.involute_grade", text)
+    for name in (variable.name for variable in THICKNESS if variable.name in given.variables):
+        if not geometry.involute_stage:
+            yield Fault(f"variables.{name}", text)
     if not geometry.involute_stage and "involute_grade" in given.costs:
         yield Fault("costs.involute_grade", text)
 

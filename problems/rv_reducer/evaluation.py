@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -12,12 +13,13 @@ import numpy as np
 import pandas as pd
 
 from ...models.inputs import Distribution
-from ...models.rv_reducer.population.contact import NAMES, Population, Slopes, Turn
+from ...models.rv_reducer.population.contact import NAMES, Fitted, PinClasses, Population, Slopes, Turn, fit_pins
 from ...models.rv_reducer.population.elastic import Elastic, Loading, elastic
-from ...models.rv_reducer.population.errors import Lattice, Scaled, Table, turn_lattice
+from ...models.rv_reducer.population.errors import Lattice, Scaled, Table, change_units, turn_lattice
 from ...models.rv_reducer.population.measures import Conditions, Measures
 from ...models.rv_reducer.population.units import (
     NO_STAGE,
+    Involute,
     Statistic,
     UnitBasis,
     deviation,
@@ -35,6 +37,14 @@ from .counterparts import Change, ChangedMeasures
 from .declared import MEASURED
 
 
+def classes_of(parameters: Mapping[str, Value]) -> PinClasses | None:
+    """The classes that pins are sorted into by their diameter, None where they are taken as they come."""
+    if "pin_classes" not in parameters:
+        return None
+    classes, width, error = (number(parameters[name]) for name in ("pin_classes", "pin_class_um", "pin_match_um"))
+    return PinClasses(int(classes), 0.5 * width, 0.5 * error)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class UnitModel(UnitBasis):
     """The properties common to all units, how units are drawn, and the conditions on them."""
@@ -42,6 +52,7 @@ class UnitModel(UnitBasis):
     conditions: Conditions
     loading: Loading
     preload: float
+    sorting: PinClasses | None = None
     change: Change = field(default_factory=Change)
 
     @classmethod
@@ -70,7 +81,7 @@ class UnitModel(UnitBasis):
         preload = 0.01 * number(parameters["preload_percent_of_rated"]) * rated
         basis = UnitBasis.from_parameters(parameters, inputs, mids)
         common = {field.name: getattr(basis, field.name) for field in fields(UnitBasis)}
-        return cls(**common, conditions=conditions, loading=loading, preload=preload)
+        return cls(**common, conditions=conditions, loading=loading, preload=preload, sorting=classes_of(parameters))
 
     def changed(self, change: Change) -> UnitModel:
         """The model with what effects change in it."""
@@ -79,9 +90,12 @@ class UnitModel(UnitBasis):
             mid[error] = mid.get(error, 0.0) + more
         return replace(self, mid=mid, change=change)
 
-    def measures(self, turn: Turn) -> Measures:
-        """Statistics of the units of a turn, with what effects change outside their contact."""
-        statistics = Measures(turn, self.involute(turn.design.involute_grade), self.conditions)
+    def measures(self, turn: Turn, involute: Involute | None = None) -> Measures:
+        """Statistics of the units of a turn, with what effects change outside their contact; behind another involute
+        stage than that of the turn's design where one is given.
+        """
+        stage = involute or self.involute(turn.design.involute_grade, turn.design.thickness)
+        statistics = Measures(turn, stage, self.conditions)
         return ChangedMeasures(statistics, self.change) if self.change.outside else statistics
 
     def population(self, positions: int, units: int, seed: int, stream: int) -> Population:
@@ -93,6 +107,8 @@ class UnitModel(UnitBasis):
 # Outputs of one design on a population, and their derivatives.
 
 
+FITTING = 3
+"""Stream of random numbers of the measurement by which pins are fitted."""
 PART = {"backlash_max_arcmin": "max", "backlash_mean_arcmin": "mean"}
 MEASURES = {
     **{name: f"quantile {PART[name]}" for name in MEASURED},
@@ -110,6 +126,8 @@ VARIABLE = {"stagger": "stagger_arcmin", "dr_rp": "dr_rp_mm", "dr_p": "dr_p_mm",
 """Variables of derivatives whose names do not end in `_um`."""
 BY_GRADE = 0.5 * log(2.0)
 """Derivative of ln(phi_1) by the ISO grade."""
+STEP_OF_GRADE, STEP_OF_THICKNESS = 1e-3, 1e-2
+"""Steps [grades], [um] of differences by the involute stage: some 1e-4 of phi_1, of which a statistic is smooth."""
 LOADED = {
     "lost_motion_arcmin": "lost_motion",
     "transmission_error_arcsec": "transmission_error",
@@ -142,6 +160,8 @@ class Populations:
 
     draw: Callable[[int, int], Population]
     sizes: tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
+    counted: bool = False
+    """Whether pins that are fitted to units are of whole classes, as in a report."""
 
     @cached_property
     def rigid(self) -> Population:
@@ -174,19 +194,33 @@ class Evaluation:
     ) -> None:
         self.model, self.drawn, self.means = model, drawn, means
         self.design = model.design(row, means)
-        self.involute = model.involute(self.design.involute_grade)
+        if model.sorting is not None:  # the pins of a unit are of one class
+            within = {**self.design.half_width, "pin_radius": 0.5 * model.sorting.width}
+            self.design = replace(self.design, half_width=within)
+        self.involute = model.involute(self.design.involute_grade, self.design.thickness)
         self._elastic: dict[bool, Elastic] = {}
         self._statistics: dict[str, Statistic] = {}
+        self._others: dict[Involute, Evaluation] = {}
 
     @cached_property
     def turn(self) -> Turn:
         """Rigid units over the turn."""
-        return self.drawn.rigid.turn(self.design)
+        fitted = self._fitted(self.drawn.rigid)
+        turn = self.drawn.rigid.turn(self.design, None if fitted is None else fitted.larger)
+        return turn if fitted is None else replace(turn, fitted=fitted)
+
+    def _fitted(self, drawn: Population) -> Fitted | None:
+        """The pins that are fitted to units, None where they are taken as they come."""
+        if (sorting := self.model.sorting) is None:
+            return None
+        counted = self.drawn.counted
+        rng = np.random.default_rng([FITTING, drawn.units, int(counted)])
+        return fit_pins(drawn.turn(self.design), sorting, rng, counted)
 
     @cached_property
     def measures(self) -> Measures:
         """Statistics of rigid units."""
-        return self.model.measures(self.turn)
+        return self.model.measures(self.turn, self.involute)
 
     def value(self, name: str) -> float:
         """A sampled output."""
@@ -201,10 +235,41 @@ class Evaluation:
         statistic, scale = self._statistic(name), SCALE.get(name, 1.0)
         slopes = self._slopes(name)
         slopes["involute_grade"] = scale * BY_GRADE * statistic.by_involute
+        if self.design.thickness:
+            slopes |= self._by_involute(name)
         circle = self.design.width("pin_circle_radius")
         if circle > 0.0:
             slopes["pin_circle_radius_um"] += scale * statistic.by_zone / circle
         return slopes
+
+    def _by_involute(self, name: str) -> dict[str, float]:
+        """Derivatives by the grade and by the thickness of teeth, which change the ends of j_n apart.
+
+        By central differences of the statistic: it is smooth in phi_1, and the contact is not solved again.
+        """
+        grade, thickness = self.design.involute_grade, self.design.thickness
+        pairs = {
+            "involute_grade": [(grade + step * STEP_OF_GRADE, thickness) for step in (1.0, -1.0)],
+            **{
+                f"thickness_{gear}_um": [(grade, {**thickness, gear: t + s * STEP_OF_THICKNESS}) for s in (1.0, -1.0)]
+                for gear, t in thickness.items()
+            },
+        }
+        steps = dict.fromkeys(pairs, STEP_OF_THICKNESS) | {"involute_grade": STEP_OF_GRADE}
+        slopes = {}
+        for variable, ends in pairs.items():
+            high, low = (self._with_involute(self.model.involute(*end)).value(name) for end in ends)
+            slopes[variable] = 0.5 * (high - low) / steps[variable]
+        return slopes
+
+    def _with_involute(self, involute: Involute) -> Evaluation:
+        """The same units behind another involute stage; evaluated once."""
+        if involute not in self._others:
+            other = copy.copy(self)
+            other.__dict__.pop("measures", None)
+            other.involute, other._statistics, other._others = involute, {}, {}
+            self._others[involute] = other
+        return self._others[involute]
 
     def by_mean(self, name: str) -> dict[str, float]:
         """Derivatives of a sampled output by the means of errors, by variable.
@@ -263,6 +328,9 @@ class Evaluation:
             drawn = self.drawn.turning if turning else self.drawn.loaded
             table = Table.of(drawn.lattice, self.design.dr_rp, self.design.dr_p)
             units = Scaled.of(drawn.lattice.geometry, drawn.sample, self.design)
+            if (fitted := self._fitted(self.drawn.loaded)) is not None:
+                larger = {"pin_radius_um": fitted.larger}
+                units = change_units(drawn.lattice.geometry, units, drawn.sample, larger)
             names = [name for name in LOADED.values() if (name == "transmission_error") == turning]
             self._elastic[turning] = elastic(drawn.lattice, table, units, self.model.loading, names)
         return self._elastic[turning]

@@ -9,20 +9,23 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 import scipy
 
 from ...errors import Fault, ModelError
+from ...models.cost_reading import times
 from ...models.effects.measurements import Active
-from ...models.inputs import Uniform
+from ...models.effects.temperature_time import DifferentialThermalExpansion
+from ...models.inputs import Normal, Uniform
 from ...models.rv_reducer import geometry as modification
 from ...models.rv_reducer.cycloid import pin_circle_growth
 from ...models.rv_reducer.geometry import RvGeometry
 from ...models.rv_reducer.population.errors import nearest_prime
-from ...models.rv_reducer.population.units import stem
+from ...models.rv_reducer.population.units import GEARS, Involute, stem
 from ...records import UnitsShown
-from ...section import Array, Value, Variable, number
+from ...section import Array, Section, Value, Variable, number
 from ...units import ARCMIN, MM, UM
-from ..declaration import Declaration, Interval
+from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..machined import Machined
 from ..rv_backlash.problem import DEFAULT_COSTS
 from ..rv_backlash.shift import TERMS
@@ -31,23 +34,38 @@ from ..tolerance_problem import Variant
 from . import declared
 from .counterparts import Change, changes_of, outputs_without_rule, sentence, worn
 from .declared import (
+    ALLOWANCES,
     DEFAULT_LIMITS,
     DEFAULT_OBJECTIVES,
     DISC_TO_DISC,
+    FLANK_CLEARANCE,
     HOLD_INTERFERENCE,
+    OF_SORTING,
     OUTPUTS,
     PARAMETERS,
     REFERENCES,
     SAMPLED,
     SAMPLED_UNDER_LOAD,
+    SORTING,
     VARIABLES,
     changed_geometry_parameters,
     default_values_sentence,
     size_faults,
     unlimited_interference_faults,
     unpriced_error_faults,
+    with_sorting,
+    with_thickness,
 )
-from .evaluation import MEASURES, Evaluation, Populations, UnitModel, is_unit_statistic, unit_tables
+from .evaluation import (
+    MEASURES,
+    STEP_OF_GRADE,
+    Evaluation,
+    Populations,
+    UnitModel,
+    classes_of,
+    is_unit_statistic,
+    unit_tables,
+)
 from .promising import PromisingUnits
 
 if TYPE_CHECKING:
@@ -187,6 +205,12 @@ SHARES = {
     "share_discs": ("share of the variance of the discs common to a unit", (0.0, 0.5, 1.0)),
     "planet_share": ("share of the variance of the planets' clearances common to a unit", (0.0, 1.0)),
 }
+PARTS_OF_A_LAW, UNITS_MEASURED = 50, 30
+"""Parts of a kind that show the shape of its law, and units whose measurement shows the size of an error [assumed]."""
+WRONG_COSTS = 4
+"""Seed of the patterns of wrong costs."""
+WARMER_K, OWN_THICKNESS, MANY_POSITIONS = 1.0, 5.0, 1021
+"""Values that are tried: difference of temperature, half-width of tooth thickness [um], positions of a turn."""
 COUNTED = ("turn_mean", "share_of_turn", "overlap")
 """Definitions of interference that rigid units show."""
 
@@ -194,12 +218,63 @@ COUNTED = ("turn_mean", "share_of_turn", "overlap")
 def variants(problem: RvReducer) -> tuple[Variant, ...]:
     """The problem as it is, then with one assumption changed at a time."""
     same = Variant("as it is", "", _with_parameters(problem))
-    return (same, *_fractions(problem), *_interference(problem), *_disc_to_disc(problem))
+    usual = (same, *_fractions(problem), *_interference(problem), *_disc_to_disc(problem))
+    return (*usual, *_further(problem)) if problem.settings.parameters["assumptions"] == "all" else usual
 
 
 def _with_parameters(problem: RvReducer, **parameters: Value) -> RvReducer:
     given = problem.given
     return type(problem)(replace(given, parameters={**given.parameters, **VARIANT_SETTINGS, **parameters}))
+
+
+def _with_variables(problem: RvReducer, changed: Mapping[str, VariableSetting]) -> RvReducer:
+    given = _with_parameters(problem).given
+    return type(problem)(replace(given, variables={**given.variables, **changed}))
+
+
+def _further(problem: RvReducer) -> Iterator[Variant]:
+    """Laws, errors between discs, temperature, tooth thickness, stiffness and positions."""
+    settings = problem.settings
+    laws = {
+        v.name: replace(problem.given.variables.get(v.name, VariableSetting()), distribution=Normal())
+        for v in problem.variables
+        if v.random and isinstance(settings.variables[v.name].distribution or Uniform(), Uniform)
+    }
+    if laws and problem.model.sorting is None and not problem.machined_tolerances:
+        each = len(laws) * PARTS_OF_A_LAW
+        yield Variant("law of uniform errors", "normal, t = 3 sigma", _with_variables(problem, laws), each, True)
+    for name in DISC_TO_DISC:
+        for factor in (0.5, 2.0) if problem.fixed.get(name, 0.0) > 0.0 else ():
+            fixed = {name: VariableSetting(value=factor * problem.fixed[name])}
+            yield Variant(name, f"{factor:g} times", _with_variables(problem, fixed), UNITS_MEASURED)
+    if problem.model.sorting is None and not settings.effects:
+        effect = Active(DifferentialThermalExpansion(), {"temperature_difference_K": WARMER_K})
+        given = _with_parameters(problem).given
+        warm = type(problem)(replace(given, effects=(effect,)))
+        yield Variant("discs warmer than the housing", f"{WARMER_K:g} K", warm, UNITS_MEASURED)
+    if settings.parameters["involute_stage"] and not any(name in ALLOWANCES for name in problem.names):
+        apart = {name: VariableSetting(value=OWN_THICKNESS) for name in ALLOWANCES}
+        text = f"of its own: allowance 20 um, +-{OWN_THICKNESS:g} um, at the best grade"
+        yield Variant("tooth thickness of sun and planets", text, _with_variables(problem, apart), 0, True)
+    if any(limit.name.startswith("lost_motion") for limit in problem.limits):
+        for name in ("normal_stiffness_N_per_mm", "series_stiffness_Nm_per_arcmin"):
+            for factor in (0.5, 2.0):
+                changed = _with_parameters(problem, **{name: factor * number(settings.parameters[name])})
+                yield Variant(name, f"{factor:g} times", changed, UNITS_MEASURED)
+    for number_of, signs in enumerate(np.random.default_rng(WRONG_COSTS).choice([0.5, 2.0], (2, len(settings.costs)))):
+        for factors in (signs, 1.0 / signs):
+            curves = {
+                name: times(curve, factor)
+                for (name, curve), factor in zip(settings.costs.items(), factors.tolist(), strict=True)
+            }
+            given = _with_parameters(problem).given
+            wrong = type(problem)(replace(given, costs={**given.costs, **curves}))
+            label = (
+                f"every curve 2 times too high or too low, pattern {number_of + 1}{'a' if factors is signs else 'b'}"
+            )
+            yield Variant("loss of an allocation by wrong costs", label, wrong, true_costs=True)
+    finer = nearest_prime(MANY_POSITIONS, problem.model.geometry)
+    yield Variant("positions of a turn", f"{finer}", _with_parameters(problem, positions=finer, search_positions=finer))
 
 
 def _fractions(problem: RvReducer) -> Iterator[Variant]:
@@ -286,6 +361,8 @@ class RvReducer(PromisingUnits, Machined):
     _drawn_again = frozenset(("_searched", "_reported", "_recent", "_verdicts", "_mixed", "_promised_units", "_finer"))
 
     def __init__(self, settings: Settings | None = None) -> None:
+        self.declaration = with_thickness(type(self).declaration, settings.variables if settings else ())
+        self.declaration = with_sorting(self.declaration, settings.parameters if settings else ())
         super().__init__(settings)
         given = self.settings
         units = UnitModel.of(given.parameters, given.variables, given.propagation.coverage)
@@ -295,6 +372,32 @@ class RvReducer(PromisingUnits, Machined):
         if lacking:
             raise ModelError(f"{', '.join(lacking)}: no rule says what effects do; add its kind to RULES")
         self.model = units.changed(change)
+
+    @classmethod
+    def configured(cls, top: Section) -> ConfiguredProblem | None:
+        """Thickness of teeth and classes of pins are declared where they are stated; alone, what belongs to them
+        changes nothing.
+        """
+        configured, parameters = super().configured(top), top.section("parameters")
+        stated = [name for name in ALLOWANCES if name in top.section("variables")]
+        for name in stated:
+            table = top.section("variables").section(name)
+            if not any(key in table for key in ("value", "low", "high", "limits")):
+                table.fault("", "states nothing: give its value, or low and high")
+        for name, parameter in ALLOWANCES.items():
+            if name not in stated and parameters.take(parameter.name) is not None:
+                parameters.fault(
+                    parameter.name,
+                    f"changes nothing: state variables.{name} (value, or low and high), or leave it out; the thickness "
+                    "of the teeth follows their grade",
+                )
+        if configured is None:
+            return None
+        for parameter in SORTING[1:]:
+            if SORTING[0].name not in parameters and parameters.take(parameter.name) is not None:
+                parameters.fault(parameter.name, "changes nothing: state parameters.pin_classes, or leave it out")
+        declaration = with_sorting(with_thickness(configured.declaration, stated), parameters.all_keys())
+        return replace(configured, declaration=declaration)
 
     def _completed(self, given: Settings) -> Settings:
         settings = super()._completed(given)
@@ -308,10 +411,19 @@ class RvReducer(PromisingUnits, Machined):
         fixed = DISC_TO_DISC.get(variable.name)
         if variable.name == "involute_grade" and not self.given.parameters.get("involute_stage", True):
             fixed = variable.document
+        if variable.name == "pin_radius_um" and (sorting := classes_of(self._with_defaults_of_sorting)):
+            given, fixed = VariableSetting(), 0.5 * sorting.classes * sorting.width
         given = given or VariableSetting()
         if fixed is not None and given.value is None and given.low is None and given.high is None:
             given = replace(given, value=fixed)
         return super()._variable(variable, given)
+
+    @property
+    def _with_defaults_of_sorting(self) -> dict[str, Value]:
+        """The parameters that are given, with those of classes of pins where their number is."""
+        given = self.given.parameters
+        defaults = {p.name: p.default for p in SORTING} if SORTING[0].name in given else {}
+        return {**defaults, **given}
 
     # ---------------------------------------------------------------- populations
 
@@ -340,7 +452,7 @@ class RvReducer(PromisingUnits, Machined):
         loaded = nearest_prime(min(positions, LOADED_POSITIONS), self.model.geometry)
         turning = self.count("te_positions")
         draw = partial(self.model.population, seed=self.settings.seed, stream=stream)
-        return Populations(draw, ((positions, units), (loaded, elastic), (turning, elastic)))
+        return Populations(draw, ((positions, units), (loaded, elastic), (turning, elastic)), stream == REPORT)
 
     @cached_property
     def _recent(self) -> OrderedDict[bytes, Evaluation]:
@@ -365,7 +477,7 @@ class RvReducer(PromisingUnits, Machined):
     def as_built(self, design: Array) -> tuple[dict[str, float], dict[str, float]]:
         """Variables by name with the scatter of good parts, and the offsets of their means [um]."""
         effective = self.effective(design[None, :])[0]
-        row = {v.name: float(effective[at]) for at, v in enumerate(VARIABLES)}
+        row = {v.name: float(effective[at]) for at, v in enumerate(self.variables) if not v.labels}
         means = {stem(name): float(mean[0]) for name, (_, mean) in self.as_made(design[None, :]).items()}
         return row, means
 
@@ -391,8 +503,12 @@ class RvReducer(PromisingUnits, Machined):
         """Sampled outputs (n,) of full designs, with their standard errors where asked for."""
         more = [f"{name}_error" for name in names] if errors else []
         columns = {name: np.empty(len(designs)) for name in ("phi_1_arcmin", *names, *more)}
+        if self.model.sorting is not None:
+            columns |= {output.name: np.full(len(designs), np.nan) for output in OF_SORTING}
         for at, design in enumerate(designs):
             evaluation = self.evaluation(design, searching)
+            if self.model.sorting is not None and not searching:
+                self._add_sorting(columns, at, design, evaluation)
             columns["phi_1_arcmin"][at] = evaluation.involute.mean
             for name in names:
                 columns[name][at] = evaluation.value(name)
@@ -400,18 +516,47 @@ class RvReducer(PromisingUnits, Machined):
                     columns[f"{name}_error"][at] = evaluation.error(name)
         return columns | {"cost": self.cost_of(designs)} | self.profile(designs)
 
+    def _add_sorting(self, columns: dict[str, Array], at: int, design: Array, evaluation: Evaluation) -> None:
+        """Pins left over, of classes that are made in equal numbers, and the cost of a good unit."""
+        fitted, sorting = evaluation.turn.fitted, self.model.sorting
+        assert fitted is not None and sorting is not None
+        taken = np.bincount(fitted.number, minlength=sorting.classes) / len(fitted.number)
+        made = sorting.classes * float(taken.max())  # pins that are made for each that is built in
+        radius = self.settings.variables["pin_radius_um"].value
+        pins = (
+            self.settings.costs["pin_radius_um"].cost(np.array([radius]))[0]
+            if "pin_radius_um" in self.settings.costs
+            else 0.0
+        )
+        cost = float(self.cost_of(design[None, :])[0])
+        columns[OF_SORTING[0].name][at] = 100.0 * (1.0 - 1.0 / made)
+        columns[OF_SORTING[1].name][at] = (cost + (made - 1.0) * pins) / (0.01 * evaluation.value("yield_percent"))
+
+    def cost_of(self, designs: Array) -> Array:
+        """Sum of the cost curves, and of sorting the pins (n,)."""
+        return super().cost_of(designs) + number(self.settings.parameters.get("pin_sorting_price", 0.0))
+
     @cached_property
     def _sampled_outputs(self) -> frozenset[str]:
         """Sampled outputs that a search needs."""
         return frozenset(filter(is_unit_statistic, self.required_outputs))
 
+    def _flank_clearance(self, designs: Array) -> dict[str, Array]:
+        """j_nmin [um] (n,) of the gears of full designs, where their thickness has a tolerance of its own."""
+        thickness = {gear: self.column(designs, n) for gear in GEARS if (n := f"thickness_{gear}_um") in self.names}
+        if not thickness:
+            return {}
+        least, _ = self.model.flank_clearances(self.column(designs, "involute_grade"), thickness)
+        return {FLANK_CLEARANCE.name: least / UM}
+
     def profile(self, designs: Array) -> dict[str, Array]:
-        """Outputs of the tooth modification (n,) of full designs."""
+        """Outputs of the tooth modification (n,) of full designs, and of the gears."""
         pair = (self.column(designs, "dr_rp_mm") * MM, self.column(designs, "dr_p_mm") * MM)
         nominal = self.model.geometry.nominal
         return {
             "radial_gap_mm": (pair[0] - pair[1]) / MM,
             "modification_backlash_arcmin": modification.modification_backlash(nominal, *pair) / ARCMIN,
+            **self._flank_clearance(designs),
         }
 
     def gradient(self, designs: Array) -> dict[str, Array]:
@@ -431,7 +576,7 @@ class RvReducer(PromisingUnits, Machined):
         return self.by_limits(designs, gradients, by_mean) | self._plain_slopes(designs)
 
     def _plain_slopes(self, designs: Array) -> dict[str, Array]:
-        """Derivatives of cost and profile."""
+        """Derivatives of cost, profile and flank clearance."""
         names = ("radial_gap_mm", "modification_backlash_arcmin")
         slopes = {name: np.zeros_like(designs) for name in names}
         nominal = self.model.geometry.nominal
@@ -441,6 +586,13 @@ class RvReducer(PromisingUnits, Machined):
             column = self.names.index(name)
             slopes["radial_gap_mm"][:, column] = gap
             slopes["modification_backlash_arcmin"][:, column] = backlash
+        if FLANK_CLEARANCE.name in {output.name for output in self.outputs}:
+            finer, coarser = designs.copy(), designs.copy()
+            at, slope = self.names.index("involute_grade"), np.zeros_like(designs)
+            finer[:, at], coarser[:, at] = finer[:, at] + STEP_OF_GRADE, coarser[:, at] - STEP_OF_GRADE
+            ends = [self._flank_clearance(moved)[FLANK_CLEARANCE.name] for moved in (finer, coarser)]
+            slope[:, at] = 0.5 * (ends[0] - ends[1]) / STEP_OF_GRADE
+            slopes[FLANK_CLEARANCE.name] = slope
         return slopes | {"cost": self.cost_slopes(designs)}
 
     def counterparts(self) -> tuple[str, ...]:
@@ -449,8 +601,11 @@ class RvReducer(PromisingUnits, Machined):
     # ---------------------------------------------------------------- what is known
 
     def references(self) -> dict[str, Array]:
-        """The documents' allocations, which are those of the RV-40E-121 alone, without machines."""
-        if self.machined_tolerances or changed_geometry_parameters(self.settings.parameters):
+        """The documents' allocations, which are those of the RV-40E-121 alone, without machines, and with a
+        thickness of teeth that follows their grade.
+        """
+        own = any(name in ALLOWANCES for name in self.names)
+        if own or self.machined_tolerances or changed_geometry_parameters(self.settings.parameters):
             return {}
         nominal = nominal_of(self)
         return {
@@ -507,6 +662,12 @@ class RvReducer(PromisingUnits, Machined):
             return self._cost_interval
         if output in ("backlash_max_arcmin", "backlash_mean_arcmin") and not self._stretched:
             return self._least_backlash + self.model.change.effective, np.inf
+        if output == FLANK_CLEARANCE.name:
+            grades = np.array(super().interval("involute_grade"))[::-1]
+            ends = np.repeat(self._corner(tight=True)[None, :], 2, axis=0)
+            ends[:, self.names.index("involute_grade")] = grades
+            least, most = self._flank_clearance(ends)[output]
+            return float(least), float(most)
         return super().interval(output)
 
     @property
@@ -516,10 +677,22 @@ class RvReducer(PromisingUnits, Machined):
 
     @cached_property
     def _least_backlash(self) -> float:
-        """Quantile of phi_1 alone at the finest grade [arcmin]."""
-        alone = self.model.involute(super().interval("involute_grade")[0])
-        at = self.model.planet.quantile(np.array([self.settings.propagation.coverage]))
-        return alone.middle + alone.half * float(at[0])
+        """Least quantile of phi_1 alone [arcmin]."""
+        at = float(self.model.planet.quantile(np.array([self.settings.propagation.coverage]))[0])
+        return min(alone.middle + alone.half * at for alone in self.tightest_gears())
+
+    def tightest_gears(self, grades: Array | None = None) -> list[Involute]:
+        """phi_1 at every grade of the range (or at `grades`), thickness of teeth at its tightest.
+
+        With a thickness of its own, a finer grade need not have less backlash.
+        """
+        low, high = super().interval("involute_grade")
+        thickness = {
+            gear: super(RvReducer, self).interval(n)[0] for gear in GEARS if (n := f"thickness_{gear}_um") in self.names
+        }
+        if grades is None:
+            grades = np.arange(np.rint(low), np.rint(high) + 1.0) if thickness and low < high else np.array([low])
+        return [self.model.involute(grade, thickness) for grade in grades]
 
     def faults(self) -> list[Fault]:
         ends = {name: super(RvReducer, self).interval(name) for name in ("dr_rp_mm", "dr_p_mm")}
@@ -528,6 +701,9 @@ class RvReducer(PromisingUnits, Machined):
             *unpriced_error_faults({variable.name for variable in self.free}, self.settings.costs),
             *(size_faults(self.count, MAX_CACHED_EVALUATIONS) or super().faults()),
         ]
+        if self.model.sorting is not None:
+            asked = (*self.objectives, *(limit.name for limit in self.limits if limit.count))
+            faults = [*faults, *declared.sorting_faults(self.given, asked)]
         faults = faults or [*self._idle_hours(), *jam_faults(self, self.settings.effects)]
         return faults or self.cost_bound().faults()
 
@@ -572,6 +748,25 @@ class RvReducer(PromisingUnits, Machined):
         given = [setting.distribution for setting in self.settings.variables.values()]
         uniform = all(d is None or isinstance(d, Uniform) for d in given)
         return validity(self.settings.parameters, uniform, self.model.change)
+
+    def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
+        """Zones that no process is known to hold."""
+        held = self.settings.parameters["held_um"]
+        assert isinstance(held, Mapping)
+        tight = []
+        for name, least in held.items():
+            tolerance = f"{name}_um"
+            zones = front[tolerance] if tolerance in front and tolerance not in self.fixed else front.iloc[:0, 0]
+            if len(zones) and (few := int((zones < number(least)).sum())):
+                tight.append(
+                    f"{tolerance} down to {zones.min():.3g} (at {few} of {len(front)} points; held: {least:g})"
+                )
+        if not tight:
+            return ()
+        return (
+            f"zones tighter than processes are taken to hold, in um: {'; '.join(tight)}; ask who makes them, raise "
+            "variables.NAME.low, or state what yours hold in parameters.held_um",
+        )
 
     def shown_limit(self) -> tuple[str, float] | None:
         return "backlash_max_arcmin", number(self.settings.parameters["backlash_limit_arcmin"])

@@ -104,7 +104,9 @@ def requirements_table(stack: Stack, design: Array) -> pd.DataFrame:
     """The `requirements` of an analysis alone: units are drawn where a figure takes a sample."""
     made = stack.parts_as_made(design[None, :])
     none = np.empty(0)
-    samples = [none if measured.straight else _sampled_values(stack, measured, made) for measured in stack.measured]
+    samples = [
+        _sampled_values(stack, measured, made) if _takes_sample(measured) else none for measured in stack.measured
+    ]
     return _requirements(stack, made, samples)[0]
 
 
@@ -186,11 +188,16 @@ def _nominal(measured: Measured) -> float:
 
 def _mean_and_deviation(measured: Measured, made: Tolerances, sample: Array) -> tuple[float, float]:
     """Mean and standard deviation of the units: in closed form, or those of the sample."""
-    if measured.straight:
+    if not _takes_sample(measured):
         mean = measured.mechanism.centre + float(measured.linear.mean_shift(made)[0])
         return mean, float(np.sqrt(max(measured.linear.variance(made)[0], 0.0)))
     mean_of_units, deviation = moments_of(sample[None])
     return float(mean_of_units[0]), float(deviation[0])
+
+
+def _takes_sample(measured: Measured) -> bool:
+    """Whether mean and standard deviation are those of units: of a formula that is not linear, or of matched parts."""
+    return not measured.straight or measured.mechanism.matches
 
 
 def _sampled_values(stack: Stack, measured: Measured, made: Tolerances) -> Array:
@@ -245,8 +252,13 @@ def _notes(measured: Measured, kind: str, sample: Array) -> list[str]:
             f"ends are {how}"
         )
     if measured.rough:
+        why = (
+            f"has no slope at the mid-limits by {', '.join(mechanism.rough)}"
+            if mechanism.rough
+            else "has matched parts"
+        )
         notes.append(
-            f"{label} has no slope at the mid-limits by {', '.join(mechanism.rough)}: contributions to the "
+            f"{label} {why}: contributions to the "
             "variance are those in the growth of the standard deviation with each tolerance"
         )
     if lost := int(np.sum(~np.isfinite(sample))):

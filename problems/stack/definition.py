@@ -238,6 +238,19 @@ class Correlation:
     coefficient: float
 
 
+@dataclass(frozen=True, slots=True)
+class Sorting:
+    """Two parts that are measured with a standard deviation of `u_um`, sorted into `classes` and matched, at a
+    `price` a unit; `stated` is what the configuration says.
+    """
+
+    parts: tuple[str, str]
+    classes: int
+    u_um: float
+    price: float
+    stated: Mapping[str, Any] = field(default_factory=dict)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Definition:
     """A stack that has been read and checked: a mechanism for each requirement, over all parts.
@@ -250,6 +263,7 @@ class Definition:
     parts: tuple[Part, ...]
     mechanisms: tuple[Mechanism, ...]
     correlations: tuple[Correlation, ...] = ()
+    sortings: tuple[Sorting, ...] = ()
     promise: Promise | None = None
     conditions: tuple[Condition, ...] = ()
     stated: tuple[Requirement, ...] = ()

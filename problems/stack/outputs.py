@@ -25,7 +25,8 @@ from ...models.stack.mechanism import SIGMAS, fractions
 from ...section import Array, Integers, Kind, Output, Variable
 from ..limits import Limit
 from ..settings import Bound, Promise, Settings, VariableSetting
-from .definition import Definition, Part, Requirement
+from .definition import Definition, Part, Requirement, Sorting
+from .matched import outputs_of_matching
 from .promises import WINDOW, Interval, Measured, promise_limits, promise_outputs
 
 if TYPE_CHECKING:
@@ -133,12 +134,14 @@ def outputs_of(
     parts: Sequence[Part],
     measured: Sequence[Measured] = (),
     promise: Promise | None = None,
+    sortings: Sequence[Sorting] = (),
 ) -> tuple[Output, ...]:
     """The outputs of a stack, in the order of the tables.
 
     Without `measured`, all outputs that there may be.
     """
     outputs = [Output("cost", "", "cost of all parts", low=0.0)]
+    outputs += outputs_of_matching(sortings, any(requirement.bounded for requirement in requirements))
     if requirements[0].key:
         outputs += _joint_outputs(requirements)
     for at, requirement in enumerate(requirements):
@@ -257,7 +260,7 @@ def slopes_by_count(stack: Stack, designs: Array) -> dict[str, Array]:
     """
     rough = [measured for measured in stack.measured if measured.rough]
     names = {measured.name(output) for measured in rough for output in ("yield_percent", "variation", "rss", "std")}
-    names = (names | ({"yield_percent"} if rough else set())) & stack.required_outputs
+    names = (names | ({"yield_percent"} if rough else set())) & stack.yields.required_outputs
     names -= {measured.name("variation") for measured in rough if measured.requirement.method == "worst_case"}
     derivatives = {name: np.zeros((len(designs), len(stack.definition.parts))) for name in names}
     for at, part in enumerate(stack.definition.parts if names else ()):

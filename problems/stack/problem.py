@@ -27,6 +27,7 @@ from ..tolerance_problem import ToleranceProblem
 from .convex import corner_of, form_of, limits_by_spread, out_of_process, samples_of
 from .definition import Definition, Part, parts_by_process, ranges_by_process
 from .faults import faults_of, nominal_limit_faults, read_output_names, unit_faults
+from .matched import LEFT_OVER, PER_GOOD_UNIT, factors_of_cost, left_over, read_sortings
 from .outputs import (
     OBJECTIVES,
     PartCosts,
@@ -50,6 +51,8 @@ from .rows import shortfall
 
 VARIED = ("variation", "rss", "std")
 """Outputs of a requirement that leave out means, but for `variation` by `shifted_rss`."""
+STEP_OF_T = 1e-4
+"""Relative step of a tolerance for the slopes of what is left over, which is smooth in it."""
 MIN_YIELD_DIFFERENCE = 0.01
 """Percentage points below which a difference does not matter."""
 RELATIVE = 0.2
@@ -138,7 +141,7 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
                 "the nominal values or the limits"
             )
         sentences += [_domain(values)] if values.partial else []
-        sentences += [_nonlinearity_warning(stack, values)] if values.rough else []
+        sentences += [_nonlinearity_warning(stack, values)] if values.mechanism.rough else []
         if values.mechanism.formula is not None and not values.rough:
             unit = f" {values.requirement.unit}".rstrip()
             sample = stack.yields.drawn(WARNING_SAMPLES)
@@ -270,7 +273,9 @@ class Stack(ToleranceProblem):
         self.measured: tuple[Measured, ...] = measured(definition)
         self.declaration = _declare_stack(
             variables_of(definition.parts),
-            outputs_of(definition.requirements, definition.parts, self.measured, definition.promise),
+            outputs_of(
+                definition.requirements, definition.parts, self.measured, definition.promise, definition.sortings
+            ),
         )
         if definition.conditions and settings is not None:
             from ..conditions import limits_in_all
@@ -294,12 +299,13 @@ class Stack(ToleranceProblem):
         ]
         mechanisms = measured(definition) if definition is not None else ()
         promise = read_promise(top)
-        outputs = outputs_of(requirements, known, () if conditions else mechanisms, promise)
+        sortings = read_sortings(top, None, [])
+        outputs = outputs_of(requirements, known, () if conditions else mechanisms, promise, sortings)
         if conditions:
             from ..conditions import limitable
             from .conditions import requirements_at
 
-            every = outputs_of(requirements_at(conditions, requirements), known, mechanisms, promise)
+            every = outputs_of(requirements_at(conditions, requirements), known, mechanisms, promise, sortings)
             outputs = limitable(every, outputs, [condition.name for condition in conditions], top)
         declaration = _declare_stack(variables_of(known), outputs)
         declaration = replace(declaration, conditions=tuple(condition.name for condition in conditions))
@@ -383,7 +389,16 @@ class Stack(ToleranceProblem):
             outputs |= self._shares(requirement, t, searching)
         if self.promises is not None:
             outputs |= self.promises.outputs(t, searching, self.required_outputs)
+        if self.definition.sortings:
+            outputs |= self._matching(designs, outputs)
         return outputs | joint_variations(self.measured, outputs)
+
+    def _matching(self, designs: Array, outputs: Mapping[str, Array]) -> dict[str, Array]:
+        """What is left over (n,) of matched parts, and the cost of a good unit."""
+        lost = left_over(self.definition, self.tolerances(designs))
+        good = 0.01 * outputs[YIELD] if YIELD in outputs else np.full(len(designs), np.nan)
+        with np.errstate(divide="ignore"):
+            return {LEFT_OVER: 100.0 * lost.max(axis=1), PER_GOOD_UNIT: outputs["cost"] / good}
 
     @property
     def promise(self) -> Promise | None:
@@ -405,7 +420,8 @@ class Stack(ToleranceProblem):
     @cached_property
     def yields(self) -> Yields:
         """Yields and half-widths by sample."""
-        return Yields(self.measured, self.settings, self.limits, self.required_outputs)
+        per_good_unit = {YIELD} if PER_GOOD_UNIT in self.required_outputs else set()
+        return Yields(self.measured, self.settings, self.limits, self.required_outputs | per_good_unit)
 
     @property
     def linear(self) -> Linear:
@@ -428,8 +444,12 @@ class Stack(ToleranceProblem):
         return part is not None and part.by_machine
 
     def cost_of(self, designs: Array) -> Array:
-        """Sum over parts of count times the cost of the chosen process (n,)."""
-        return np.asarray(self._by_part(designs).sum(axis=1))
+        """Sum over parts of count times the cost of the chosen process, and the price of sorting (n,)."""
+        return np.asarray(self._by_part(designs).sum(axis=1)) + self._price_of_sorting
+
+    @property
+    def _price_of_sorting(self) -> float:
+        return sum(sorting.price for sorting in self.definition.sortings)
 
     def costs_of(self, designs: Array) -> dict[str, Array]:
         pairs = zip(self._parts, self._by_part(designs).T, strict=True)
@@ -472,9 +492,10 @@ class Stack(ToleranceProblem):
         return PartCosts(self._parts)
 
     def _by_part(self, designs: Array, slope: bool = False) -> Array:
-        """Cost, or its slope, of each part (n, parts)."""
-        chosen = self._chosen_of_all(designs)
-        return self._costs.by_part(self.tolerances(designs), chosen, slope)
+        """Cost, or its slope, of each part (n, parts); of more parts than are built in where some find no mate."""
+        chosen, t = self._chosen_of_all(designs), self.tolerances(designs)
+        costs = self._costs.by_part(t, chosen, slope)
+        return costs * factors_of_cost(self.definition, t) if self.definition.sortings else costs
 
     def gradient(self, designs: Array) -> dict[str, Array]:
         """Derivatives of the cost, the variations and the yields; 0 for a process."""
@@ -491,11 +512,31 @@ class Stack(ToleranceProblem):
             derivatives |= self.yields.slopes(t, coverage)
         derivatives = slopes_by_limit(self, designs, derivatives) | {"cost": self._by_part(designs, slope=True)}
         derivatives |= slopes_by_count(self, designs)
+        if self.definition.sortings:
+            derivatives |= self._matching_slopes(designs, derivatives.get(YIELD))
         at = [self.names.index(f"{part.name}_t") for part in self._parts]
         wide = {name: np.zeros_like(designs) for name in derivatives}
         for name, slopes in derivatives.items():
             wide[name][:, at] = slopes
         return wide
+
+    def _matching_slopes(self, designs: Array, of_yield: Array | None) -> dict[str, Array]:
+        """Derivatives (n, parts) of cost, of what is left over and, given those of the yield, of a good unit's cost."""
+        shape = len(designs), len(self._parts)
+        slopes = {"cost": np.zeros(shape), LEFT_OVER: np.zeros(shape)}
+        for at, part in enumerate(self._parts):
+            column, ends = self.names.index(f"{part.name}_t"), []
+            for side in (1.0, -1.0):
+                moved = designs.copy()
+                moved[:, column] *= 1.0 + side * STEP_OF_T
+                lost = left_over(self.definition, self.tolerances(moved)).max(axis=1)
+                ends.append({"cost": self.cost_of(moved), LEFT_OVER: 100.0 * lost})
+            for name, slope in slopes.items():
+                slope[:, at] = (ends[0][name] - ends[1][name]) / (2.0 * STEP_OF_T * designs[:, column])
+        if PER_GOOD_UNIT in self.required_outputs and of_yield is not None:
+            good = 0.01 * self.yields.percentages(self.parts_as_made(designs), needed=True)[YIELD][:, None]
+            slopes[PER_GOOD_UNIT] = (slopes["cost"] - self.cost_of(designs)[:, None] * 0.01 * of_yield / good) / good
+        return slopes
 
     # ---------------------------------------------------------------- what is known
 
@@ -553,7 +594,11 @@ class Stack(ToleranceProblem):
     @cached_property
     def _cost_interval(self) -> Interval:
         """Least and largest cost: every part in its cheapest and its most expensive process."""
-        return self._costs.interval
+        low, high = self._costs.interval
+        if self.definition.sortings:
+            most = max(float(factors_of_cost(self.definition, t[None, :]).max()) for t in self.ends_of_t)
+            low, high = low + self._price_of_sorting, most * high + self._price_of_sorting
+        return low, high
 
     def corner(self, tight: bool) -> Array:
         """The design with every tolerance at its tightest or loosest, and a process for it."""

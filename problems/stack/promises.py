@@ -78,6 +78,8 @@ class Measured:
     @cached_property
     def distribution(self) -> Law | LinearSum | None:
         """The distribution of the requirement where it is known without a sample."""
+        if self.mechanism.matches:
+            return None
         return self.law if isinstance(self.law, Law) else linear_sum_of(self.mechanism)
 
     @property
@@ -92,10 +94,10 @@ class Measured:
 
     @property
     def rough(self) -> bool:
-        """Whether slopes at the mid-limits do not describe the formula: its worst case is then by
-        corners, its root sum square and its contributions by a sample (`Yields`).
+        """Whether slopes at the mid-limits do not describe the units: the worst case of a formula is then by
+        corners, the root sum square and the contributions are by a sample (`Yields`).
         """
-        return bool(self.mechanism.rough)
+        return bool(self.mechanism.rough) or self.mechanism.matches
 
     @property
     def bound_to_domain(self) -> bool:
@@ -130,7 +132,9 @@ class Measured:
         """The variations (n,) by output, of tolerances (n, parts), that take no sample."""
         by_output = {"worst_case": self.linear.worst_case(t), "rss": self.linear.rss(t)}
         if self.rough:
-            by_output = {"worst_case": worst_by_corners(self.mechanism, t)}
+            by_output = {
+                "worst_case": self.linear.worst_case(t) if self.straight else worst_by_corners(self.mechanism, t)
+            }
         else:
             by_output["std"] = by_output["rss"] / SIGMAS
         if self.straight:
@@ -180,7 +184,7 @@ class Measured:
     def shares(self, t: Tolerances) -> dict[str, Array]:
         """Contributions [%] of its parts (n,)."""
         worst = self.requirement.method == "worst_case"
-        if self.rough and worst:
+        if self.rough and worst and not self.straight:
             shares = fractions(limit_of(t) * self._towards_tighter(worst_by_corners, limit_of(t)))
         else:
             shares = self.linear.worst_shares(t) if worst else self.linear.variance_shares(t)
@@ -219,8 +223,11 @@ class Measured:
 
     def _rough_slopes(self, t: Tolerances, wanted: Collection[str]) -> dict[str, Array]:
         """Derivatives (n, parts) of the worst case by corners, and of a domain margin that is wanted."""
-        worst = self._towards_tighter(worst_by_corners, limit_of(t))
+        worst = np.broadcast_to(self.linear.worst, spread_of(t).shape)
+        if not self.straight:
+            worst = self._towards_tighter(worst_by_corners, limit_of(t))
         by_output = {"worst_case": worst} | ({"variation": worst} if self.requirement.method == "worst_case" else {})
+        by_output |= {name: side * worst for name, side in WINDOW.items()} if self.straight else {}
         if self.partial and self.name("domain_margin") in wanted:
             by_output["domain_margin"] = self._towards_tighter(least_margin, limit_of(t))
         return {self.name(name): value for name, value in by_output.items()} | self._window_slopes(t, wanted)

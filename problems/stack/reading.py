@@ -17,6 +17,7 @@ from ...units import family
 from ..settings import SAMPLED, process_assumption, read_promise
 from .definition import METHODS, Condition, Correlation, Definition, Part, Process, Requirement
 from .formulas import form_complaint, mechanisms_of, nominal_sum, sensitivity_faults, unknown_name
+from .matched import assumptions_of_matching, matched_mechanisms, read_sortings
 from .parts import MAX_PIECES, read_parts
 from .promises import WINDOW
 
@@ -152,6 +153,10 @@ def read_definition(
     intermediate, steps = _intermediate(top, whole if len(whole) == len(parts) else None, faults)
     sizes = [part for part in whole if part.feature is None]
     correlations = _correlations(top, sizes, len(whole) == len(parts), faults)
+    sortings = read_sortings(top, whole if len(whole) == len(parts) else None, faults)
+    if sortings and promise is not None:
+        text = "is not known for parts that are sorted and matched: leave [promise] out, and limit yield_percent"
+        faults.append(Fault("promise", text))
     if requirements[0].key:
         faults += sensitivity_faults(requirements, top.tables("part"))
     else:
@@ -161,13 +166,15 @@ def read_definition(
         faults += [fault for fault in _name_faults(top, requirements, whole) if fault.place not in known]
         return parts, requirements, conditions, None
     mechanisms, stated = mechanisms_of(requirements, whole, correlations, steps, faults), requirements
+    if len(mechanisms) == len(requirements):
+        mechanisms = matched_mechanisms(mechanisms, whole, sortings, faults)
     if conditions and not faults:
         from .conditions import stack_at
 
         requirements, mechanisms = stack_at(conditions, stated, whole, mechanisms, faults)
     if faults:
         return parts, stated, conditions, None
-    given = correlations, promise, conditions, stated, intermediate
+    given = correlations, sortings, promise, conditions, stated, intermediate
     return parts, stated, conditions, Definition(requirements, tuple(whole), mechanisms, *given)
 
 
@@ -295,6 +302,8 @@ def tables_of(definition: Definition) -> dict[str, Any]:
             {"parts": list(correlation.pieces), "coefficient": correlation.coefficient}
             for correlation in definition.correlations
         ]
+    if definition.sortings:
+        tables["matched"] = [dict(sorting.stated) for sorting in definition.sortings]
     if definition.conditions:
         tables["condition"] = [asdict(condition) for condition in definition.conditions]
     if definition.promise is not None:
@@ -386,6 +395,7 @@ def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
             text = f"sum of sensitivity times nominal; {place} is not given"
             nominal = nominal_sum(requirement, definition.parts)
             assumptions.append(Assumption(place, nominal, requirement.unit, text))
+    assumptions += assumptions_of_matching(definition.sortings)
     if definition.conditions:
         from .conditions import thermal_assumptions
 

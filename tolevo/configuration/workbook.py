@@ -27,7 +27,7 @@ from ..tables.workbook import NOT_A_WORKBOOK, Live, fill, has_formulas, saved
 
 
 GENERAL, COSTS = "Stack", "Costs"
-LISTS = ("requirement", "part", "fit", "correlation", "let", "loop", "feature", "condition")
+LISTS = ("requirement", "part", "fit", "correlation", "matched", "let", "loop", "feature", "condition")
 """Tables in a list, each a row of a sheet of its name in the plural: `[[part]]` on "Parts"."""
 ALLOCATION, ANALYSIS = "Allocation", "Analysis"
 """Sheets of the result."""

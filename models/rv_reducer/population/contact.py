@@ -170,6 +170,60 @@ def pull_back(lattice: Lattice, table: Table, touch: Touch, slopes: Slopes, weig
     return total
 
 
+# Pins that are sorted into classes and fitted to the measured clearance of a unit.
+
+
+@dataclass(frozen=True, slots=True)
+class PinClasses:
+    """Classes of pins: how many, the `width` of their radii [um], and the standard deviation `error` [um] with which
+    the radius that a unit needs is known.
+    """
+
+    classes: int
+    width: float
+    error: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fitted:
+    """Pins fitted to n units: their class (n,) from 0 on, and how much larger than the middle class they are [um] (n,).
+
+    The backlash of a unit grows by `growth` (n,) [arcmin] with z (n,), uniform from -1 to 1: the place of
+    its need within a class. `follows` (n,) says whether a change of its clearance changes the pins: not in
+    the outermost classes.
+    """
+
+    number: Integers
+    larger: Array
+    z: Array
+    growth: Array
+    follows: NDArray[np.bool_]
+
+
+def fit_pins(turn: Turn, sorting: PinClasses, rng: np.random.Generator, counted: bool) -> Fitted:
+    """The pins that bring each unit of a turn, measured with pins of the middle class, nearest to the mean of all.
+
+    The backlash of a unit in the mean of the turn falls in proportion to the radius of its pins. Of the classes a unit
+    takes that nearest to its need where units are `counted`. In a search, whose values are to be smooth, its need lies
+    anywhere within a class, which for needs that spread over several classes has the same law.
+    """
+    mean, units = turn.play.mean(axis=0, dtype=np.float64), turn.play.shape[1]
+    even = np.full(turn.play.shape, 1.0 / turn.play.size)
+    by_radius = -float(turn.slopes(even, turn.population.alike)[NAMES.index("pin_radius")])  # arcmin per um
+    need = (mean - mean.mean()) / by_radius + sorting.error * rng.standard_normal(units)
+    middle = 0.5 * (sorting.classes - 1)
+    place = np.clip(np.rint(need / sorting.width + middle), 0, sorting.classes - 1).astype(np.int64)
+    larger, z = (place - middle) * sorting.width, np.zeros(units)
+    outermost = 0.5 * (sorting.classes - 1) * sorting.width
+    follows = np.abs(need) <= outermost
+    if not counted:
+        z = rng.uniform(-1.0, 1.0, units)
+        larger = np.clip(need - 0.5 * sorting.width * z, -outermost, outermost)
+        follows = np.abs(larger) < outermost
+    growth = np.full(units, 0.0 if counted else 0.5 * sorting.width * by_radius)
+    return Fitted(place, larger, z, np.where(follows, growth, 0.0), follows)
+
+
 # A turn of rigid units of one design: the backlash of the cycloid stage at every position.
 
 
@@ -212,8 +266,8 @@ class Population:
         ones = {name: np.ones_like(z) for name, z in sample.z.items()}
         return Slopes.of(self.lattice.geometry, replace(sample, z=ones))
 
-    def turn(self, design: UnitDesign) -> Turn:
-        """Units built to a design, over the turn."""
+    def turn(self, design: UnitDesign, pins: Array | None = None) -> Turn:
+        """Units built to a design, over the turn; the pins of a unit may all be larger by `pins` (n,) [um]."""
         geometry = self.lattice.geometry
         table = Table.of(self.lattice, design.dr_rp, design.dr_p)
         errors = self.slopes.errors(design.width)
@@ -224,6 +278,8 @@ class Population:
                 by_error: dict[str, float] = dict(zip(ERRORS, mid, strict=True))
                 self._of_mids[mid] = self.alike.errors(by_error.__getitem__)
             errors = tuple(map(np.add, errors, self._of_mids[mid]))
+        if pins is not None:
+            errors = (errors[0] - pins.astype(np.float32), *errors[1:])
         errors[2][:, 3] += np.float32(design.stagger) * sides(geometry)[:, None].astype(np.float32)
         contact = touch(self.lattice, table, errors)
         return Turn(self, design, table, contact, contact.cycloid(geometry.output_ratio))
@@ -242,6 +298,8 @@ class Turn:
     table: Table
     touch: Touch
     play: Single
+    fitted: Fitted | None = None
+    """The pins that are fitted to each unit, None where they are taken as they come."""
 
     @cached_property
     def by_circle(self) -> Single:
@@ -261,5 +319,8 @@ class Turn:
         `errors` replace the standardised errors of the population.
         """
         drawn = self.population
+        if self.fitted is not None:
+            by_unit = np.where(self.fitted.follows, weight.sum(axis=0), 0.0) / len(weight)
+            weight = weight - by_unit + by_unit.mean()
         standardised = errors or drawn.slopes
         return pull_back(drawn.lattice, self.table, self.touch, standardised, weight)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....section import Array, Single
+from ...inputs import Uniform
 from .contact import Slopes, Turn
 from .units import Involute, Statistic, deviation, mean, ordered_quantile, quantile, share_below, share_within
 
@@ -116,13 +117,32 @@ class Measures:
 
     def _below(self, values: Array, limit: float, slope: Array | Single) -> Statistic:
         """P(values < limit), each integrated over the pin-circle radius, by which it grows with `slope`
-        [arcmin/um]; both of shape (..., n).
+        [arcmin/um]; both of shape (..., n). Units with fitted pins are integrated over the place of their need within a
+        class, but for those that need more than the outermost class.
         """
-        sample = self.turn.population.sample
+        sample, fitted = self.turn.population.sample, self.turn.fitted
         growth = self.widening * self.turn.design.width("pin_circle_radius") * slope.astype(np.float64)
         radius = np.broadcast_to(sample.z["pin_circle_radius"], values.shape)
         law = sample.hierarchy.of("pin_circle_radius")
-        return share_below(values.ravel(), limit, growth.ravel(), radius.ravel(), law)
+        if fitted is None:
+            return share_below(values.ravel(), limit, growth.ravel(), radius.ravel(), law)
+        of_class, z, follows = (
+            np.broadcast_to(of_unit, values.shape).ravel()
+            for of_unit in (self.widening * fitted.growth, fitted.z, fitted.follows)
+        )
+        flat, weight, parts = values.ravel(), np.zeros(values.size), []
+        for rows, by, place, over in (
+            (follows, of_class, z, Uniform()),
+            (~follows, growth.ravel(), radius.ravel(), law),
+        ):
+            share = float(np.mean(rows))
+            if share > 0.0:
+                part = share_below(flat[rows], limit, by[rows], place[rows], over)
+                weight[rows] = share * part.weight
+                zone = 0.0 if over is not law else share * part.by_zone
+                parts.append((share * part.value, share * part.error, zone))
+        value, error, by_zone = np.array(parts).sum(axis=0).tolist()
+        return Statistic(value, weight, 0.0, error, by_zone)
 
     def _interference(self, kind: str) -> Measure:
         play, slope = self.turn.play, self.turn.by_circle

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.special import betainc, ndtr, ndtri
 
 from ....section import Array, Value, number
-from ....units import ARCMIN, MM
+from ....units import ARCMIN, MM, UM
 from ...inputs import Distribution, Uniform
 from .. import declared
 from .. import geometry as involute
@@ -38,6 +38,8 @@ ERRORS = (
     "crank_phase",
 )
 """The errors of a unit, in the order of `gradient.Gradient.tolerances`."""
+GEARS = ("sun", "planet")
+"""The gears of the involute stage."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,14 +48,16 @@ class UnitDesign:
 
     `half_width` by name of the error [um], of `crank_phase` [mrad]; `crank_bearing` is the full
     clearance c of the zone [0, c] [um]. `mid` are mid-limits [um]; those of pin position move all
-    pins alike and turn the unit without backlash. `stagger` [arcmin] is the angle by which discs
-    are turned, alternately ahead and back; `dr_rp`, `dr_p` [m] are the modifications. An omitted
-    name is 0.
+    pins alike and turn the unit without backlash. `thickness` has the half-width of the zone of the base
+    tangent length [um] of each of `GEARS` whose thickness has a tolerance of its own. `stagger` [arcmin]
+    is the angle by which discs are turned, alternately ahead and back; `dr_rp`, `dr_p` [m] are the
+    modifications. An omitted name is 0.
     """
 
     half_width: Mapping[str, float]
     mid: Mapping[str, float] = field(default_factory=dict)
     involute_grade: float = 7.0
+    thickness: Mapping[str, float] = field(default_factory=dict)
     stagger: float = 0.0
     dr_rp: float = -40e-6
     dr_p: float = -70e-6
@@ -418,7 +422,7 @@ class UnitBasis:
 
     `planet` is the law of the standardised clearance of the tighter planet, whose planets have
     `planet_share` of their variance in common. Where there is no involute stage (`geared` false)
-    phi_1 is 0.
+    phi_1 is 0. `allowances` [um] are the magnitudes |Es_s| of gears whose thickness has a tolerance of its own.
     """
 
     geometry: ContactGeometry
@@ -428,6 +432,7 @@ class UnitBasis:
     planet_share: float
     mid: Mapping[str, float]
     geared: bool
+    allowances: Mapping[str, float]
 
     @classmethod
     def from_parameters(
@@ -459,13 +464,29 @@ class UnitBasis:
             planet_share,
             mid,
             bool(parameters["involute_stage"]),
+            {gear: number(parameters.get(f"thickness_allowance_{gear}_um", 0.0)) for gear in GEARS},
         )
 
-    def involute(self, grade: float) -> Involute:
-        """phi_1 of units at an ISO grade [arcmin]."""
+    def involute(self, grade: float, thickness: Mapping[str, float] = MappingProxyType({})) -> Involute:
+        """phi_1 of units at an ISO grade [arcmin]; `thickness` as of `UnitDesign`."""
+        if thickness:
+            ends = self.flank_clearances(np.array(float(grade)), thickness)
+            unit = 1.0 / involute.lever(self.stage, self.geometry.nominal) / ARCMIN
+            least, most = (float(end) * unit for end in ends)
+            return Involute(0.5 * (most + least), 0.5 * (most - least), self.planet)
         middle, half = involute.backlash_zone(self.stage, self.geometry.nominal, np.array(float(grade)))
         unit = 1.0 / ARCMIN if self.geared else 0.0
         return Involute(float(middle) * unit, float(half) * unit, self.planet)
+
+    def flank_clearances(self, grade: Array, thickness: Mapping[str, Array | float]) -> tuple[Array, Array]:
+        """j_nmin and j_nmax [m] of a pair of gears at ISO grades; `thickness` as of `UnitDesign`."""
+        zones = [
+            (self.allowances[gear] * UM, (self.allowances[gear] + 2.0 * thickness[gear]) * UM)
+            if gear in thickness
+            else None
+            for gear in GEARS
+        ]
+        return involute.clearance_limits(self.stage, grade, zones)
 
     def tightest(self, planets: Array) -> Array:
         """Standardised clearance (n,) of the tighter planet, of normal numbers (planets + 1, n)."""
@@ -486,6 +507,7 @@ class UnitBasis:
             },
             mid={**self.mid, **mids},
             involute_grade=row["involute_grade"],
+            thickness={gear: row[name] for gear in GEARS if (name := f"thickness_{gear}_um") in row},
             stagger=row["stagger_arcmin"],
             dr_rp=row["dr_rp_mm"] * MM,
             dr_p=row["dr_p_mm"] * MM,

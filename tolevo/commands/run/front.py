@@ -43,10 +43,8 @@ from ...problems.tolerance_problem import ToleranceProblem, designs_of
 from ...section import Array, differences, flat
 from .plan import RunPlan
 
-EXACT = "exact, least cost within the limits"
-ROBUST = "least worst regret"
-"""Labels of references."""
-"""Label of the exact optimum among the references."""
+EXACT, ROBUST = "exact, least cost within the limits", "least worst regret"
+"""Labels of the exact optimum and of the allocation of least worst regret among the references."""
 MAX_SAMPLED_CANDIDATES = 100
 """Designs recomputed at most where every design is tested on a sample of fresh units."""
 MAX_CANDIDATES = 20_000

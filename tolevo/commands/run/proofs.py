@@ -239,7 +239,8 @@ def add_conditional_bounds(result: RunResult, plan: RunPlan, shared: Shared) -> 
     problem, front, costs = plan.problem, result.front, plan.problem.settings.costs
     others = [name for name in problem.objectives if name != "cost"]
     convex = not problem.settings.machines and not any(curve.bends for curve in costs.values())
-    sampled = isinstance(plan.algorithm, Exact) and problem.declaration.sampled and convex
+    alone = problem.priced == "cost" and not problem.held_costs
+    sampled = isinstance(plan.algorithm, Exact) and problem.declaration.sampled and convex and alone
     if not sampled or len(others) != 1 or problem.n_obj != 2 or result.prices is None or result.prices.empty:
         return result
     rows = result.prices[(result.prices["output"] == others[0]) & result.prices["price"].notna()]

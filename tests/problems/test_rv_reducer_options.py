@@ -1,0 +1,241 @@
+"""Tooth thickness apart from the grade, and pins that are fitted to units, against formulas and counts made here."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tolevo.configuration.reader import read
+from tolevo.errors import InputError
+from tolevo.problems.rv_reducer import RvReducer
+from tolevo.problems.settings import Bound, Settings, VariableSetting
+from tolevo.units import ARCMIN
+
+SMALL: dict[str, float] = {"search_units": 256, "search_positions": 31, "report_units": 512, "positions": 31,
+                           "elastic_units": 16, "te_positions": 31}  # fmt: skip
+PLAIN: dict[str, Any] = {"problem": "rv_reducer", "seed": 3, "references": "none", "parameters": SMALL}
+LIMITS = {"backlash_max_arcmin": 1.0, "interference_probability": 0.05}
+SUN, PLANET = "thickness_sun_um", "thickness_planet_um"
+
+
+def with_thickness(**variables: VariableSetting) -> RvReducer:
+    limits = {name: Bound(high=value) for name, value in LIMITS.items()}
+    objectives = ("cost", "backlash_mean_arcmin_std", "backlash_rms_arcmin", "lost_motion_arcmin")
+    return RvReducer(Settings(parameters=SMALL, variables=variables, limits=limits, objectives=objectives))
+
+
+def design(problem: RvReducer, **values: float) -> np.ndarray[Any, np.dtype[np.float64]]:
+    document = {v.name: float(v.document or 0.0) for v in problem.variables}
+    known = {**document, **problem.fixed, **values}
+    return np.array([known[name] for name in problem.names])
+
+
+def faults_of(table: dict[str, Any]) -> list[str]:
+    with pytest.raises(InputError) as raised:
+        read(table)
+    return [str(fault) for fault in raised.value.faults]
+
+
+def test_flank_clearance_is_document_bs_with_its_own_thickness() -> None:
+    """j_nmin and j_nmax as printed, errors of the gears at grade 6, allowances 20 to 30 um a gear."""
+    problem = with_thickness(**{SUN: VariableSetting(), PLANET: VariableSetting()})
+    s, c, grade = np.sin(np.radians(20.0)), np.cos(np.radians(20.0)), np.sqrt(0.5)
+    delta = np.sqrt((2.0 * 19.5 * s) ** 2 + 2.0 * 11.0**2 + 2.0 * 13.0**2 + (11.0 * s) ** 2 + (5.5 * c) ** 2)
+    least = (20.0 + 20.0) * c + grade * (-delta + 1.44 * (19.5 - 0.72 * 72.0) * s)
+    most = (30.0 + 30.0) * c + grade * 1.44 * (19.5 + 0.72 * 72.0) * s
+    row = design(problem, involute_grade=6.0, **{SUN: 5.0, PLANET: 5.0})
+    assert problem.profile(row[None, :])["flank_clearance_min_um"][0] == pytest.approx(least, rel=1e-12)
+    ends = problem.evaluation(row, searching=True).involute
+    per_um = 1e-6 / (121.0 * 0.009 * c) / ARCMIN
+    assert ends.middle - ends.half == pytest.approx(least * per_um, rel=1e-12)
+    assert ends.middle + ends.half == pytest.approx(most * per_um, rel=1e-12)
+
+
+def test_thickness_at_the_zone_of_a_grade_is_that_grade() -> None:
+    factor = np.sqrt(0.5) ** 2  # grade 5
+    allowances = {f"thickness_allowance_{gear}_um": 56.0 * factor for gear in ("sun", "planet")}
+    own = RvReducer(Settings(
+        parameters=SMALL | allowances, variables={SUN: VariableSetting(), PLANET: VariableSetting()}
+    ))  # fmt: skip
+    locked, t = RvReducer(Settings(parameters=SMALL)), 0.5 * (112.0 - 56.0) * factor
+    for name in ("backlash_max_arcmin", "backlash_rms_arcmin"):
+        separate = own.evaluation(design(own, involute_grade=5.0, **{SUN: t, PLANET: t}), searching=True)
+        together = locked.evaluation(design(locked, involute_grade=5.0), searching=True)
+        assert separate.value(name) == pytest.approx(together.value(name), rel=1e-12)
+
+
+@pytest.mark.parametrize("output", ["backlash_max_arcmin", "backlash_rms_arcmin", "backlash_mean_arcmin_std",
+                                    "lost_motion_arcmin", "interference_probability"])  # fmt: skip
+def test_derivatives_by_thickness_and_grade_are_those_of_differences(output: str) -> None:
+    problem = with_thickness(**{SUN: VariableSetting(), PLANET: VariableSetting()})
+    row, steps = design(problem, involute_grade=5.0, **{SUN: 4.0, PLANET: 7.0}), {SUN: 0.5, PLANET: 0.5}
+    slopes = problem.gradient(row[None, :])[output][0]
+    for name, step in {**steps, "involute_grade": 0.1}.items():
+        at, values = problem.names.index(name), []
+        for side in (1.0, -1.0):
+            moved = row.copy()
+            moved[at] += side * step
+            values.append(problem.evaluation(moved, searching=True).value(output))
+        assert slopes[at] == pytest.approx((values[0] - values[1]) / (2.0 * step), rel=5e-3, abs=1e-9)
+
+
+def test_one_gear_alone_may_have_its_own_thickness() -> None:
+    problem = with_thickness(**{PLANET: VariableSetting(value=5.0)})
+    clearance = problem.profile(design(problem, involute_grade=7.0)[None, :])["flank_clearance_min_um"][0]
+    least, _ = problem.model.stage.flank_clearance()
+    c = np.cos(np.radians(20.0))
+    assert clearance == pytest.approx(1e6 * least + (20.0 - 56.0) * c, rel=1e-12)
+
+
+def test_the_bound_stays_below_what_is_reached_with_thickness() -> None:
+    problem = with_thickness(**{SUN: VariableSetting(low=1.0, high=15.0), PLANET: VariableSetting(low=1.0, high=15.0)})
+    bound = problem.cost_bound()
+    assert not bound.missing
+    row = design(problem, involute_grade=6.0, dr_rp_mm=-0.0437, dr_p_mm=-0.0737, pin_circle_radius_um=1.0,
+                 pin_position_um=1.0, pin_hole_radius_um=0.8, pin_radius_um=0.5, runout_um=1.0, pitch_um=2.0,
+                 equidistance_um=0.4, shift_um=0.5, crank_bearing_um=1.0, **{SUN: 2.0, PLANET: 2.0})  # fmt: skip
+    values = problem.outputs_of(row[None, :])
+    high = {name: Bound(high=float(values[name][0])) for name in LIMITS}
+    at_its_values = problem.relaxed(high).cost_bound().least_costs({}, 1)
+    assert 0.0 < at_its_values[0] < values["cost"][0]
+
+
+def test_faults_of_thickness_are_placed() -> None:
+    alone = faults_of({**PLAIN, "limits": LIMITS, "parameters": {**SMALL, "thickness_allowance_sun_um": 10.0}})
+    assert any("parameters.thickness_allowance_sun_um: changes nothing: state variables.thickness_sun_um" in f
+               for f in alone)  # fmt: skip
+    empty = faults_of({**PLAIN, "limits": LIMITS, "variables": {SUN: {}}})
+    assert any(f.startswith(f"variables.{SUN}: states nothing") for f in empty)
+    jams = {SUN: {"value": 2.0}, PLANET: {"value": 2.0}, "involute_grade": {"low": 7, "high": 8}}
+    assert any("flank_clearance_min_um" in f for f in faults_of({**PLAIN, "limits": LIMITS, "variables": jams}))
+    stage = {**SMALL, "involute_stage": False}
+    without = faults_of({**PLAIN, "limits": LIMITS, "parameters": stage, "variables": {SUN: {"value": 2.0}}})
+    assert any(f.startswith(f"variables.{SUN}: there is no involute stage") for f in without)
+
+
+# Pins in classes of their diameter, fitted to the measured clearance of each unit.
+
+
+def sorting(**more: float) -> RvReducer:
+    parameters = SMALL | {"search_units": 4096, "report_units": 4096, "pin_classes": 17} | more
+    return RvReducer(Settings(parameters=parameters, limits={name: Bound(high=v) for name, v in LIMITS.items()}))
+
+
+def test_what_is_left_is_the_class_and_the_measurement() -> None:
+    """The mean over the turn of a unit scatters by w^2/12 + u^2 of the radius that it needs, and by its own pins."""
+    problem = sorting(pin_class_um=1.2, pin_match_um=0.4)
+    evaluation = problem.evaluation(design(problem, pin_radius_um=problem.fixed["pin_radius_um"]), searching=False)
+    fitted = evaluation.turn.fitted
+    assert fitted is not None and np.mean(fitted.follows) > 0.999
+    drawn, means = evaluation.drawn.rigid, []
+    for larger in (0.1, -0.1):
+        means.append(drawn.turn(evaluation.design, np.full(drawn.units, larger)).play.mean())
+    by_radius = (means[1] - means[0]) / 0.2
+    expected = by_radius * np.sqrt(0.6**2 / 12.0 + 0.2**2)
+    assert float(evaluation.turn.play.mean(axis=0).std()) == pytest.approx(expected, rel=0.03)
+
+
+def test_every_unit_has_the_pins_of_the_class_that_suits_it_best() -> None:
+    """All classes are tried on every unit, measured without error: no other brings it nearer to the mean."""
+    problem = sorting(pin_match_um=1e-9, pin_classes=9)
+    evaluation = problem.evaluation(design(problem, pin_radius_um=problem.fixed["pin_radius_um"]), searching=False)
+    fitted, drawn = evaluation.turn.fitted, evaluation.drawn.rigid
+    assert fitted is not None
+    plain = drawn.turn(evaluation.design).play.mean(axis=0)
+    tried = [drawn.turn(evaluation.design, np.full(drawn.units, 0.5 * (k - 4))).play.mean(axis=0) for k in range(9)]
+    best = np.argmin(np.abs(np.array(tried) - plain.mean()), axis=0)
+    assert np.mean(best == fitted.number) > 0.98  # the radius acts in proportion to within 1 %
+    taken = np.bincount(best, minlength=9) / drawn.units
+    values = problem.outputs_of(design(problem, pin_radius_um=problem.fixed["pin_radius_um"])[None, :])
+    assert values["pins_left_over_percent"][0] == pytest.approx(100.0 * (1.0 - 1.0 / (9.0 * taken.max())), abs=1.0)
+    pins, made = 0.1 + 0.6 / 2.25**0.6, 9.0 * taken.max()
+    per_good = (values["cost"][0] + (made - 1.0) * pins) / (0.01 * values["yield_percent"][0])
+    assert values["cost_per_good_unit"][0] == pytest.approx(per_good, rel=0.01)
+
+
+def test_a_search_sees_what_a_report_counts() -> None:
+    problem = sorting()
+    row = design(problem, pin_radius_um=problem.fixed["pin_radius_um"])
+    smooth, counted = (problem.evaluation(row, searching) for searching in (True, False))
+    for name in ("backlash_max_arcmin", "backlash_mean_arcmin_std", "interference_probability"):
+        allowed = 4.0 * np.hypot(smooth.error(name), counted.error(name)) + 0.02 * counted.value(name)
+        assert abs(smooth.value(name) - counted.value(name)) < allowed
+
+
+@pytest.mark.parametrize(("output", "variable", "step"), [
+    ("backlash_max_arcmin", "pin_circle_radius_um", 0.05), ("backlash_max_arcmin", "dr_rp_mm", 2e-5),
+    ("backlash_max_arcmin", "runout_um", 0.05), ("backlash_mean_arcmin_std", "equidistance_um", 0.05),
+    ("interference_probability", "runout_um", 0.05), ("interference_probability", "dr_rp_mm", 2e-5),
+])  # fmt: skip
+def test_derivatives_of_fitted_units_are_those_of_differences(output: str, variable: str, step: float) -> None:
+    problem = sorting()
+    row = design(problem, pin_radius_um=problem.fixed["pin_radius_um"])
+    at, values = problem.names.index(variable), []
+    for side in (1.0, -1.0):
+        moved = row.copy()
+        moved[at] += side * step
+        values.append(problem.evaluation(moved, searching=True).value(output))
+    found = problem.evaluation(row, searching=True).gradient(output)[variable]
+    scale = abs(problem.evaluation(row, searching=True).value(output)) / abs(row[at])
+    assert found == pytest.approx((values[0] - values[1]) / (2.0 * step), rel=0.05, abs=0.01 * scale)
+
+
+def test_faults_of_classes_are_placed() -> None:
+    table = {**PLAIN, "limits": {**LIMITS, "lost_motion_arcmin": 1.0}, "variables": {"pin_radius_um": {"value": 1.0}},
+             "parameters": {**SMALL, "pin_classes": 5, "pin_class_um": 0.5, "pin_match_um": 0.3, "share_pins": 0.5,
+                            "wear_um_per_1000h": 1.0, "hours": 100.0}}  # fmt: skip
+    places = {fault.split(":")[0] for fault in faults_of(table)}
+    assert places >= {"parameters.pin_class_um", "variables.pin_radius_um", "parameters.share_pins",
+                      "parameters.pin_classes", "limits.lost_motion_arcmin"}  # fmt: skip
+    counted = {**PLAIN, "limits": LIMITS, "objectives": {"minimise": ["cost_per_good_unit"]}}
+    found = faults_of({**counted, "parameters": {**SMALL, "pin_classes": 9}})
+    assert any(f.startswith("objectives.minimise: cost_per_good_unit is counted") for f in found)
+    alone = faults_of({**PLAIN, "limits": LIMITS, "parameters": {**SMALL, "pin_match_um": 0.2}})
+    assert any("state parameters.pin_classes" in fault for fault in alone)
+    assert any("parameters.pin_classes" in f for f in faults_of({**PLAIN, "limits": LIMITS,
+               "parameters": {**SMALL, "pin_classes": 1}}))  # fmt: skip
+
+
+# The table of assumptions, all of it, and zones that nobody holds.
+
+
+def test_all_assumptions_are_changed_one_at_a_time() -> None:
+    parameters: dict[str, Any] = {**SMALL, "assumptions": "all"}
+    limits = {name: Bound(high=value) for name, value in {**LIMITS, "lost_motion_arcmin": 2.0}.items()}
+    problem = RvReducer(Settings(parameters=parameters, limits=limits, objectives=("cost",)))
+    variants = {(one.assumption, one.value): one for one in problem.variants()}
+    normal = variants["law of uniform errors", "normal, t = 3 sigma"]
+    laws = {type(setting.distribution).__name__ for name, setting in normal.problem.settings.variables.items()
+            if setting.distribution}  # fmt: skip
+    assert laws == {"Normal"}
+    assert normal.parts > 0
+    for name in ("circle_offset_um", "bore_um", "crank_phase_mrad"):
+        doubled = variants[name, "2 times"].problem
+        assert doubled.fixed[name] == 2.0 * problem.fixed[name]
+    assert variants["positions of a turn", "1021"].problem.settings.parameters["search_positions"] == 1021
+    warm = variants["discs warmer than the housing", "1 K"].problem
+    assert [active.effect.name for active in warm.settings.effects] == ["differential_thermal_expansion"]
+    assert ("normal_stiffness_N_per_mm", "2 times") in variants
+    row = design(problem)
+    true = problem.costs_of(row[None, :])
+    wrong = [one for one in variants.values() if one.true_costs]
+    assert len(wrong) == 4
+    for one in wrong:
+        ratios = [float(cost[0] / true[name][0]) for name, cost in one.problem.costs_of(row[None, :]).items()]
+        assert sorted(set(np.round(ratios, 9))) == [0.5, 2.0]
+    usual = RvReducer(Settings(parameters=SMALL, limits=limits, objectives=("cost",))).variants()
+    assert len(usual) < len(variants)
+    assert not any(one.parts or one.true_costs for one in usual)
+
+
+def test_zones_that_nobody_holds_are_remarked_on() -> None:
+    problem = RvReducer(Settings(parameters=SMALL))
+    tight = problem.frame(design(problem, equidistance_um=0.63)[None, :], searching=True)
+    (text,) = problem.remarks(tight)
+    assert "equidistance_um down to 0.63 (at 1 of 1 points; held: 1)" in text
+    loose: dict[str, Any] = {**SMALL, "held_um": {"equidistance": 0.5}}
+    assert not RvReducer(Settings(parameters=loose)).remarks(tight)
+    fixed = RvReducer(Settings(parameters=SMALL, variables={"equidistance_um": VariableSetting(value=0.63)}))
+    assert not fixed.remarks(tight)
