@@ -19,10 +19,12 @@ from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.algorithms.soo.nonconvex.ga import GA
 from pymoo.core.problem import Problem
 from pymoo.optimize import minimize
-from scipy.optimize import minimize as descend
+from scipy import optimize
 
 import tolevo
 from tolevo.section import Array
+
+descend: Any = optimize.minimize  # its stubs know arrays of one fixed dimension only
 
 EVALUATIONS = 1200
 """Of each package."""
@@ -143,7 +145,7 @@ def of_pygmo(case: Case, seed: int) -> Any:
 
 
 def of_optuna(case: Case, seed: int) -> Any:
-    import optuna
+    optuna: Any = importlib.import_module("optuna")
 
     optuna.logging.set_verbosity(optuna.logging.ERROR)
 

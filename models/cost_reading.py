@@ -149,7 +149,7 @@ def add_constant_cost(curve: CostCurve, more: float) -> CostCurve:
         return SumOfCurves((*curve.terms, (1.0, Reciprocal(more, 0.0))))
     if not hasattr(curve, "a"):
         return SumOfCurves(((1.0, curve), (1.0, Reciprocal(more, 0.0))))
-    return replace(curve, a=curve.a + more)  # type: ignore[type-var,attr-defined]
+    return replace(curve, a=curve.a + more)  # type: ignore[type-var]
 
 
 SCALED = (Reciprocal, ReciprocalSquared, ReciprocalPower, Exponential, Combined)
@@ -166,15 +166,15 @@ def times(curve: CostCurve, factor: float) -> CostCurve:
         return SumOfCurves(tuple((factor * weight, one) for weight, one in curve.terms))
     if not isinstance(curve, SCALED):
         return SumOfCurves(((factor, curve),))
-    scaled = {key: factor * getattr(curve, key) for key in ("a", "b", "c") if hasattr(curve, key)}
-    return replace(curve, **scaled)  # type: ignore[type-var]
+    scaled: dict[str, Any] = {key: factor * getattr(curve, key) for key in ("a", "b", "c") if hasattr(curve, key)}
+    return replace(curve, **scaled)
 
 
 def weighted_sum(terms: Sequence[tuple[float, CostCurve]]) -> CostCurve:
     """The curve of sum of weight C(t), weights >= 0: one of the reciprocal family where all are of one exponent."""
     scaled = [times(curve, weight) for weight, curve in terms if weight > 0.0]
     powers = [curve for curve in scaled if not _is_constant(curve)]
-    constant = sum(float(curve.a) for curve in scaled if _is_constant(curve))  # type: ignore[attr-defined]
+    constant = float(np.sum([curve.cost(np.ones(1))[0] for curve in scaled if _is_constant(curve)]))
     if not powers:
         return Reciprocal(constant, 0.0)
     joint = Joint.of(powers)

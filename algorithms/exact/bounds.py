@@ -233,7 +233,7 @@ def _most_of(problem: ToleranceProblem, values: Mapping[str, Array], name: str, 
     """The most (n,) of a cost: that of the point where it is an objective, and the limit of the problem."""
     own = np.asarray(values[name]) if name in problem.objectives else np.full(points, np.inf)
     limit = float(loosened(np.array(upper_limit(problem, name)), LIMIT_WIDENING))
-    return np.minimum(own + LOOSER * np.abs(own), limit)
+    return np.asarray(np.minimum(own + LOOSER * np.abs(own), limit))
 
 
 def _bounds_within_costs(
@@ -322,7 +322,7 @@ class _Weighted:
             rows = np.hstack([-np.array(slopes), np.ones((len(slopes), 1))])
             ends = [*((0.0, reach if of else 0.0) for of in held), (None, None)]
             found = scipy.optimize.linprog([*none, -1.0], A_ub=rows, b_ub=right, bounds=ends)
-            if found.x is None:
+            if found.x is None or found.fun is None:
                 break
             weights = np.asarray(found.x[:-1])
             if best > -np.inf and -found.fun - best <= WEIGHTED_GAP * max(abs(best), 1e-300):

@@ -256,6 +256,7 @@ class _Game:
             b_eq=[1.0],
             bounds=[(0.0, None)] * columns + [(None, None)],
         )
+        assert found.x is not None and found.fun is not None
         weights = np.maximum(found.x[:-1], 0.0)
         return weights / weights.sum(), np.maximum(-found.ineqlin.marginals, 0.0), -float(found.fun) * unit
 

@@ -21,6 +21,8 @@ import scipy
 
 from .score import conforms, cost_of, side_of
 
+minimize: Any = scipy.optimize.minimize  # its stubs know arrays of one fixed dimension only
+
 Raw = dict[str, Any]
 FILE = Path(__file__).with_name("tasks.json")
 UNITS = 4_000_000
@@ -77,7 +79,7 @@ def _tolerances(parts: list[Raw], ways: tuple[Raw, ...], requirements: list[Raw]
     if any(budget <= 0.0 or np.sum((s * low) ** p) > budget * (1.0 + 1e-12) for s, p, budget in rows):
         return None
     if all(np.sum((s * high) ** p) <= budget * (1.0 + 1e-12) for s, p, budget in rows):
-        return high.tolist()
+        return [float(t) for t in high]
     if len(rows) == 1:
         ((s, p, budget),) = rows
 
@@ -87,12 +89,12 @@ def _tolerances(parts: list[Raw], ways: tuple[Raw, ...], requirements: list[Raw]
 
         ends = -80.0, 80.0
         root = scipy.optimize.brentq(lambda m: float(np.sum((s * at(m)) ** p)) / budget - 1.0, *ends, xtol=1e-13)
-        return at(root).tolist()
+        return [float(t) for t in at(root)]
     limits = [
         {"type": "ineq", "fun": lambda x, s=s, p=p, c=budget: 1.0 - np.sum((s * np.exp(x)) ** p) / c}
         for s, p, budget in rows
     ]
-    done = scipy.optimize.minimize(  # convex in the logarithms of t
+    done = minimize(  # convex in the logarithms of t
         lambda x: float(np.sum(b * np.exp(-x))),
         np.log(low),
         jac=lambda x: -b * np.exp(-x),
@@ -101,7 +103,7 @@ def _tolerances(parts: list[Raw], ways: tuple[Raw, ...], requirements: list[Raw]
         constraints=limits,
         options={"ftol": 1e-14, "maxiter": 1000},
     )
-    return np.exp(done.x).tolist()
+    return [float(t) for t in np.exp(done.x)]
 
 
 def _budget(requirement: Raw) -> float:
@@ -272,17 +274,12 @@ ANALYSED: dict[str, Callable[..., tuple[float, float]]] = {
 
 def _made(rng: np.random.Generator, count: int) -> list[Raw]:
     """Parts of drawn costs and sensitivities."""
-    return [
-        part(
-            f"p{at}",
-            *rng.uniform((0.2, 0.02), (2.0, 0.2)).round(3).tolist(),
-            0.005,
-            0.3,
-            float(rng.choice([-1.0, 1.0, 0.5, -2.0])),
-            float(rng.choice([8.0, 20.0, 55.0])),
-        )
-        for at in range(count)
-    ]
+    parts = []
+    for at in range(count):
+        a, b = (float(value) for value in rng.uniform((0.2, 0.02), (2.0, 0.2)).round(3))
+        s, size = float(rng.choice([-1.0, 1.0, 0.5, -2.0])), float(rng.choice([8.0, 20.0, 55.0]))
+        parts.append(part(f"p{at}", a, b, 0.005, 0.3, s, size))
+    return parts
 
 
 def _bound(method: str, limit: float) -> Raw:

@@ -21,6 +21,8 @@ import scipy
 
 from .score import Raw, conforms, cost_of, score, tasks
 
+minimize: Any = scipy.optimize.minimize  # its stubs know arrays of one fixed dimension only
+
 STEP = 1.6
 """Ratio of the tolerances of neighbouring grades (ISO 286-1)."""
 TRIED = 512
@@ -93,7 +95,8 @@ def by_slsqp(task: Raw) -> Raw:
     """
     if "model" not in task:
         return {"refused": True}
-    model, best = task["model"], {"refused": True}
+    model: Raw = task["model"]
+    best: Raw = {"refused": True}
     parts = model["parts"]
     names = [part["name"] for part in parts]
     every = list(itertools.islice(itertools.product(*(range(len(part["ways"])) for part in parts)), TRIED))
@@ -102,7 +105,7 @@ def by_slsqp(task: Raw) -> Raw:
         low, high = (np.log([way[key] for way in ways]) for key in ("low", "high"))
         x = low
         if (high > low).any():
-            x = scipy.optimize.minimize(
+            x = minimize(
                 lambda x, ways=ways: float(sum(w["b"] * np.exp(-v) for w, v in zip(ways, x, strict=True))),
                 0.5 * (low + high),
                 bounds=list(zip(low, high, strict=True)),

@@ -248,7 +248,7 @@ class Evaluation:
         By central differences of the statistic: it is smooth in phi_1, and the contact is not solved again.
         """
         grade, thickness = self.design.involute_grade, self.design.thickness
-        pairs = {
+        pairs: dict[str, list[tuple[float, Mapping[str, float]]]] = {
             "involute_grade": [(grade + step * STEP_OF_GRADE, thickness) for step in (1.0, -1.0)],
             **{
                 f"thickness_{gear}_um": [(grade, {**thickness, gear: t + s * STEP_OF_THICKNESS}) for s in (1.0, -1.0)]

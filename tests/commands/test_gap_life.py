@@ -55,6 +55,7 @@ def grown(table: pd.DataFrame, twist: np.ndarray[tuple[int], np.dtype[np.float64
 def test_the_first_600_hours_predict_1550(tmp_path: Path) -> None:
     first = record(list(np.arange(0.0, 601.0, 10.0)), SCATTER)
     found = tolevo.gap({"model": "rv_lost_motion", "seed": 1, "effect": [OWN]}, first)
+    assert found.record is not None
     (effect,) = found.record.effects
     assert effect.name == OWN["name"]
     rate = next(parameter for parameter in effect.parameters if parameter.name == "a")
@@ -70,6 +71,6 @@ def test_the_first_600_hours_predict_1550(tmp_path: Path) -> None:
 def test_wear_at_one_rate_alone_is_named_in_part() -> None:
     """The library's `wear` has one rate: while flanks run in, its form errs, and `gap` says so."""
     found = tolevo.gap({"model": "rv_lost_motion", "seed": 1}, record(list(np.arange(0.0, 601.0, 10.0)), SCATTER))
-    assert found.record.verdict == "partial"
+    assert found.record is not None and found.record.verdict == "partial"
     assert [effect.name for effect in found.record.effects] == ["wear"]
     assert any("time_s" in term.variables for term in found.record.remainder)

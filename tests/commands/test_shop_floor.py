@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -347,14 +348,15 @@ def test_q_das_of_several_units_and_a_natural_limit(tmp_path: Path, units: str) 
     text = invoked("template", "qdas", "--run", tmp_path / "o")
     keys = [dict(re.findall(rf"(K\d+)/{at} (.*)", text)) for at in (1, 2, 3)]
     drawing = pd.read_csv(tmp_path / "o" / "allocation.csv")
-    for row, stated in zip(drawing.itertuples(), keys, strict=True):
+    rows: list[Any] = list(drawing.itertuples())
+    for row, stated in zip(rows, keys, strict=True):
         limits = [float(stated[key]) for key in ("K2101", "K2110", "K2111")]
         assert limits == [row.nominal, row.lower_limit, row.upper_limit]
         assert limits[1:] == pytest.approx([row.nominal + row.mid - row.rounded, row.nominal + row.mid + row.rounded])
         assert stated["K2142"] == row.unit
     assert [stated["K2120"] for stated in keys] == ["1", "1", "2"]
     rng, numbered, in_um = np.random.default_rng(7), text, {}
-    for at, (row, stated) in enumerate(zip(drawing.itertuples(), keys, strict=True), 1):
+    for at, (row, stated) in enumerate(zip(rows, keys, strict=True), 1):
         values = row.nominal + row.mid + rng.normal(0.0, row.rounded / 4.0, 25).round(6)
         numbered = numbered.replace(f"K2002/{at} {stated['K2002']}", f"K2002/{at} feature {at}")
         numbered += "".join(f"K0001/{at} {value:.9g}\n" for value in values)

@@ -213,11 +213,12 @@ def fit_pins(turn: Turn, sorting: PinClasses, rng: np.random.Generator, counted:
     need = (mean - mean.mean()) / by_radius + sorting.error * rng.standard_normal(units)
     middle = 0.5 * (sorting.classes - 1)
     place = np.clip(np.rint(need / sorting.width + middle), 0, sorting.classes - 1).astype(np.int64)
-    larger, z = (place - middle) * sorting.width, np.zeros(units)
+    larger: Array = (place - middle) * sorting.width
+    z = np.zeros(units)
     outermost = 0.5 * (sorting.classes - 1) * sorting.width
     follows = np.abs(need) <= outermost
     if not counted:
-        z = rng.uniform(-1.0, 1.0, units)
+        z = np.asarray(rng.uniform(-1.0, 1.0, units))
         larger = np.clip(need - 0.5 * sorting.width * z, -outermost, outermost)
         follows = np.abs(larger) < outermost
     growth = np.full(units, 0.0 if counted else 0.5 * sorting.width * by_radius)

@@ -126,10 +126,10 @@ class Measures:
         law = sample.hierarchy.of("pin_circle_radius")
         if fitted is None:
             return share_below(values.ravel(), limit, growth.ravel(), radius.ravel(), law)
-        of_class, z, follows = (
-            np.broadcast_to(of_unit, values.shape).ravel()
-            for of_unit in (self.widening * fitted.growth, fitted.z, fitted.follows)
+        of_class, z = (
+            np.broadcast_to(of_unit, values.shape).ravel() for of_unit in (self.widening * fitted.growth, fitted.z)
         )
+        follows = np.broadcast_to(fitted.follows, values.shape).ravel()
         flat, weight, parts = values.ravel(), np.zeros(values.size), []
         for rows, by, place, over in (
             (follows, of_class, z, Uniform()),

@@ -30,7 +30,7 @@ def problem() -> ToleranceProblem:
     return configured
 
 
-def values_by(function: Callable[[np.ndarray], float]) -> Callable[..., list[np.ndarray]]:
+def values_by(function: Callable[[np.ndarray], float]) -> Any:
     """Q as a function of the search vector, in the place of the model."""
 
     def shared(_: object, tasks: Sequence[Held]) -> list[np.ndarray]:

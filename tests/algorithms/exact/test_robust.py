@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
+from scipy import optimize
 
 import tolevo
 from tolevo.algorithms.exact.robust import RobustAllocation, robust_allocation
@@ -16,20 +16,29 @@ from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.section import Array
 
+minimize: Any = optimize.minimize  # its stubs know arrays of one fixed dimension only
+
 LOW, HIGH = 0.01, 0.3
 KINDS = ("reciprocal", "reciprocal_squared", "exponential")
 
 
 def drawn(rng: np.random.Generator) -> dict[str, Any]:
     """A stack of 2 to 5 parts with curves of three kinds, each known within a factor."""
-    parts = []
+    parts: list[dict[str, Any]] = []
     for at in range(int(rng.integers(2, 6))):
         kind = str(rng.choice(KINDS))
         size = {"reciprocal": 1.0, "reciprocal_squared": 0.05, "exponential": 20.0}[kind]
         curve = {"model": kind, "a": float(rng.uniform(0.5, 2.0)), "b": size * float(rng.uniform(0.02, 0.3))}
         curve |= {"m": float(rng.uniform(5.0, 30.0))} if kind == "exponential" else {}
         size = float(rng.uniform(0.4, 2.0) * rng.choice([-1.0, 1.0]))
-        part = {"name": f"p{at}", "nominal": 5.0, "unit": "mm", "sensitivity": size, "t_min": LOW, "t_max": HIGH}
+        part: dict[str, Any] = {
+            "name": f"p{at}",
+            "nominal": 5.0,
+            "unit": "mm",
+            "sensitivity": size,
+            "t_min": LOW,
+            "t_max": HIGH,
+        }
         parts.append(part | {"cost": curve})
     reach = 0.1 * np.sqrt(sum(part["sensitivity"] ** 2 for part in parts))
     return {
@@ -137,7 +146,7 @@ def test_each_process_has_a_curve_of_its_own() -> None:
     for _ in range(300):
         side = rng.integers(0, 2, (len(problem.names), 2)) * 2.0 - 1.0
 
-        def cost(designs: Array, side: Array = side) -> Array:
+        def cost(designs: Array, side: Any = side) -> Array:
             each, total = problem.costs_of(designs), np.zeros(len(designs))
             for name, values in each.items():
                 way = (
@@ -163,7 +172,7 @@ def test_a_run_says_what_the_regrets_are() -> None:
     assert summary["worst_regret_bound"] <= summary["worst_regret"] <= summary["least_cost_worst_regret"]
     assert summary["unit"] == "EUR"
     assert row["feasible"]
-    notes = " ".join(map(str, result.summary["notes"]))  # type: ignore[call-overload]
+    notes = " ".join(map(str, result.summary["notes"]))
     assert "whatever the true curves" in notes
     again = tomllib.loads(tolevo.check(tables))
     assert again["robust"]["factor"] == tables["robust"]["factor"]

@@ -548,7 +548,7 @@ def assumptions_cost(
         inputs = (np.array([task.at for task in tasks]), x, unit, limit)
         costs.extend(recalled_results(results, cost_of_variant, tasks, inputs).tolist())
     phase(1.0)
-    rows = [
+    rows: list[dict[str, Any]] = [
         {
             "assumption": variant.assumption,
             "value": variant.value,
