@@ -161,7 +161,7 @@ class InConditions(ToleranceProblem):
     complete = _of_plain("complete")
     costs_of = _of_plain("costs_of")
     cost_slopes = _of_plain("cost_slopes")
-    _corner = _of_plain("_corner")
+    corner = _of_plain("corner")
     _corners = _of_plain("_corners")
     references = _of_plain("references")
     model_labels = _of_plain("model_labels")

@@ -25,6 +25,8 @@ from tolevo.cli import app
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+LONG_PAGES = "serial_arm", "gearbox"
+"""Pages whose blocks `make test-long` alone runs."""
 FENCE = re.compile(r'^```(\w*)(?: title="([^"]*)")?[ \t]*\n(.*?)^```', re.MULTILINE | re.DOTALL)
 CODE = ("console", "csv", "python", "sh", "toml")
 TAKES = re.compile(r"takes \d+ (s|min)\b")
@@ -118,7 +120,14 @@ def _readable(block: Block) -> None:
         compile(block.text, "excerpt", "exec")
 
 
-@pytest.mark.parametrize("page", [one for one in PAGES if executed(one)], ids=lambda one: one.stem)
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(one, marks=[pytest.mark.slow] if one.stem in LONG_PAGES else [], id=one.stem)
+        for one in PAGES
+        if executed(one)
+    ],
+)
 def test_the_blocks_of_a_page_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with nullcontext() if page.stem in RENDERED else blanks():
         _run(page, tmp_path, monkeypatch, reduced=True)

@@ -664,7 +664,7 @@ class RvReducer(PromisingUnits, Machined):
             return self._least_backlash + self.model.change.effective, np.inf
         if output == FLANK_CLEARANCE.name:
             grades = np.array(super().interval("involute_grade"))[::-1]
-            ends = np.repeat(self._corner(tight=True)[None, :], 2, axis=0)
+            ends = np.repeat(self.corner(tight=True)[None, :], 2, axis=0)
             ends[:, self.names.index("involute_grade")] = grades
             least, most = self._flank_clearance(ends)[output]
             return float(least), float(most)

@@ -38,7 +38,7 @@ def test_front_with_bounds(folder: Path) -> None:
     np.testing.assert_allclose(front[shares].sum(axis=1), 100.0)
 
 
-@pytest.mark.parametrize("at", [1, 2])
+@pytest.mark.parametrize("at", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_least_cost_at_the_accuracy_of_a_point_of_the_front(folder: Path, at: int) -> None:
     """Accuracy is not in proportion to the rms error that is solved for: as cheap as the point of the front."""
     point = pd.read_csv(folder / "run" / "front.csv").iloc[at]

@@ -107,6 +107,7 @@ def test_each_column_is_minimised_with_a_proof(objective: str, limits: dict[str,
     assert row["co2_kg"] <= limits.get("co2_kg", np.inf) * (1.0 + 1e-9)
 
 
+@pytest.mark.slow
 def test_a_front_of_both_costs_is_proven_at_every_point() -> None:
     result = tolevo.run(changed(objectives={"minimise": ["cost", "co2_kg"]}))
     front = result.front

@@ -53,6 +53,8 @@ LAWS: dict[str, Distribution] = {
     "empirical": Empirical((-0.9, -0.5, -0.4, -0.1, 0.0, 0.1, 0.15, 0.4, 0.6, 1.1)),
     "empirical with atoms": Empirical((-1.0, -1.0, -0.5, 0.0, 0.0, 0.0, 0.5, 0.5, 1.0)),
 }
+SLOW = "mixture", "beta with poles", "skew_normal"
+"""Laws of rigid units that `make test-long` alone counts: of the like of others, and slow."""
 MOST = 4.0
 """Standard errors allowed."""
 POSITIONS = 11
@@ -90,7 +92,7 @@ def test_every_distribution_that_can_be_stated_is_tried() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] if name == "mixture" else []) for name in LAWS]
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else []) for name in LAWS]
 )
 def test_every_statistic_of_rigid_units_is_that_of_a_count(name: str) -> None:
     law, units = LAWS[name], 2**15
@@ -183,7 +185,9 @@ def test_transmission_error_and_force_are_those_of_a_count(name: str) -> None:
     assert bool(problem.unproven()) == (name != "normal")
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if name == "mixture" else []) for name in LAWS]
+)
 def test_every_statistic_of_the_closed_form_is_that_of_a_count(name: str) -> None:
     law, units = LAWS[name], 2**18
     errors = [v.name for v in RvBacklash.declaration.variables if v.random]

@@ -183,7 +183,7 @@ def test_the_promise_beside_a_limit_on_interference_is_a_row_of_the_form(tmp_pat
     np.testing.assert_allclose(rows[inside], true[inside], atol=0.02)
 
 
-@pytest.mark.parametrize("limit", [0.001, 0.05])
+@pytest.mark.parametrize("limit", [pytest.param(0.001, marks=pytest.mark.slow), 0.05])
 def test_the_bound_counts_promise_and_interference(limit: float, tmp_path: Path) -> None:
     """The least cost keeps both, and no allocation of SLSQP on the full model is cheaper than the
     bound; without the interference it would be a third lower.

@@ -165,8 +165,9 @@ QUANTITY = re.compile(r"[-+0-9.e]+ ([A-Za-z%µ]{1,6}(?:/[A-Za-z]+)?)")
 
 
 def stated(value: object) -> Iterator[str]:
-    """Units in the tables of a TOML file: `unit` keys, and strings that begin with a number."""
+    """Units in the tables of a TOML file: `unit` keys, and strings that begin with a number; costs are in any."""
     if isinstance(value, dict):
+        value = {key: inner for key, inner in value.items() if key != "cost" or not isinstance(inner, list)}
         if isinstance(value.get("unit"), str):
             yield value["unit"]
         for inner in value.values():

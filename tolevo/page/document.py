@@ -29,7 +29,6 @@ from .drawing import as_svg
 
 TERMS: Mapping[str, str] = {
     "front": "The allocations to which no other is superior in every objective at once.",
-    "bound_conditional": "A cost that none is below on the condition that the notes state: tried, not proven.",
     "bound": "A cost that no allocation of equal or better other objectives can be below: proven, not searched.",
     "gap": "By how much the cost of a point lies above its proven bound.",
     "knee": "The point of the front that lies farthest from the line between its ends.",

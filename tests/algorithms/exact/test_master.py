@@ -76,7 +76,7 @@ TIGHT_TO_LOOSE = (-0.1, 0.1, 1.2)
 
 
 @pytest.mark.parametrize(("form", "shares"), [
-    (drawn(0), TIGHT_TO_LOOSE), (drawn(0, rows=2), (0.2,)),
+    (drawn(0), TIGHT_TO_LOOSE), pytest.param(drawn(0, rows=2), (0.2,), marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_every_set_of_ways(form: Form, shares: Sequence[float]) -> None:
     """By another solver, a set of ways at a time."""
