@@ -24,7 +24,7 @@ from ..run import Run, Shared, recalled_results
 from ..settings import Budget
 from .local import Branch
 
-ENDS, KINDS = 3, 3
+ENDS, KINDS = 3, 2
 """Random tolerances at the integers of a kind, each two of which are the ends of a chord; kinds of integers at most."""
 
 
