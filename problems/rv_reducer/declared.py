@@ -385,6 +385,7 @@ ELASTIC = {
     "peak_pin_force_N": "largest force on a pin over the turn at the rated torque",
 }
 """What units show under load, by output."""
+B_OVER_A = "torsional stiffness between half and all of the rated torque (b/a), mean over the turn"
 
 
 def _spread(name: str, meaning: str) -> tuple[Output, ...]:
@@ -435,6 +436,14 @@ UNDER_LOAD: tuple[Output, ...] = (
         "Nm",
         "torque of the preloaded flanks without load, largest over the turn: one-sided quantile over units",
         low=0.0,
+    ),
+    *(
+        Output(f"stiffness_Nm_arcmin{part}", "N m/arcmin", f"{what} {B_OVER_A}", larger_is_better=best, low=0.0)
+        for part, what, best in (
+            ("", "what units at the coverage reach at least of the", True),
+            ("_mean", "mean over units of the", True),
+            ("_std", "standard deviation over units of the", False),
+        )
     ),
 )
 SAMPLED = (

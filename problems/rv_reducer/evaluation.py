@@ -134,8 +134,13 @@ LOADED = {
     "preload_torque_Nm": "preload_torque",
     "preload_torque_Nm_max": "preload_torque_max",
     "peak_pin_force_N": "peak_pin_force",
+    "stiffness_Nm_arcmin": "stiffness",
 }
 """The elastic output that each output is a statistic of."""
+
+
+LEAST = ("stiffness_Nm_arcmin",)
+"""Of these, what the fraction `coverage` of the units reaches at least."""
 
 
 def part_of(name: str) -> tuple[str, str]:
@@ -318,6 +323,7 @@ class Evaluation:
         output, part = part_of(name)
         values = self._units_under_load(output).values[LOADED[output]]
         coverage, geared = self.model.conditions.coverage, output == "lost_motion_arcmin"
+        coverage = 1.0 - coverage if output in LEAST else coverage
         if part == "quantile":
             return quantile(values, self.involute, coverage) if geared else ordered_quantile(values, coverage)
         return (mean if part == "mean" else deviation)(values, self.involute if geared else NO_STAGE)

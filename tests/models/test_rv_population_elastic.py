@@ -100,6 +100,8 @@ def test_outputs_are_those_of_the_loaded_contact(design: UnitDesign) -> None:
     error = performance.transmission_error(contact, errors, angles, 412.0)
     half = 0.5 * np.ptp(error, axis=1) / ARCMIN * 60.0
     np.testing.assert_allclose(found["transmission_error"], half, atol=0.01)
+    turned = [contact.rotation(errors, angles, torque).mean(axis=1) / ARCMIN for torque in (412.0, 206.0)]
+    np.testing.assert_allclose(found["stiffness"], 206.0 / (turned[0] - turned[1]), rtol=1e-3)
     preload = forward_flanks(contact, errors, angles)
     np.testing.assert_allclose(found["preload_torque"], preload.mean(axis=1), atol=0.1)
     np.testing.assert_allclose(found["preload_torque_max"], preload.max(axis=1), atol=0.3)
@@ -146,7 +148,7 @@ def test_kernel_and_reference_agree(design: UnitDesign, series: float, discs: in
     compiled = case.elastic(loading)
     with by_arrays():
         plain = case.elastic(loading)
-    for name, tolerance in zip(OUTPUTS, (1e-6, 1e-3, 2e-3, 1e-2, 2e-4), strict=True):
+    for name, tolerance in zip(OUTPUTS, (1e-6, 1e-3, 2e-3, 1e-2, 2e-4, 2e-3), strict=True):
         np.testing.assert_allclose(compiled.values[name], plain.values[name], atol=tolerance, err_msg=name)
     slopes = Slopes.of(case.geometry, case.sample)
     weight = np.random.default_rng(3).random(130)
@@ -223,7 +225,7 @@ def test_derivatives_against_differences(output: str) -> None:
 
 
 NOISE = {"lost_motion": 1e-5, "preload_torque": 1e-3, "preload_torque_max": 1e-2,
-         "peak_pin_force": 0.1, "transmission_error": 5e-3}  # fmt: skip
+         "peak_pin_force": 0.1, "transmission_error": 5e-3, "stiffness": 1e-3}  # fmt: skip
 """What single precision leaves of differences over 0.01: 1e-7' in the turn, times the stiffness."""
 
 

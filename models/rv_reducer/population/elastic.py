@@ -60,7 +60,8 @@ class Loading:
         """Torque at the carrier [N m] in a load case.
 
         "forward" and "backward" are those of lost motion; "none" is no torque, "rated" and
-        "te" are `load_torque`, else `rated_torque`, and `te_torque`.
+        "te" are `load_torque`, else `rated_torque`, and `te_torque`; "whole" and "half" are that of
+        `rated_torque`.
         """
         small = LOST_MOTION_SHARE * self.rated_torque
         return {
@@ -68,6 +69,8 @@ class Loading:
             "backward": -small,
             "none": 0.0,
             "rated": self.load_torque or self.rated_torque,
+            "whole": self.rated_torque,
+            "half": 0.5 * self.rated_torque,
             "te": max(self.te_torque, LEAST_SHARE * self.rated_torque),
         }[case]
 
@@ -107,6 +110,7 @@ CASES: Mapping[str, tuple[str, ...]] = {
     "preload_torque_max": ("none",),
     "peak_pin_force": ("rated",),
     "transmission_error": ("te",),
+    "stiffness": ("whole", "half"),
 }
 """Load cases of each output."""
 OUTPUTS = tuple(CASES)
@@ -161,7 +165,9 @@ class Elastic:
     carrier, with no torque on it, mean over the turn, and `preload_torque_max` its maximum; 0 where
     no pin is squeezed, which play in the crank bearings does not release. `peak_pin_force` [N]:
     maximum over the turn at rated torque. `transmission_error` [arcsec]: half peak to peak of the
-    rotation over the positions, at `te_torque`; see `TE_POSITIONS`.
+    rotation over the positions, at `te_torque`; see `TE_POSITIONS`. `stiffness` [N m/arcmin]: the
+    growth of the torque from half to all of the rated one over that of the mean rotation over the
+    turn, as makers state it (b/a), without the involute stage.
     """
 
     lattice: Lattice
@@ -219,6 +225,10 @@ class Elastic:
         if name == "lost_motion":
             sign = 1.0 if case == "forward" else -1.0
             into[0] += sign * weight / (positions * ratio)
+        elif name == "stiffness":
+            sign = 1.0 if case == "half" else -1.0
+            wind_up = _mean_change(balances, self.cases, name, ratio)
+            into[0] += sign * weight * self.values[name] / wind_up / (positions * ratio)
         elif name == "preload_torque":
             into[1] += weight * ratio / positions
         elif name == "preload_torque_max":
@@ -249,19 +259,27 @@ def elastic(
         cases.get("rated", -1),
         tuple(getattr(balances, field.name) for field in fields(balances)),
     )
-    values = {name: _value(name, cases, balances, ratio) for name in outputs}
+    values = {name: _value(name, cases, balances, ratio, loading) for name in outputs}
     return Elastic(lattice, table, units, springs, cases, balances, values)
 
 
-def _value(name: str, cases: Mapping[str, int], balances: Balances, ratio: float) -> Array:
+def _mean_change(balances: Balances, cases: Mapping[str, int], name: str, ratio: float) -> Array:
+    """Mean rotation over the turn (n,) [arcmin] from the second to the first load case of an output."""
+    first, second = (balances.turn[cases[case]] for case in CASES[name])
+    return np.asarray(np.mean(first - second, axis=0, dtype=np.float64) / ratio)
+
+
+def _value(name: str, cases: Mapping[str, int], balances: Balances, ratio: float, loading: Loading) -> Array:
     """An output (n,) from the balances."""
-    turns = [balances.turn[cases[case]] for case in CASES[name]]
     if name == "lost_motion":
-        return np.asarray(np.mean(turns[0] - turns[1], axis=0, dtype=np.float64) / ratio)
+        return _mean_change(balances, cases, name, ratio)
+    if name == "stiffness":
+        return (loading.torque("whole") - loading.torque("half")) / _mean_change(balances, cases, name, ratio)
     if name == "preload_torque":
         return np.asarray(np.mean(balances.preload, axis=0, dtype=np.float64) * ratio)
     if name == "preload_torque_max":
         return np.asarray(balances.preload.max(axis=0).astype(np.float64) * ratio)
     if name == "peak_pin_force":
         return balances.peak.astype(np.float64)
-    return np.asarray(np.ptp(turns[0], axis=0).astype(np.float64) * (HALF_ARCSEC / ratio))
+    turn = balances.turn[cases[CASES[name][0]]]
+    return np.asarray(np.ptp(turn, axis=0).astype(np.float64) * (HALF_ARCSEC / ratio))
