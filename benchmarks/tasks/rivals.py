@@ -12,6 +12,7 @@ import itertools
 import json
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,8 @@ def by_tolevo(given: list[Raw]) -> dict[str, Raw]:
             calls = [("run" if "model" in task else "analyse", task["configuration"]) for task in given]
             return [await client.call_tool(tool, {"configuration": text}) for tool, text in calls]
 
-    told = asyncio.run(speak())
+    with ThreadPoolExecutor(1) as thread:  # an event loop may run in this one
+        told = thread.submit(lambda: asyncio.run(speak())).result()
     return {task["id"]: _answer(task, answer) for task, answer in zip(given, told, strict=True)}
 
 

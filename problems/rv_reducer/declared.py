@@ -438,7 +438,7 @@ UNDER_LOAD: tuple[Output, ...] = (
         low=0.0,
     ),
     *(
-        Output(f"stiffness_Nm_arcmin{part}", "N m/arcmin", f"{what} {B_OVER_A}", larger_is_better=best, low=0.0)
+        Output(f"stiffness_Nm_arcmin{part}", "Nm/arcmin", f"{what} {B_OVER_A}", larger_is_better=best, low=0.0)
         for part, what, best in (
             ("", "what units at the coverage reach at least of the", True),
             ("_mean", "mean over units of the", True),
