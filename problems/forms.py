@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
@@ -199,6 +199,15 @@ class Form:
     def combinations(self) -> int:
         """Number of ways to choose one way per feature."""
         return int(np.prod([float(len(feature.ways)) for feature in self.features]))
+
+    def choices(self) -> Iterator[tuple[int, ...]]:
+        """Every choice of one way per feature."""
+        return product(*(range(len(feature.ways)) for feature in self.features))
+
+    def made_in(self, chosen: Sequence[int]) -> Form:
+        """The form with the chosen way of each feature alone."""
+        pairs = zip(self.features, chosen, strict=True)
+        return replace(self, features=tuple(replace(feature, ways=(feature.ways[at],)) for feature, at in pairs))
 
 
 # S of every requirement of a form: roots and quantiles, with the tangents that bound them.

@@ -335,13 +335,13 @@ class Tools:
         names = [*problem.names, *problem.objectives, *limited, "bound", "gap_percent", "knee"]
         chosen = [name for name in dict.fromkeys(names) if name in front]
         at = np.unique(np.linspace(0, len(front) - 1, min(rows, len(front))).round().astype(int))
+        # files in the scratch directory are gone when the answer is read
+        kept = [line for line in done.lines if out or str(self._guard.scratch) not in line]
         return {
             "status": done.status,
             "points": len(front),
             "front": front.iloc[at][chosen],
-            "words": [
-                line for line in done.lines if out or str(self._guard.scratch) not in line
-            ],  # of files that are gone
+            "words": kept,
             **_stated(read, front[chosen]),
             "assumptions": done.summary["assumptions"],
         }

@@ -4,7 +4,7 @@ ways with convex ones.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import pairwise
@@ -19,7 +19,7 @@ from ...problems.limits import LIMIT_ROUNDING, loosened
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Flags
 from .choices import cost_range, least_cost
-from .combination import Optimum, less_rounding, spread_at, tabulate_priced_costs
+from .combination import Combination, Optimum, less_rounding, spread_at, tabulate_priced_costs
 
 
 def convex_pieces(form: Form) -> Form:
@@ -262,15 +262,6 @@ def _bounds_within_costs(
     return best
 
 
-def cost_at(form: Form, chosen: Sequence[int], t: Array) -> float:
-    """The cost of one allocation: ways and tolerances (features,)."""
-    parts = [
-        feature.count * float(feature.ways[way].curve.cost(np.array([value]))[0])
-        for feature, way, value in zip(form.features, chosen, t.tolist(), strict=True)
-    ]
-    return float(form.base + sum(parts))
-
-
 class _Weighted:
     """Forms of the priced cost plus weighted others."""
 
@@ -300,8 +291,9 @@ class _Weighted:
         if not np.isfinite(optimum.cost[0]):
             return None
         way_of = [[at for at, way in enumerate(f.ways) for _ in _pieces(way)] for f in form.features]
-        chosen = [ways[piece] for ways, piece in zip(way_of, optimum.chosen[0], strict=True)]
-        return float(optimum.bound[0]), np.array([cost_at(alone, chosen, optimum.t[0]) for alone in self._alone])
+        chosen = tuple(ways[piece] for ways, piece in zip(way_of, optimum.chosen[0], strict=True))
+        costs = [Combination(alone, chosen).cost(optimum.t)[0] for alone in self._alone]
+        return float(optimum.bound[0]), np.array(costs)
 
     def best_weights(self, limits: Array, most: Array, bound: float) -> list[Array]:
         """The weights (k,) of the highest bound at limits (r,) and at most `most` (k,); none where 0 is best."""
@@ -359,7 +351,7 @@ def _least_bound(form: Form, limits: Array) -> Array:
 
     A design that is too expensive at the widest limits is so at all of them.
     """
-    bound = _bound(form, limits)
+    bound = bounds_within(form, limits)
     for alternative in form.also:
         wide = np.full(len(alternative.outputs), np.inf)
         shared = [alternative.outputs.index(name) if name in alternative.outputs else -1 for name in form.outputs]
@@ -367,13 +359,13 @@ def _least_bound(form: Form, limits: Array) -> Array:
         for at, row in enumerate(shared):
             if row >= 0:
                 alternative_limits[:, row] = limits[:, at]
-        rest = bound > _bound(alternative, alternative_limits.max(axis=0)[None, :])[0]
+        rest = bound > bounds_within(alternative, alternative_limits.max(axis=0)[None, :])[0]
         if np.any(rest):
-            bound[rest] = np.minimum(bound[rest], _bound(alternative, alternative_limits[rest]))
+            bound[rest] = np.minimum(bound[rest], bounds_within(alternative, alternative_limits[rest]))
     return bound
 
 
-def _bound(form: Form, limits: Array) -> Array:
+def bounds_within(form: Form, limits: Array) -> Array:
     """Proven least costs (n,) of one form at limits (n, r)."""
     used = np.any(np.isfinite(limits), axis=0)
     used[0] |= not np.any(used)

@@ -10,10 +10,10 @@ their bounds, so that the returned bound is always proven.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import combinations, pairwise, product
+from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ...journal import recall_arrays
-from ...problems.forms import Feature, Form, Spread, Way, largest_parts, spread_of
+from ...problems.forms import Feature, Form, Spread, largest_parts, spread_of
 from ...problems.limits import EQUAL, LIMIT_ROUNDING, loosened
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Flags, Integers
@@ -637,19 +637,23 @@ def _stack_optima(optima: list[Optimum]) -> Optimum:
 
 
 def _recall_optimum(form: Form, limits: Array, solve: Callable[[], Optimum]) -> Optimum:
-    ranges = [(way.low, way.high, *_end_costs(way)) for feature in form.features for way in feature.ways]
-
     def arrays() -> tuple[Array, ...]:
         optimum = solve()
         return tuple(getattr(optimum, name) for name in Optimum.__dataclass_fields__)
 
-    return Optimum(*recall_arrays((limits, *form.outputs, np.array(ranges)), arrays))
+    return Optimum(*recall_arrays(_marks(form, limits), arrays))
 
 
-def _end_costs(way: Way) -> tuple[float, float]:
-    """Costs at both ends, by which forms of one problem with different curves are distinguished."""
-    low, high = way.curve.cost(np.array([way.low, way.high])).tolist()
-    return low, high
+def _marks(form: Form, limits: Array) -> Iterator[Array | str]:
+    """What distinguishes a solution from those of other limits, and of forms of one problem with other curves.
+
+    Computed only where a section is open.
+    """
+    yield limits
+    yield from form.outputs
+    for way in (way for feature in form.features for way in feature.ways):
+        ends = np.array([way.low, way.high])
+        yield np.concatenate([ends, way.curve.cost(ends)])
 
 
 def _has_point_alternatives(form: Form) -> bool:
@@ -665,7 +669,7 @@ def _least_cost(form: Form, limits: Array, near: Optimum | None) -> Optimum:
         search.start[:] = near.t[0]
         search.leaf(tuple(near.chosen[0].tolist()), every)
     if form.separable and form.combinations <= MAX_SOLVED_COMBINATIONS:
-        for ways in product(*(range(len(feature.ways)) for feature in form.features)):
+        for ways in form.choices():
             search.leaf(ways, every)
         return Optimum(search.chosen, search.t, search.cost, search.bound, search.multiplier)
     search.leaf((0,) * len(form.features), ~np.isfinite(search.cost))
@@ -686,8 +690,7 @@ def _least_cost_by_squares(form: Form, limits: Array, watch: Watch) -> Optimum:
     squares, optima, floor = Squares(form), [Optimum.unknown(form, limits[:0])], cost_range(form)[0]
     known: Leaf | None = None
     for done, limit in enumerate(limits, 1):
-        ends = np.array([_end_costs(way) for feature in form.features for way in feature.ways])
-        ways, t, mu, numbers = recall_arrays((limit, *form.outputs, ends), partial(_leaf_arrays, squares, limit, known))
+        ways, t, mu, numbers = recall_arrays(_marks(form, limit), partial(_leaf_arrays, squares, limit, known))
         best = Leaf(tuple(ways.tolist()), t, float(numbers[0]), float(numbers[1]), mu)
         if np.isfinite(best.cost):
             known = best

@@ -249,10 +249,12 @@ class Combination:
         """Total cost (n,) of tolerances (n, features)."""
         if self._joint is not None:
             return np.asarray(self.form.base + self._joint.cost(t) @ self.counts)
-        costs = [
-            count * way.curve.cost(t[:, at]) for at, (way, count) in enumerate(zip(self.ways, self.counts, strict=True))
-        ]
-        return np.asarray(self.form.base + np.sum(costs, axis=0))
+        return np.asarray(self.form.base + np.sum(self.costs(t), axis=0))
+
+    def costs(self, t: Array) -> Array:
+        """What each feature costs (features, n) at tolerances (n, features)."""
+        pairs = zip(self.ways, self.counts, strict=True)
+        return np.array([count * way.curve.cost(t[:, at]) for at, (way, count) in enumerate(pairs)])
 
     def slopes(self, t: Array) -> Array:
         """d cost / d t, shape (n, features)."""
@@ -341,25 +343,34 @@ def within(form: Form, optimum: Optimum, limit: Array) -> Optimum:
 
 
 def move_point_within_limits(combination: Combination, t: Array, limit: Array, inner: Array) -> Array | None:
-    """A point between t and an `inner` one, as near to t as chords allow, that keeps upper limits (r,).
+    """`move_points_within_limits` for one point (features,) and its limits (r,); None where it has none."""
+    moved = move_points_within_limits(combination, t[None, :], limit[None, :], inner)[0]
+    return None if np.any(np.isnan(moved)) else moved
 
-    Values are convex, so that they lie below the chord: where it meets a limit they keep it. None
+
+def move_points_within_limits(combination: Combination, t: Array, limits: Array, inner: Array) -> Array:
+    """Points (n, features) between those t and an `inner` one, as near to t as chords allow, within limits (n, r).
+
+    Values are convex, so that they lie below the chord: where it meets a limit they keep it. NaN
     where the inner point does not keep the limits.
     """
-    values = combination.values(np.stack([t, inner]))
-    excess, room = np.maximum(values[0] - limit, 0.0), limit - values[1]
-    broken = excess > 0.0
-    if not np.any(broken):
-        return t
-    if np.any(room < 0.0):
-        return None
-    fraction = float(np.max(excess[broken] / (excess[broken] + room[broken])))
+    values = combination.values(np.vstack([t, inner]))
+    excess, room = np.maximum(values[:-1] - limits, 0.0), limits - values[-1]
+    outside, moved = np.any(excess > 0.0, axis=1), t.copy()
+    impossible = outside & np.any(room < 0.0, axis=1)
+    moved[impossible] = np.nan
+    rows = np.flatnonzero(outside & ~impossible)
+    whole = excess[rows] + room[rows]
+    shares = np.divide(excess[rows], whole, out=np.zeros_like(whole), where=excess[rows] > 0.0)
+    fraction = shares.max(axis=1, initial=0.0)
     for _ in range(CHORDS):
-        moved = np.asarray(t + fraction * (inner - t))
-        if np.all(combination.values(moved[None, :])[0] <= limit):
+        if not len(rows):
             return moved
-        fraction = min(1.0, 2.0 * fraction + 1e-14)
-    return inner
+        moved[rows] = t[rows] + fraction[:, None] * (inner - t[rows])
+        broken = ~np.all(combination.values(moved[rows]) <= limits[rows], axis=1)
+        rows, fraction = rows[broken], np.minimum(1.0, 2.0 * fraction[broken] + 1e-14)
+    moved[rows] = inner
+    return moved
 
 
 def _columns(rows: Sequence[Sequence[float]]) -> Array:

@@ -182,7 +182,7 @@ class Corrected:
     def _solved(self, ways: tuple[int, ...], limit: Array, least: int, start: Array | None) -> Array | None:
         """Tolerances (features,) of least cost, from a `start`, or of the least value of a row."""
         if least >= 0:
-            lowest = least_value(_fix_ways(self.form, ways), least, limit)
+            lowest = least_value(self.form.made_in(ways), least, limit)
             return None if lowest is None else lowest.t
         return Programme(Combination(self.form, ways)).allocation(limit, start)
 
@@ -227,7 +227,7 @@ def _range_along_front(form: Form, limits: Array, row: int) -> tuple[tuple[float
     cheapest = least_cost(form, limits[None, :])
     chosen = tuple(cheapest.chosen[0].tolist())
     most = float(Combination(form, chosen).values(cheapest.t)[0, row])
-    same = least_value(_fix_tolerances(_fix_ways(form, chosen), cheapest.t[0]), row, free * (1.0 + 1e-9))
+    same = least_value(_fix_tolerances(form.made_in(chosen), cheapest.t[0]), row, free * (1.0 + 1e-9))
     least = least_value(form, row, free)
     if least is None:
         return (most, most), chosen
@@ -270,13 +270,5 @@ def _fix_tolerances(form: Form, t: Array) -> Form:
         else replace(feature, ways=(replace(way, low=float(at), high=float(at)),))
         for feature, at in zip(form.features, t, strict=True)
         for way in feature.ways
-    )
-    return replace(form, features=features)
-
-
-def _fix_ways(form: Form, chosen: tuple[int, ...]) -> Form:
-    """The form with one way of each feature."""
-    features = tuple(
-        replace(feature, ways=(feature.ways[at],)) for feature, at in zip(form.features, chosen, strict=True)
     )
     return replace(form, features=features)

@@ -9,6 +9,7 @@ by the allocation that breaks them least, or by none where its tangents prove th
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -16,7 +17,14 @@ import numpy as np
 
 from ...journal import recall_arrays
 from ...section import Array, Flags
-from .combination import ROUNDING, Combination, Solved, move_point_within_limits, pure_root_rows
+from .combination import (
+    ROUNDING,
+    Combination,
+    Solved,
+    move_point_within_limits,
+    move_points_within_limits,
+    pure_root_rows,
+)
 from .slsqp import ascend, slsqp
 
 GAP, GAP_QUANTILE = 1e-10, 1e-8
@@ -110,7 +118,7 @@ class Programme:
         goal = np.where(squared, np.maximum(room, 0.0) ** 2 - c.form.constant, room)
         asked = np.isfinite(limits)
         possible = np.all(c.tightest_values <= limits, axis=1) & np.all(goal > 0.0, axis=1)
-        goal = np.where(asked & possible[:, None], goal, np.inf)
+        goal = np.log(np.where(asked & possible[:, None], goal, np.inf))
         middle = np.sqrt(c.low * c.high)
         fall = np.maximum(-c.slopes(middle[None, :])[0] * middle, 0.0).sum()
         first = np.log(max(fall, np.finfo(float).tiny) / (middle**2 @ square.T + middle @ linear.T))
@@ -118,7 +126,7 @@ class Programme:
         def at(y: Array) -> tuple[Array, Array]:
             price = np.exp(y)
             t = c.best(price @ linear, price @ square)
-            return t, np.log(t**2 @ square.T + t @ linear.T) - np.where(np.isfinite(goal), np.log(goal), np.inf)
+            return t, np.log(t**2 @ square.T + t @ linear.T) - goal
 
         y = np.full((n, r), -np.inf)
         t, excess = at(y)
@@ -129,30 +137,14 @@ class Programme:
             if not np.any(grown):
                 break
             y[pairs[grown], worst[grown]] = first[worst[grown]]
-            for _ in range(NEWTON_STEPS):
-                t, excess = at(y)
-                active = np.isfinite(y)
-                miss = np.where(active, excess, 0.0)
-                if np.all(np.abs(miss) <= NEWTON_MISS):
-                    break
-                both = active[:, :, None] & active[:, None, :]
-                with np.errstate(invalid="ignore"):  # of a limit that is not asked
-                    moved = [at(y + NUDGE * (np.arange(r) == k))[1] - excess for k in range(r)]
-                slopes = np.stack(moved, axis=2) / NUDGE
-                slopes = np.where(both, slopes, 0.0) - np.eye(r) * np.where(active, NUDGE, 1.0)[:, :, None]
-                y = y - np.clip(np.linalg.solve(slopes, miss[..., None])[..., 0], -LONGEST_STEP, LONGEST_STEP)
-                y = np.where(y < first - WORTHLESS, -np.inf, y)
+            y, t, excess = _met_limits(at, y, first)
         return self._within_by_prices(limits, t, np.exp(y) * np.where(squared, 2.0 * c.root(t), 1.0))
 
     def _within_by_prices(self, limits: Array, t: Array, multiplier: Array) -> Solved:
         """Tolerances (n, features) moved within limits (n, r) by chords to the tightest, and what is proven."""
         c = self.combination
-        excess = np.maximum(c.values(t) - limits, 0.0)
-        room = np.maximum(limits - c.tightest_values, 0.0)
-        with np.errstate(invalid="ignore"):
-            fraction = np.where(excess > 0.0, excess / (excess + room), 0.0).max(axis=1)
-        moved = t + np.where(fraction > 0.0, np.minimum(2.0 * fraction + 1e-15, 1.0), 0.0)[:, None] * (c.low - t)
-        kept = np.all(c.values(moved) <= limits, axis=1) & np.all(np.isfinite(multiplier), axis=1)
+        moved = move_points_within_limits(c, t, limits, c.low)
+        kept = np.all(np.isfinite(moved), axis=1) & np.all(np.isfinite(multiplier), axis=1)
         bound = np.zeros(len(limits))
         bound[kept] = c.dual(multiplier[kept], limits[kept], moved[kept])
         return Solved(moved, np.where(kept, c.cost(moved), np.inf), bound, multiplier)
@@ -387,6 +379,29 @@ class Programme:
         unit = np.where(multiplier > 0.0, multiplier, 1e-3 * (worth or 1.0) / sizes)
         better = unit * ascend(lambda y: bound(y * unit) / (abs(cost) or 1.0), multiplier / unit)
         return max((first_bound, multiplier), (bound(better), better), key=lambda pair: pair[0])
+
+
+def _met_limits(at: Callable[[Array], tuple[Array, Array]], y: Array, first: Array) -> tuple[Array, Array, Array]:
+    """Logarithms of prices (n, r) at which the limits that have one are met, tolerances and excesses there.
+
+    By Newton's method from y on, -inf where there is no price; `at` gives tolerances (n, features) and logarithms of
+    what they use of the limits (n, r), `first` (r,) are usual prices, by which one counts as none.
+    """
+    t, excess = at(y)
+    for _ in range(NEWTON_STEPS):
+        active = np.isfinite(y)
+        miss = np.where(active, excess, 0.0)
+        if np.all(np.abs(miss) <= NEWTON_MISS):
+            break
+        each = np.eye(y.shape[1])
+        with np.errstate(invalid="ignore"):  # of a limit that is not asked
+            slopes = np.stack([at(y + NUDGE * one)[1] - excess for one in each], axis=2) / NUDGE
+        slopes = np.where(active[:, :, None] & active[:, None, :], slopes, 0.0)
+        slopes = slopes - each * np.where(active, NUDGE, 1.0)[:, :, None]
+        y = y - np.clip(np.linalg.solve(slopes, miss[..., None])[..., 0], -LONGEST_STEP, LONGEST_STEP)
+        y = np.where(y < first - WORTHLESS, -np.inf, y)
+        t, excess = at(y)
+    return y, t, excess
 
 
 def _reach(room: Array, slope: Array, width: float) -> tuple[float, float]:

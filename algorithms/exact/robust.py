@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from itertools import product
 
 import numpy as np
 import scipy
@@ -29,8 +28,9 @@ from ...problems.forms import Feature, Form, Way
 from ...problems.limits import loosened
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array
-from .bounds import LIMIT_WIDENING, cost_at, row_limits
+from .bounds import LIMIT_WIDENING, row_limits
 from .choices import has_only_point_ways, least_cost, search_vector
+from .combination import Combination
 from .combination import within as inside_limits
 from .solver import closed_form
 
@@ -113,15 +113,10 @@ class _Game:
 
     def costs(self, allocation: Allocation) -> Array:
         """Costs (s,) of an allocation in every scenario."""
-        each = self._each(allocation)
-        keys = [(at, self.curve(at, way)) for at, way in enumerate(allocation[0])]
-        return np.array([sum(c * s.get(key, 1.0) for c, key in zip(each, keys, strict=True)) for s in self.scenarios])
-
-    def _each(self, allocation: Allocation) -> list[float]:
-        """What each feature of an allocation costs by the curves as stated."""
         ways, t = allocation
-        alone = [replace(self.form, features=(feature,), base=0.0) for feature in self.form.features]
-        return [cost_at(one, (way,), t[at : at + 1]) for at, (one, way) in enumerate(zip(alone, ways, strict=True))]
+        each = Combination(self.form, ways).costs(t[None, :])[:, 0].tolist()
+        keys = [(at, self.curve(at, way)) for at, way in enumerate(ways)]
+        return np.array([sum(c * s.get(key, 1.0) for c, key in zip(each, keys, strict=True)) for s in self.scenarios])
 
     # ------------------------------------------------ best answers
 
@@ -181,7 +176,7 @@ class _Game:
         self.add(scenario)
         choices: list[tuple[int, ...] | None] = [None]
         if 1 < self.form.combinations <= APART:
-            choices = sorted(product(*(range(len(f.ways)) for f in self.form.features)), key=lambda c: c != nominal[0])
+            choices = sorted(self.form.choices(), key=lambda c: c != nominal[0])
         least = min(self._least(choice) for choice in choices)
         x, nominal_x = (search_vector(self.problem, self.form, *one) for one in (self.chosen, nominal))
         return RobustAllocation(x, self.most, min(least, self.most), nominal_x, nominal_regret)
@@ -191,7 +186,7 @@ class _Game:
 
         Allocations and scenarios answer each other until the proof is nearly closed, or the choice is none of the best.
         """
-        bound, first = self.answer(self.within(self.form, choice))
+        bound, first = self.answer(made_in(self.form, choice))
         if first is None:
             return bound if bound == np.inf else 0.0
         least, known = 0.0, [(first[0] if choice is None else choice, first[1])]
@@ -208,24 +203,15 @@ class _Game:
             if not rows:
                 return least
             weights, shares, value = self.equilibrium(rows)
-            settled = (
-                move > 0 and not new and value - least <= CLOSED * self.most
-            )  # better answers are not to be expected
+            settled = move > 0 and not new and value - least <= CLOSED * self.most  # no better answers are expected
             if self.most - least <= CLOSED * self.most or settled:
                 break
-            bound, answer = self.answer(self.within(self.weighted(weights), choice))
+            bound, answer = self.answer(made_in(self.weighted(weights), choice))
             least = max(least, bound - self.form.base - float(weights @ np.array(self.best)))
             worst, known = [], [mixed(rows, shares)]
             if answer is not None:
                 known.append((answer[0] if choice is None else choice, answer[1]))
         return least
-
-    def within(self, form: Form, choice: tuple[int, ...] | None) -> Form:
-        """The form with one choice of ways alone."""
-        if choice is None:
-            return form
-        pairs = zip(form.features, choice, strict=True)
-        return replace(form, features=tuple(replace(feature, ways=(feature.ways[at],)) for feature, at in pairs))
 
     def keeps(self, allocation: Allocation) -> bool:
         """Whether an allocation keeps every limit by the full model."""
@@ -259,6 +245,11 @@ class _Game:
         assert found.x is not None and found.fun is not None
         weights = np.maximum(found.x[:-1], 0.0)
         return weights / weights.sum(), np.maximum(-found.ineqlin.marginals, 0.0), -float(found.fun) * unit
+
+
+def made_in(form: Form, choice: tuple[int, ...] | None) -> Form:
+    """The form with one choice of ways alone, all of them where there is none."""
+    return form if choice is None else form.made_in(choice)
 
 
 def mixed(rows: list[Allocation], shares: Array) -> Allocation:

@@ -109,23 +109,24 @@ def _evaluate_weighted_fronts(run: Run, points: int) -> None:
     form = problem.form()
     if form is None or form.relaxed or not set(problem.objectives) <= {*form.outputs, *problem.cost_names}:
         return
+    upper, swept = row_limits(problem, form), np.isin(form.outputs, problem.objectives)
+    used = swept | np.isfinite(upper)
+    columns = (problem.priced, *problem.held_costs)
+    alone = [of for name in columns if (of := problem.weighted_form(form, {name: 1.0})) is not None]
+    if len(alone) < len(columns) or not np.any(used):
+        return
+    spans = {name: float(np.ptp(cost_range(of))) for name, of in zip(columns, alone, strict=True)}
     every = [(name, weight) for name in problem.held_costs for weight in WEIGHTS]
-    swept = [name in problem.objectives for name in form.outputs]
     remaining = run.evaluations_left
     few = max(2, (points if remaining is None else min(points, remaining // 2)) // len(every))
-    upper = row_limits(problem, form)
     for at, (name, weight) in enumerate(every):
         run.phase("weighted costs", 0.3 * at / len(every))
-        alone = [problem.weighted_form(form, {column: 1.0}) for column in (problem.priced, name)]
-        if any(of is None for of in alone):
-            return
-        ranges = [np.ptp(cost_range(of)) for of in alone if of is not None]
-        weighted = problem.weighted_form(form, {problem.priced: 1.0, name: weight * ranges[0] / max(ranges[1], 1e-300)})
-        used = np.array(swept) | np.isfinite(upper)
-        if weighted is None or not np.any(used):
+        unit = spans[problem.priced] / max(spans[name], 1e-300)
+        weighted = problem.weighted_form(form, {problem.priced: 1.0, name: weight * unit})
+        if weighted is None:
             return
         pieces = convex_pieces(restrict_form(weighted, used))
-        optimum = front(pieces, few, loosened(upper[used], ROOMIER), np.array(swept)[used])
+        optimum = front(pieces, few, loosened(upper[used], ROOMIER), swept[used])
         x = best_search_vectors(problem, pieces, within(pieces, optimum, _strict_limits(pieces, upper[used])))
         if len(x):
             run.evaluate(x)

@@ -370,7 +370,8 @@ def predicted(
     held = {name: np.clip(table[name], *ends) for name, ends in record.items() if name in table}
     at_ends = measurements_of(target.columns, {**table, **held}) if held else measurements
     actions = [
-        effect_actions([entry], at_ends if entry.effect.holds_at_ends else measurements, target)[0] for entry in active
+        entry.effect.act(at_ends if entry.effect.holds_at_ends else measurements, entry.values, target)
+        for entry in active
     ]
     changes = changes_of(actions) or NO_CHANGES
     outputs = add_zero(model.predict(table, rng, changes), zero)

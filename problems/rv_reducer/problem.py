@@ -541,9 +541,14 @@ class RvReducer(PromisingUnits, Machined):
         """Sampled outputs that a search needs."""
         return frozenset(filter(is_unit_statistic, self.required_outputs))
 
+    @cached_property
+    def _own_thickness(self) -> dict[str, str]:
+        """The gears whose thickness of teeth has a tolerance of its own, with its name."""
+        return {gear: name for gear in GEARS if (name := f"thickness_{gear}_um") in self.names}
+
     def _flank_clearance(self, designs: Array) -> dict[str, Array]:
         """j_nmin [um] (n,) of the gears of full designs, where their thickness has a tolerance of its own."""
-        thickness = {gear: self.column(designs, n) for gear in GEARS if (n := f"thickness_{gear}_um") in self.names}
+        thickness = {gear: self.column(designs, name) for gear, name in self._own_thickness.items()}
         if not thickness:
             return {}
         least, _ = self.model.flank_clearances(self.column(designs, "involute_grade"), thickness)
@@ -586,7 +591,7 @@ class RvReducer(PromisingUnits, Machined):
             column = self.names.index(name)
             slopes["radial_gap_mm"][:, column] = gap
             slopes["modification_backlash_arcmin"][:, column] = backlash
-        if FLANK_CLEARANCE.name in {output.name for output in self.outputs}:
+        if self._own_thickness:
             finer, coarser = designs.copy(), designs.copy()
             at, slope = self.names.index("involute_grade"), np.zeros_like(designs)
             finer[:, at], coarser[:, at] = finer[:, at] + STEP_OF_GRADE, coarser[:, at] - STEP_OF_GRADE
@@ -604,8 +609,7 @@ class RvReducer(PromisingUnits, Machined):
         """The documents' allocations, which are those of the RV-40E-121 alone, without machines, and with a
         thickness of teeth that follows their grade.
         """
-        own = any(name in ALLOWANCES for name in self.names)
-        if own or self.machined_tolerances or changed_geometry_parameters(self.settings.parameters):
+        if self._own_thickness or self.machined_tolerances or changed_geometry_parameters(self.settings.parameters):
             return {}
         nominal = nominal_of(self)
         return {
@@ -687,9 +691,7 @@ class RvReducer(PromisingUnits, Machined):
         With a thickness of its own, a finer grade need not have less backlash.
         """
         low, high = super().interval("involute_grade")
-        thickness = {
-            gear: super(RvReducer, self).interval(n)[0] for gear in GEARS if (n := f"thickness_{gear}_um") in self.names
-        }
+        thickness = {gear: super(RvReducer, self).interval(name)[0] for gear, name in self._own_thickness.items()}
         if grades is None:
             grades = np.arange(np.rint(low), np.rint(high) + 1.0) if thickness and low < high else np.array([low])
         return [self.model.involute(grade, thickness) for grade in grades]

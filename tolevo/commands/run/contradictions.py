@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...algorithms.exact.bounds import convex_pieces, restrict_form, row_limits, upper_limit
+from ...algorithms.exact.bounds import bounds_within, convex_pieces, restrict_form, row_limits, upper_limit
 from ...algorithms.exact.choices import least_cost
 from ...algorithms.exact.front import tightest
 from ...errors import Fault
@@ -48,13 +48,12 @@ def contradictions(problem: ToleranceProblem, algorithm: str) -> list[Fault]:
 
 def _further_costs_beyond(problem: ToleranceProblem, form: Form, limits: Array) -> list[Fault]:
     """Limits on further costs that the other limits forbid."""
-    faults, used = [], np.isfinite(limits)
-    for name in problem.cost_names[1:] if np.any(used) else ():
+    faults = []
+    for name in problem.cost_names[1:] if np.any(np.isfinite(limits)) else ():
         most, alone = upper_limit(problem, name), problem.weighted_form(form, {name: 1.0})
         if not np.isfinite(most) or alone is None:
             continue
-        pieces = convex_pieces(restrict_form(alone, used))
-        least = float(least_cost(pieces, loosened(limits[used])[None, :]).bound[0])
+        least = float(bounds_within(alone, loosened(limits)[None, :])[0])
         if np.isfinite(least) and not keeps(least, most):
             text = (
                 f"at most {most:g} cannot be kept with the other limits, within which the least {name} is {least:.6g}"

@@ -129,6 +129,11 @@ def label_fronts(fronts: Mapping[str, pd.DataFrame | None]) -> pd.DataFrame | No
     return joined[["label", *(name for name in joined if name != "label")]]
 
 
+def exact_label(problem: ToleranceProblem) -> str:
+    """The label of the exact optimum: of the cost, or of the column that is minimised in its place."""
+    return EXACT if problem.priced == "cost" else EXACT.replace("cost", problem.priced)
+
+
 def join_references(
     front: pd.DataFrame, references: pd.DataFrame, problem: ToleranceProblem
 ) -> tuple[pd.DataFrame, int, int]:
@@ -139,8 +144,7 @@ def join_references(
     run. Returns the front, the number of points removed and the number of references joined.
     """
     if problem.n_obj == 1 and len(references):
-        chosen = references["label"].str.startswith("exact, least ") | (references["label"] == ROBUST)
-        references = references[~chosen]
+        references = references[~references["label"].isin([exact_label(problem), ROBUST])]
     if not len(references):
         return front, 0, 0
     names = list(problem.objectives)

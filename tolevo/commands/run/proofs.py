@@ -25,7 +25,7 @@ from ...errors import Fault, ModelError, raise_all
 from ...execution import pinned
 from ...problems.forms import Form, largest_parts, least_value, spread_of
 from ...problems.limits import Limit, loosened
-from ...problems.tolerance_problem import ToleranceProblem
+from ...problems.tolerance_problem import ToleranceProblem, designs_of
 from ...records import RunResult
 from ...section import Array
 from .changes import words
@@ -245,7 +245,7 @@ def add_conditional_bounds(result: RunResult, plan: RunPlan, shared: Shared) -> 
         return result
     rows = result.prices[(result.prices["output"] == others[0]) & result.prices["price"].notna()]
     free, objective = [problem.names.index(v.name) for v in problem.free], problem.objectives.index(others[0])
-    x = front[problem.names].to_numpy(dtype=float)[:, free]
+    x = designs_of(problem, front)[:, free]
     generator = np.random.default_rng(plan.seed)
     tried = convexity(problem, x, objective, scale_of(problem), generator, shared) if len(rows) else None
     if tried is None:

@@ -22,7 +22,7 @@ from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem, designs_of
 from ...section import Array
 from ...units import plain_number
-from .front import EXACT, ROBUST, reported_front
+from .front import EXACT, ROBUST, exact_label, reported_front
 from .plan import RunPlan
 from .proofs import ProvenFront, distance_words, exact_front
 
@@ -189,7 +189,7 @@ def exact_optimum(problem: ToleranceProblem, exact: ProvenFront | None) -> pd.Da
     if proven is None:
         return pd.DataFrame()
     frame = problem.reported().frame(proven.designs[:1])
-    frame.insert(0, "label", EXACT if problem.priced == "cost" else EXACT.replace("cost", problem.priced))
+    frame.insert(0, "label", exact_label(problem))
     return frame
 
 
