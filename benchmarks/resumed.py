@@ -22,6 +22,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 PROMISED = 1.2
 """CPU of an interrupted and a resumed run over that of one run, at most."""
@@ -57,10 +58,14 @@ def files(out: Path) -> dict[str, bytes]:
 
 
 def _without_clock(path: Path) -> bytes:
+    if path.suffix == ".parquet":
+        table = pd.read_parquet(path)
+        return table.drop(columns=[name for name in table if name.endswith("cpu_s")]).to_csv().encode()
     if path.suffix != ".csv":
         return SECONDS.sub(b"", path.read_bytes())
     rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
-    kept = [at for at, name in enumerate(rows[0] if rows else ()) if "seconds" not in name]
+    names = rows[0] if rows else []
+    kept = [at for at, name in enumerate(names) if "seconds" not in name and not name.endswith("cpu_s")]
     return repr([[row[at] for at in kept if at < len(row)] for row in rows]).encode()
 
 
