@@ -461,9 +461,9 @@ def even_law(law: Distribution) -> tuple[float, Even] | None:
 def _sinc_value(w: Array) -> Array:
     """sin(w)/w."""
     near = np.abs(w) < MAX_SERIES_ARGUMENT
-    safe = np.where(near, 1.0, w)
+    safe = np.where(near, 1.0, w) if np.any(near) else w
     value = np.asarray(np.sin(safe) / safe)
-    if np.any(near):
+    if safe is not w:
         square = np.asarray(w)[near] ** 2
         value[near] = 1.0 - square / 6.0 + square * square / 120.0
     return value
@@ -471,10 +471,12 @@ def _sinc_value(w: Array) -> Array:
 
 def _sinc(w: Array) -> tuple[Array, Array]:
     """sin(w)/w and its derivative."""
-    near = np.abs(w) < MAX_SERIES_ARGUMENT
-    safe = np.where(near, 1.0, w)
-    value = _sinc_value(w)
-    slope = np.where(near, -w / 3.0 + w**3 / 30.0, (np.cos(safe) - value) / safe)
+    value, near = _sinc_value(w), np.abs(w) < MAX_SERIES_ARGUMENT
+    safe = np.where(near, 1.0, w) if np.any(near) else w
+    slope = np.asarray((np.cos(safe) - value) / safe)
+    if safe is not w:
+        small = np.asarray(w)[near]
+        slope[near] = -small / 3.0 + small**3 / 30.0
     return value, slope
 
 
