@@ -29,6 +29,7 @@ QUICK = (
     "tests/problems/test_pose_accuracy.py::test_at_two_tightest_limits_all_that_contributes_to_either_is_paid_for",
     "tests/problems/test_pose_accuracy.py::test_at_the_tightest_limit_only_what_contributes_to_it_is_paid_for",
     "tests/algorithms/exact/test_continuation.py::test_front_falls",
+    "tests/algorithms/exact/test_programme_by_hand.py::test_limits_are_kept_to_the_last_digit",
 )
 """Tests where a rounding decided once, for a part of less than a minute."""
 EXACT = (

@@ -282,8 +282,8 @@ class Combination:
         return self.spread_at(t).value
 
     def values(self, t: Array) -> Array:
-        """The requirements' values (n, requirements)."""
-        return np.asarray(self.offset + t @ self.linear.T + self.root(t))
+        """The requirements' values (n, requirements), each to the last digit the same in whatever batch."""
+        return np.asarray(self.offset + np.sum(t[:, None, :] * self.linear, axis=2) + self.root(t))
 
     @cached_property
     def tightest_values(self) -> Array:

@@ -331,8 +331,12 @@ def test_limits_are_kept_to_the_last_digit() -> None:
         asked = rng.uniform(0.3, 2.0, 12) * (np.arange(12) < 6)
         own = programme(*((0.01, float(h), (0.0, 0.1 * float(a)), (float(a), float(a)), 0.1)
                           for h, a in zip(high, asked, strict=True)))  # fmt: skip
-        limit = rng.uniform(0.3, 0.6, 2)
-        t = own.least_cost(limit[None, :]).t[0]
-        assert np.all(own.combination.values(t[None, :])[0] <= limit)
-        assert np.all(t <= high) and np.all(t >= 0.01)
-        np.testing.assert_allclose(t[6:], high[6:], rtol=1e-9)
+        limits = rng.uniform(0.3, 0.6, (20, 2))
+        tolerances = own.least_cost(limits).t
+        values = own.combination.values(tolerances)
+        for t, limit, value in zip(tolerances, limits, values, strict=True):
+            alone = own.combination.values(t[None, :])[0]
+            np.testing.assert_array_equal(alone, value)  # whatever batch it is in
+            assert np.all(alone <= limit)
+            assert np.all(t <= high) and np.all(t >= 0.01)
+            np.testing.assert_allclose(t[6:], high[6:], rtol=1e-7)
