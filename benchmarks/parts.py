@@ -78,11 +78,12 @@ class Parts:
 class Watched(ToleranceProblem):
     """A problem that tells `note` the objectives (n, m) of every batch that it evaluates.
 
-    One that is `formless` knows no convex form of itself. Designs that break a limit are told of
-    as lying beyond `edge` (m,), where there is one.
+    Problems that a search derives from it, as on other units, tell nobody. One that is `formless`
+    knows no convex form of itself. Designs that break a limit are told of as lying beyond `edge`
+    (m,), where there is one.
     """
 
-    note: Callable[[Array], None]
+    note: Callable[[Array], None] = staticmethod(lambda values: None)
     formless = False
     edge: Array | None = None
 
