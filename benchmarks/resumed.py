@@ -60,7 +60,7 @@ def files(out: Path) -> dict[str, bytes]:
 def _without_clock(path: Path) -> bytes:
     if path.suffix == ".parquet":
         table = pd.read_parquet(path)
-        return table.drop(columns=[name for name in table if name.endswith("cpu_s")]).to_csv().encode()
+        return table.drop(columns=[name for name in table if str(name).endswith("cpu_s")]).to_csv().encode()
     if path.suffix != ".csv":
         return SECONDS.sub(b"", path.read_bytes())
     rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
