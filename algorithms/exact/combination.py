@@ -351,10 +351,11 @@ def move_point_within_limits(combination: Combination, t: Array, limit: Array, i
 def move_points_within_limits(combination: Combination, t: Array, limits: Array, inner: Array) -> Array:
     """Points (n, features) between those t and an `inner` one, as near to t as chords allow, within limits (n, r).
 
-    Values are convex, so that they lie below the chord: where it meets a limit they keep it. NaN
-    where the inner point does not keep the limits.
+    Values are convex, so that they lie below the chord: where it meets a limit they keep it. What no
+    value depends on stays where it is. NaN where the inner point does not keep the limits.
     """
     values = combination.values(np.vstack([t, inner]))
+    inside = np.where(np.any((combination.spread != 0.0) | (combination.linear != 0.0), axis=0), inner, t)
     excess, room = np.maximum(values[:-1] - limits, 0.0), limits - values[-1]
     outside, moved = np.any(excess > 0.0, axis=1), t.copy()
     impossible = outside & np.any(room < 0.0, axis=1)
@@ -366,10 +367,10 @@ def move_points_within_limits(combination: Combination, t: Array, limits: Array,
     for _ in range(CHORDS):
         if not len(rows):
             return moved
-        moved[rows] = t[rows] + fraction[:, None] * (inner - t[rows])
+        moved[rows] = t[rows] + fraction[:, None] * (inside[rows] - t[rows])
         broken = ~np.all(combination.values(moved[rows]) <= limits[rows], axis=1)
         rows, fraction = rows[broken], np.minimum(1.0, 2.0 * fraction[broken] + 1e-14)
-    moved[rows] = inner
+    moved[rows] = inside[rows]
     return moved
 
 

@@ -143,8 +143,7 @@ class Programme:
     def _within_by_prices(self, limits: Array, t: Array, multiplier: Array) -> Solved:
         """Tolerances (n, features) moved within limits (n, r) by chords to the tightest, and what is proven."""
         c = self.combination
-        asked = np.any((c.spread != 0.0) | (c.linear != 0.0), axis=0)
-        moved = move_points_within_limits(c, t, limits, np.where(asked, c.low, c.high))
+        moved = move_points_within_limits(c, t, limits, c.low)
         kept = np.all(np.isfinite(moved), axis=1) & np.all(np.isfinite(multiplier), axis=1)
         bound = np.zeros(len(limits))
         bound[kept] = c.dual(multiplier[kept], limits[kept], moved[kept])

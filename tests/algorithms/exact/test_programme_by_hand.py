@@ -339,4 +339,4 @@ def test_limits_are_kept_to_the_last_digit() -> None:
             np.testing.assert_array_equal(alone, value)  # whatever batch it is in
             assert np.all(alone <= limit)
             assert np.all(t <= high) and np.all(t >= 0.01)
-            np.testing.assert_allclose(t[6:], high[6:], rtol=1e-7)
+            np.testing.assert_allclose(t[6:], high[6:], rtol=1e-9)
