@@ -60,13 +60,16 @@ def files(out: Path) -> dict[str, bytes]:
 def _without_clock(path: Path) -> bytes:
     if path.suffix == ".parquet":
         table = pd.read_parquet(path)
-        return table.drop(columns=[name for name in table if str(name).endswith("cpu_s")]).to_csv().encode()
+        return table[[name for name in table if not _is_clock(str(name))]].to_csv().encode()
     if path.suffix != ".csv":
         return SECONDS.sub(b"", path.read_bytes())
     rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
-    names = rows[0] if rows else []
-    kept = [at for at, name in enumerate(names) if "seconds" not in name and not name.endswith("cpu_s")]
+    kept = [at for at, name in enumerate(rows[0] if rows else ()) if not _is_clock(name)]
     return repr([[row[at] for at in kept if at < len(row)] for row in rows]).encode()
+
+
+def _is_clock(column: str) -> bool:
+    return "seconds" in column or column.endswith("cpu_s")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -156,21 +156,27 @@ def by_definition() -> Figures:
     return figures
 
 
+def least_cost(name: str, *overrides: str) -> tuple[ToleranceProblem, np.ndarray]:
+    """The problem of a configuration with cost as the only objective, and its optimum (1, variables)."""
+    found = read(ROOT / name, overrides=['objectives.minimise=["cost"]', *overrides])
+    assert found.problem is not None
+    result = search(found.problem, Exact(), found.budget, found.seed)
+    return found.problem, found.problem.complete(result.chosen)
+
+
 def least_costs() -> Figures:
     """Least cost at 1 arcmin by contact, grade 4, with document B's phi_1 or the default, without and
     with errors between discs; and its yield on 16,384 other units.
     """
     figures: dict[str, float] = {}
-    path = ROOT / "configs" / "rv40e_least_cost.toml"
+    path = "configs/rv40e_least_cost.toml"
     for definition, between in product(("B", "default"), ("without", "with")):
         fixed = [f"variables.{name}.value=0.0" for name in DISC_TO_DISC] if between == "without" else []
         fixed += [f"parameters.involute_cosine={'true' if definition == 'default' else 'false'}"]
-        found = read(path, overrides=["variables.involute_grade.value=4", *fixed])
-        assert isinstance(found.problem, RvReducer)
-        design = found.problem.complete(search(found.problem, Exact(), found.budget, found.seed).chosen)
-        others = read(path, overrides=["seed=2", "parameters.report_units=16384", *fixed]).problem
+        problem, design = least_cost(path, "variables.involute_grade.value=4", *fixed)
+        others = read(ROOT / path, overrides=["seed=2", "parameters.report_units=16384", *fixed]).problem
         assert isinstance(others, RvReducer)
-        figures[f"{definition} {between}"] = float(found.problem.cost_of(design)[0])
+        figures[f"{definition} {between}"] = float(problem.cost_of(design)[0])
         evaluation = others.evaluation(design[0], searching=False)
         figures[f"{definition} {between} yield"] = evaluation.value("yield_percent")
     return figures
@@ -226,14 +232,6 @@ def assumptions() -> Figures:
     figures["between discs 0 saves"] = -figures["between discs 0 change"]
     figures["interference most"] = max(figures["share of turn"], figures["overlap, beyond 0.3 arcmin"]) - base
     return figures
-
-
-def least_cost(name: str, *overrides: str) -> tuple[ToleranceProblem, np.ndarray]:
-    """The problem of a configuration with cost as the only objective, and its optimum (1, variables)."""
-    found = read(ROOT / name, overrides=['objectives.minimise=["cost"]', *overrides])
-    assert found.problem is not None
-    result = search(found.problem, Exact(), found.budget, found.seed)
-    return found.problem, found.problem.complete(result.chosen)
 
 
 def other_reducers() -> Figures:

@@ -460,24 +460,32 @@ def even_law(law: Distribution) -> tuple[float, Even] | None:
 
 def _sinc_value(w: Array) -> Array:
     """sin(w)/w."""
-    near = np.abs(w) < MAX_SERIES_ARGUMENT
-    safe = np.where(near, 1.0, w) if np.any(near) else w
-    value = np.asarray(np.sin(safe) / safe)
-    if safe is not w:
-        square = np.asarray(w)[near] ** 2
-        value[near] = 1.0 - square / 6.0 + square * square / 120.0
-    return value
+    return _sinc_apart(w, *_apart_from_zero(w))
 
 
 def _sinc(w: Array) -> tuple[Array, Array]:
     """sin(w)/w and its derivative."""
-    value, near = _sinc_value(w), np.abs(w) < MAX_SERIES_ARGUMENT
-    safe = np.where(near, 1.0, w) if np.any(near) else w
+    safe, near = _apart_from_zero(w)
+    value = _sinc_apart(w, safe, near)
     slope = np.asarray((np.cos(safe) - value) / safe)
-    if safe is not w:
-        small = np.asarray(w)[near]
+    if near is not None:
+        small = w[near]
         slope[near] = -small / 3.0 + small**3 / 30.0
     return value, slope
+
+
+def _apart_from_zero(w: Array) -> tuple[Array, NDArray[np.bool_] | None]:
+    """Arguments by which one can divide, and where others stand for those near zero; None where none is near."""
+    near = np.abs(w) < MAX_SERIES_ARGUMENT
+    return (np.where(near, 1.0, w), near) if np.any(near) else (w, None)
+
+
+def _sinc_apart(w: Array, safe: Array, near: NDArray[np.bool_] | None) -> Array:
+    value = np.asarray(np.sin(safe) / safe)
+    if near is not None:
+        square = w[near] ** 2
+        value[near] = 1.0 - square / 6.0 + square * square / 120.0
+    return value
 
 
 def _power(factor: float, order: float, w: Array) -> tuple[Array, Array]:
