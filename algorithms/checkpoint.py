@@ -43,6 +43,8 @@ class Checkpoint:
         self.every = every
         self.model: NDArray[np.float64] = np.zeros(0)
         self.unsavable = False
+        self.open = True
+        """Whether finished steps may be written, False until its directory holds this run."""
         self.tables: dict[str, pd.DataFrame] = {}
         self._sections: dict[str, Section] = {}
         self._state: State = {}
@@ -103,7 +105,7 @@ class Checkpoint:
         return self._sections.setdefault(name, Section(self._step))
 
     def _step(self) -> None:
-        if self.due():
+        if self.open and self.due():
             start = time.monotonic()
             self.write()
             self._last = time.monotonic()

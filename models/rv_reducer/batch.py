@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import raise_all
+from ...journal import recall_arrays
 from ...section import Array, Integers, Kind, Output, Parameter, Value, Variable
 from ...units import ARCMIN, UM
 from ..inputs import Distribution, Empirical, Uniform
@@ -290,8 +291,8 @@ class ContactUnits:
 
     @cached_property
     def _mean(self) -> float:
-        sample = self.fixed(FIXED, SEEDS["means"])
-        return float(self._measured(sample).mean()) + self.involute.mean
+        (cycloid,) = recall_arrays(("mean",), lambda: (self._measured(self.fixed(FIXED, SEEDS["means"])).mean(),))
+        return float(cycloid) + self.involute.mean
 
     @cached_property
     def _compared(self) -> BaseSample:

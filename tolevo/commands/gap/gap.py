@@ -22,7 +22,6 @@ from ...files import csv_text, write_bytes, write_text
 from ...journal import recording_steps
 from ...models.effects.measurements import Active, predicted
 from ...models.measurable import MeasurableModel, Role
-from ...page.drawing import as_png, as_svg
 from ...page_data import as_json
 from ...records import Axis, mechanism_lines
 from ...section import Array
@@ -47,7 +46,6 @@ from .ending_records import (
 from .fit import Fit
 from .locate import along, regions, regions_of_prediction, shapes, spectrum
 from .next_measurement import next_measurement
-from .page import drawings, gap_page
 from .plan import GapPlan, GapProgress, Report, ignore_progress
 from .population import Misfit
 from .populations import attribution_of, compared, inputs_instead, summary_messages
@@ -195,6 +193,9 @@ POINTS = "next_measurement.csv"
 
 def write(result: GapResult, folder: Path, lines: Sequence[str]) -> None:
     """Everything that the contract lists, and the summary's lines; `gap.json` last."""
+    from ...page.drawing import as_png, as_svg  # matplotlib, which an interrupted analysis does not need
+    from .page import drawings, gap_page
+
     write_text(folder / "config.toml", result.configuration)
     write_text(folder / "corrected.toml", result.corrected)
     write_bytes(folder / "residuals.parquet", result.residuals.to_parquet(index=False))
@@ -386,7 +387,8 @@ def ending(
         with recording_steps(replicates.section("setup")):
             yield
 
-    setup = prepare_setup(plan, data, begun)
+    with recording_steps(replicates.section("prediction")):
+        setup = prepare_setup(plan, data, begun)
     report(GapProgress("search"))
     with recording_steps(replicates.section("search")):
         return fit_all_rows(never_worse(finish_analysis(analysed(setup))), data)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from itertools import product
 from math import log
@@ -63,10 +63,13 @@ def estimate_law(drawn: Array, mean: float = 0.0, middle: float = 0.0) -> Law:
 
 
 def law_of(plan: GapPlan, name: str) -> Law:
-    """The law of the model's units with the effects on their scatter that the model contains.
+    """The law of the model's units with the effects on their scatter that the model contains."""
+    fields = recall_columns(("law", name), lambda: asdict(_law_with_effects(plan, name)))
+    return Law(**{key: value if np.ndim(value) else float(value) for key, value in fields.items()})
 
-    The inputs are convolved where they add up; otherwise the law is estimated from units.
-    """
+
+def _law_with_effects(plan: GapPlan, name: str) -> Law:
+    """The inputs are convolved where they add up; otherwise the law is estimated from units."""
     assert plan.model is not None
     mean, sources = float(plan.model.means()[name]), plan.model.sources()
     columns = [c for c in plan.model.columns if c.needed]

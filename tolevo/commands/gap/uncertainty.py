@@ -70,6 +70,11 @@ class Replicates:
         self.ended: dict[int, Replicate] = {}
         self._retire = retire
         self._steps = None if path is None or identity is None else Checkpoint(path.with_name(STEPS), _name(identity))
+        self._allow_steps(False)
+
+    def _allow_steps(self, allowed: bool) -> None:
+        if self._steps is not None:
+            self._steps.open = allowed
 
     def section(self, name: str) -> Section | None:
         """The steps of a part of the analysis, None where nothing is kept."""
@@ -87,12 +92,14 @@ class Replicates:
         steps = Checkpoint.read(self._steps.path)
         if steps.identity == _name(old):
             self._steps, steps.identity = steps, _name(self.identity)
+            self._allow_steps(False)
 
     def begin(self) -> None:
         """Retire an older result, then write the identity and the replicates that are known."""
         if self.path is None or self.identity is None:
             return
         self._retire()
+        self._allow_steps(True)
         write_text(self.path.with_name(CONFIGURATION), self.identity.configuration)
         head = json.dumps(seal_record(asdict(self.identity)))
         lines = [self._line(number, replicate) for number, replicate in sorted(self.ended.items())]
