@@ -593,3 +593,17 @@ def test_least_cost_within_limits() -> None:
     assert found[1].objectives == ("cost",)
     wider = found[1].relaxed({"variation": Bound(high=0.04)})
     assert wider.settings.limits["variation"].high == 0.04
+
+
+@pytest.mark.parametrize(
+    ("nominals", "gap"),
+    [((40.1, -40.0), "0.1"), ((100.3, -62.7, -37.5), "0.1"), ((0.3, -0.2, -0.1), "0"), ((1e6, -999999.9), "0.1")],
+)
+def test_the_nominal_of_a_loop_is_the_decimal_sum(nominals: tuple[float, ...], gap: str) -> None:
+    parts = "".join(
+        f"[[part]]\nname = 'p{at}'\nunit = 'mm'\nnominal = {abs(size)}\nsensitivity = {np.sign(size)}\ntolerance = 0.01\n"
+        for at, size in enumerate(nominals)
+    )
+    problem = stack(f"[requirement]\nunit = 'mm'\nlower = -1.0\nupper = 2.0\n{parts}")
+    stated = {one.name: one.value for one in problem.assumptions()}
+    assert stated["requirement.nominal"] == float(gap)

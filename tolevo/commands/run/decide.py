@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...algorithms.run import Run, Shared
+from ...algorithms.settings import Budget
 from ...problems.limits import limits_of
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem, designs_of
+from ...section import Array
 from .changes import Rounded, advice, changes, round_design, rounding_sentence
 from .choice import COST, ONLY, PREFERRED, RULE_KINDS, ChoiceSettings, Points, choose_rows, meaning_of, sensitivity
 from .prices import contributions, prices, slopes_of
@@ -37,8 +40,21 @@ class Decisions:
     notes: tuple[str, ...] = ()
 
 
-def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSettings) -> Decisions:
-    """The choices of a front as `problem` reports it; empty tables where it is empty."""
+class RoundingTask(NamedTuple):
+    """The arguments of `round_design` but the problem, for another process."""
+
+    design: Array
+    values: Mapping[str, Array]
+    bounds: Mapping[str, Bound]
+    finer: Mapping[str, Array]
+
+
+def decide(
+    problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSettings, shared: Shared | None = None
+) -> Decisions:
+    """The choices of a front as `problem` reports it; empty tables where it is empty. With `shared`, other processes
+    round some of the choices where each takes a sample.
+    """
     if front.empty:
         return Decisions()
     designs = designs_of(problem, front)
@@ -52,9 +68,10 @@ def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSetti
     grades = {v.name: values_of(problem, v, step) for v in problem.free if (step := steps[v.name]) is not None}
     values = {name: np.array(sorted(orderable)) for name, orderable in grades.items()}
     finer = {v.name: np.array(list(values_of(problem, v, FINER))) for v in problem.free if steps[v.name] == PREFERRED}
-    rounded = {
-        at: round_design(problem, designs[at], values, _required_bounds(settings, choices, at), finer) for at in rows
-    }
+    tasks = [RoundingTask(designs[at], values, _required_bounds(settings, choices, at), finer) for at in rows]
+    if shared is None or not problem.declaration.sampled:
+        shared = Run(problem, Budget(), seed=0).results
+    rounded = dict(zip(rows, shared(rounded_choice, tasks), strict=True))
     new = {at: one.design for at, one in rounded.items()}
     rules = {v.name: rule_message(problem, v, steps[v.name]) for v in problem.free}
     by_point = {at: " ".join(n for n, choice in choices.items() if choice == at) for at in rows}
@@ -71,6 +88,11 @@ def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSetti
         tolerances(problem, rules, grades),
         tuple(notes),
     )
+
+
+def rounded_choice(problem: ToleranceProblem, task: RoundingTask) -> Rounded:
+    """The design of a task with every value at one that can be ordered."""
+    return round_design(problem, *task)
 
 
 def _rows_to_try(problem: ToleranceProblem, rows: list[int]) -> list[int]:

@@ -408,7 +408,7 @@ def _conclude_run(
     failures = _failure_notes(search_result)
     first = (*failures, *robust.notes, *_start_notes(plan))
     notes = (*first, *warned, *remarks, *resume_notes, *_notes(references, dropped, joined))
-    decisions = decide(plan.problem, front, plan.choice)
+    decisions = decide(plan.problem, front, plan.choice, shared)
     proven = (*proof_notes(plan.problem, front, front_proof), *end_notes(plan.problem, front), *notes, *decisions.notes)
     summary = _summary(plan, search_result, front, status, proven, time.monotonic() - start)
     summary |= measures(search_result, front, front_proof, exact)
