@@ -601,7 +601,8 @@ def test_least_cost_within_limits() -> None:
 )
 def test_the_nominal_of_a_loop_is_the_decimal_sum(nominals: tuple[float, ...], gap: str) -> None:
     parts = "".join(
-        f"[[part]]\nname = 'p{at}'\nunit = 'mm'\nnominal = {abs(size)}\nsensitivity = {np.sign(size)}\ntolerance = 0.01\n"
+        f"[[part]]\nname = 'p{at}'\nunit = 'mm'\ntolerance = 0.01\n"
+        f"nominal = {abs(size)}\nsensitivity = {np.sign(size)}\n"
         for at, size in enumerate(nominals)
     )
     problem = stack(f"[requirement]\nunit = 'mm'\nlower = -1.0\nupper = 2.0\n{parts}")
