@@ -54,9 +54,13 @@ def slsqp(
     """Minimise an objective between `ends`, each (n,), with margins (constraints,) >= 0.
 
     `slopes` (n,) and `margin_slopes` (constraints, n) are their derivatives. After so many
-    `evaluations` the last whole step is the result: at a kink of a sample line searches do not end.
+    `evaluations` the last whole step is the result: at a kink of a sample line searches do not end. Where nothing
+    can move, the multipliers are zero.
     """
     low, high = ends
+    if np.all(low >= high):
+        only = np.clip(start, low, high)
+        return LocalOptimum(only, np.zeros(len(margins(only))))
     steps = _Steps(objective, np.clip(start, low, high), evaluations)
     minimize: Any = scipy.optimize.minimize  # its stubs know arrays of one dimension only
     try:

@@ -528,8 +528,8 @@ def unlimited_interference_faults(limits: Mapping[str, Bound], parameters: Mappi
     if held or parameters["allow_interference"]:
         return []
     text = (
-        "is missing: without a limit on interference or preload all of the cheapest units interfere (cost 7 with "
-        "99.9 % of the units preloaded); set, for example, 0.05, or parameters.allow_interference = true"
+        "is missing: without a limit on interference or preload, backlash is closed by flanks that interfere, which "
+        "costs nothing; set, for example, 0.05, or parameters.allow_interference = true"
     )
     return [Fault("limits.interference_probability", text)]
 

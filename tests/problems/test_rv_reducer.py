@@ -7,6 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tolevo.algorithms.exact.solver import Exact
+from tolevo.algorithms.search import search
+from tolevo.algorithms.settings import Budget
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.settings import Bound, Settings, VariableSetting
@@ -201,3 +204,20 @@ def test_starts_keep_the_limit_on_interference(one: RvReducer) -> None:
     for start in one.starts():
         found = one.evaluation(start, searching=True).value("interference_probability")
         assert found <= 0.05
+
+
+@pytest.mark.parametrize("grade", [5, 7])
+def test_limits_met_exactly_where_the_grade_alone_is_searched(one: RvReducer, grade: int) -> None:
+    fixed = dict(zip(one.names, middling(one).tolist(), strict=True)) | {"pin_circle_radius_um": 2.5}
+    variables = {name: VariableSetting(value=value) for name, value in fixed.items() if name != "involute_grade"}
+    wide = {"interference_probability": Bound(high=0.999), "backlash_max_arcmin": Bound(high=9.0)}
+    loose = small(variables=variables, limits=wide, objectives=("cost",))
+    assert [variable.name for variable in loose.free] == ["involute_grade"]
+    grades = np.arange(4.0, 9.0)
+    table = loose.reported().frame(loose.complete(grades[:, None]))
+    backlash, cost = (table[name].to_numpy(dtype=float) for name in ("backlash_max_arcmin", "cost"))
+    limit = float(backlash[grades == grade][0])
+    problem = small(variables=variables, limits=wide | {"backlash_max_arcmin": Bound(high=limit)}, objectives=("cost",))
+    (found,) = search(problem, Exact(), Budget(), 1).chosen
+    assert found[0] == grade
+    assert problem.cost_of(problem.complete(found[None]))[0] == cost[backlash <= limit].min()
