@@ -82,13 +82,13 @@ class Block:
 
 
 def quoted(found: re.Match[str]) -> str:
-    """Lines of a file that a page shows."""
+    """A file that a page shows, or some lines of it."""
     lines = (ROOT / found[1]).read_text(encoding="utf-8").splitlines()
-    return "\n".join(lines[int(found[2]) - 1 : int(found[3])])
+    return "\n".join(lines[int(found[2]) - 1 : int(found[3])] if found[2] else lines)
 
 
 def blocks(page: Path) -> list[Block]:
-    text = re.sub(r'^--8<-- "(.*):(\d+):(\d+)"$', quoted, page.read_text(encoding="utf-8"), flags=re.M)
+    text = re.sub(r'^--8<-- "(.*?)(?::(\d+):(\d+))?"$', quoted, page.read_text(encoding="utf-8"), flags=re.M)
     return [Block(*found) for found in FENCE.findall(text)]
 
 
