@@ -19,7 +19,7 @@ from tolevo.configuration.reader import read
 pytestmark = pytest.mark.usefixtures("unrendered")
 
 CLUTCH = Path(str(files("tolevo.configs") / "stack_clutch.toml"))
-DOCS = Path(__file__).resolve().parent.parent.parent / "docs" / "stack.md"
+EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "clutch.toml"
 SMALL = ["--set", "algorithm.population=20", "--set", "algorithm.generations=5"]
 
 
@@ -29,12 +29,7 @@ def tolevo(*arguments: object) -> Result:
 
 @pytest.mark.source_tree
 def test_the_example_of_the_documentation_runs(tmp_path: Path) -> None:
-    page = DOCS.read_text(encoding="utf-8")
-    text = page.split('```toml title="clutch.toml"\n', 1)[1].split("```", 1)[0]
-    assert tomllib.loads(text)["problem"] == "stack"
-    config = tmp_path / "c.toml"
-    config.write_text(text, encoding="utf-8")
-    result = tolevo("run", config, "--out", tmp_path / "o", "--quiet", *SMALL)
+    result = tolevo("run", EXAMPLE, "--out", tmp_path / "o", "--quiet", *SMALL)
     assert result.exit_code == 0, result.stderr
     front = pd.read_csv(tmp_path / "o" / "front.csv")
     assert {"hub_t", "roller_t", "cage_t", "cage_process", "yield_percent"} <= set(front)
