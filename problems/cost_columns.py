@@ -81,7 +81,7 @@ def read_cost_columns(top: Section, declared: Declaration) -> tuple[CostColumn, 
             section.fault("unit", f'must be a unit, such as "kg", got "{unit}"')
         if ("weights" in section) == ("curves" in section):
             section.fault("curves", "give either curves by part or variable, or weights of other columns")
-        curves = _read_curves(section.section("curves"), declared)
+        curves = by_variable(section.section("curves"), declared, _read_curve)
         weights = _read_weights(section.section("weights"), [COST, *(str(n) for n in summed)])
         section.finish()
         if name is not None:
@@ -146,10 +146,6 @@ def by_variable(
             found[variable] = tuple(value for value in values if value is not None)
     section.finish()
     return found
-
-
-def _read_curves(section: Section, declared: Declaration) -> dict[str, Curves]:
-    return by_variable(section, declared, _read_curve)
 
 
 def _read_curve(section: Section, key: str) -> CostCurve | None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from typer.testing import CliRunner, Result
 
 from tolevo.cli import app
@@ -83,3 +85,9 @@ def output_of(*words: object) -> str:
     ended = tolevo(*words)
     assert ended.exit_code == 0, ended.output
     return ended.output
+
+
+def written(path: Path, text: str) -> Path:
+    """A file with this text."""
+    path.write_text(text, encoding="utf-8")
+    return path

@@ -66,12 +66,8 @@ def test_every_relation_statistic_and_verdict_is_documented() -> None:
 
 
 @pytest.mark.source_tree
-def test_example_of_a_claims_file_runs(tmp_path: Path) -> None:
-    text = (DOCS / "reproduce.md").read_text(encoding="utf-8")
-    path = tmp_path / "paper.toml"
-    block = text.split('```toml title="my_paper.toml"\n')[1].split("```")[0]
-    path.write_text(block, encoding="utf-8")
-    (source,) = read_claims([path]).sources
+def test_example_of_a_claims_file_runs() -> None:
+    (source,) = read_claims([DOCS / "examples" / "my_paper.toml"]).sources
     found = [
         check(ClaimTask(one.id, 0, at, one, source.file.seed)).verdict.word for at, one in enumerate(source.file.claims)
     ]

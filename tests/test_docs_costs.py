@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -14,22 +14,16 @@ from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.configuration.reader import read
 
-DOCS = Path(__file__).resolve().parent.parent / "docs"
-
-
-def block(name: str) -> str:
-    text = "".join((DOCS / name).read_text(encoding="utf-8") for name in ("own_costs.md", "stack.md"))
-    found = re.search(rf"<!-- test: {re.escape(name)} -->\n```\w+[^\n]*\n(.*?)```", text, re.DOTALL)
-    assert found is not None
-    return found[1]
+EXAMPLES = Path(__file__).resolve().parent.parent / "docs" / "examples"
 
 
 @pytest.mark.source_tree
-@pytest.mark.parametrize("name", ["costs", "machines"])
+@pytest.mark.parametrize("name", ["pin", "machines"])
 def test_the_example_runs_and_is_proven(name: str, tmp_path: Path) -> None:
-    (tmp_path / "c.toml").write_text(block(name), encoding="utf-8")
-    (tmp_path / "costs.csv").write_text(block("costs.csv"), encoding="cp1252")
-    problem = read(tmp_path / "c.toml").problem
+    shutil.copy(EXAMPLES / f"{name}.toml", tmp_path)
+    costs = (EXAMPLES / "costs.csv").read_text(encoding="utf-8")
+    (tmp_path / "costs.csv").write_text(costs, encoding="cp1252")
+    problem = read(tmp_path / f"{name}.toml").problem
     assert problem is not None
     found = search(problem, Exact(), Budget(), 1)
     designs = problem.complete(found.x)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 pytest.importorskip("tools.docs_figures", reason="the tools are not shipped")
@@ -29,13 +31,13 @@ def test_the_figures_of_a_source_are_those_of_its_run(source: str) -> None:
 
 
 def test_every_mark_is_read() -> None:
-    marks = sum(page.read_text(encoding="utf-8").count("<!-- =") for page in PAGES)
+    marks = sum(len(re.findall("<!-- ?=", page.read_text(encoding="utf-8"))) for page in PAGES)
     assert marks == len(MARKED) > 10
     assert {source for _, source in MARKED} <= set(SOURCES)
 
 
 def test_a_stale_figure_is_written_anew_with_its_digits_and_sign() -> None:
     sources = {"run": lambda: {"a b": 11.84, "c": 1.0552}}  # the second is right within its last digit
-    text = "cost +8.5 %<!-- =run a b --> at 1.100'<!-- =run c -->, of 3<!-- =other c -->, 1.06<!-- =run c -->"
-    new = "cost +11.8 %<!-- =run a b --> at 1.055'<!-- =run c -->, of 3<!-- =other c -->, 1.06<!-- =run c -->"
+    text = "cost +8.5 %<!--=run:a_b--> at 1.100'<!-- =run c -->, of 3<!--=other:c-->, 1.06<!--=run:c-->"
+    new = "cost +11.8 %<!--=run:a_b--> at 1.055'<!-- =run c -->, of 3<!--=other:c-->, 1.06<!--=run:c-->"
     assert rewritten(text, sources) == new

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import re
 import shutil
@@ -32,18 +33,20 @@ def test_the_example_is_installed_and_keeps_its_contracts(tmp_path: Path) -> Non
 
 
 @pytest.mark.source_tree
-def test_the_page_quotes_the_example_and_is_short() -> None:
+def test_the_page_shows_the_whole_example_and_it_is_short() -> None:
     module = (EXAMPLE / "tolevo_planetary.py").read_text(encoding="utf-8")
     metadata = (EXAMPLE / "pyproject.toml").read_text(encoding="utf-8")
-    tests = (EXAMPLE / "test_planetary.py").read_text(encoding="utf-8")
     assert len(module.splitlines()) + len(metadata.splitlines()) <= LINES
-    text = (DOCS / "plugins.md").read_text(encoding="utf-8")
-    beside = r"## A study design.*?\n## Contracts"  # designs, rules and sections: tested apart
-    text = re.sub(beside, "## Contracts", text, flags=re.DOTALL)
-    sources = {"python": module + tests, "toml": metadata}
-    blocks = re.findall(r"```(\w+)[^\n]*\n(.*?)```", text, re.DOTALL)
-    parts = [(kind, part) for kind, block in blocks if kind in sources
-             for part in re.split(r"\n\n\n", block.strip())]  # fmt: skip
-    quoted = [(kind, part) for kind, part in parts if not part.startswith(("from", "import"))]
-    assert len(quoted) == 9
-    assert [part for kind, part in quoted if part not in sources[kind]] == []
+    shown = re.findall(
+        r'^--8<-- "docs/example_plugin/(.*):(\d+):(\d+)"$', (DOCS / "plugins.md").read_text("utf-8"), re.M
+    )
+    quoted = [(name, (EXAMPLE / name).read_text(encoding="utf-8").splitlines()[int(first) - 1 : int(last)])
+              for name, first, last in shown]  # fmt: skip
+    classes = [node.name for name, lines in quoted if name == "tolevo_planetary.py"
+               for node in ast.parse("\n".join(lines)).body if isinstance(node, ast.ClassDef)]  # fmt: skip
+    assert classes == re.findall(r"^class (\w+)", module, re.M)
+    entries = ["\n".join(lines) for name, lines in quoted if name == "pyproject.toml"]
+    assert [metadata.partition('tolevo_planetary"]\n\n')[2].strip()] == entries
+    tests = ["\n".join(lines) for name, lines in quoted if name == "test_planetary.py"]
+    assert [text.strip().partition("(")[0] for text in tests] == ["class TestStage", "class TestCurve"]
+    assert all(lines[-1].strip() for _, lines in quoted)

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.small_jobs import tolevo
+from tests.small_jobs import output_of, tolevo, written
 from tolevo.algorithms.checkpoint import Checkpoint
 from tolevo.errors import InputError
 from tolevo.files import seal_content as sealed
@@ -187,8 +187,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A directory with a small run and its configuration."""
     folder = tmp_path_factory.mktemp("run")
     (folder / "run.toml").write_text(STACK, encoding="utf-8")
-    ended = tolevo("run", folder / "run.toml", "--out", folder / "out", "--quiet")
-    assert ended.exit_code == 0, ended.stderr
+    output_of("run", folder / "run.toml", "--out", folder / "out", "--quiet")
     return folder
 
 
@@ -237,8 +236,7 @@ def plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, marker: Path) -> str
 
 
 def test_a_plugin_is_imported_only_when_it_is_named(plugin: str, marker: Path, tmp_path: Path) -> None:
-    path = tmp_path / "run.toml"
-    path.write_text(STACK, encoding="utf-8")
+    path = written(tmp_path / "run.toml", STACK)
     shown = tolevo("list")
     assert shown.stdout.count("eager") >= len(GROUPS)
     gap = 'model = "rv_lost_motion"\n[effects]\nconsider = ["wear"]\n'
@@ -249,8 +247,7 @@ def test_a_plugin_is_imported_only_when_it_is_named(plugin: str, marker: Path, t
         ("report", tmp_path / "out"),
         ("check", tmp_path / "gap.toml"),
     ):
-        ended = tolevo(*words)
-        assert ended.exit_code == 0, ended.stderr
+        output_of(*words)
         assert not marker.exists(), words
         assert plugin not in sys.modules
     named = STACK.replace('distribution = "normal"', 'distribution = "eager"')

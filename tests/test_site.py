@@ -81,8 +81,15 @@ class Block:
         return [line for line in lines if line.strip()]
 
 
+def quoted(found: re.Match[str]) -> str:
+    """A file that a page shows, or some lines of it."""
+    lines = (ROOT / found[1]).read_text(encoding="utf-8").splitlines()
+    return "\n".join(lines[int(found[2]) - 1 : int(found[3])] if found[2] else lines)
+
+
 def blocks(page: Path) -> list[Block]:
-    return [Block(*found) for found in FENCE.findall(page.read_text(encoding="utf-8"))]
+    text = re.sub(r'^--8<-- "(.*?)(?::(\d+):(\d+))?"$', quoted, page.read_text(encoding="utf-8"), flags=re.M)
+    return [Block(*found) for found in FENCE.findall(text)]
 
 
 def executed(page: Path) -> list[Block]:

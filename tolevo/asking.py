@@ -49,7 +49,7 @@ def align_outputs(
     if not isinstance(outputs, pd.DataFrame):
         if not (outputs and all(isinstance(column, pd.Series) for column in outputs.values())):
             return {
-                name: np.asarray(column)[order] if _has_order_shape(column, order) else column
+                name: np.asarray(column)[order] if np.shape(column) == np.shape(order) else column
                 for name, column in outputs.items()
             }
         outputs = pd.DataFrame(dict(outputs))
@@ -69,10 +69,6 @@ def align_outputs(
     if wanted is None or given is None or not np.all(np.abs(given - wanted) <= DESIGN_TOLERANCE):
         raise refuse("outputs", OTHER)
     return outputs
-
-
-def _has_order_shape(column: Any, order: Integers) -> bool:
-    return bool(np.shape(column) == np.shape(order))
 
 
 def _free(problem: ToleranceProblem) -> list[str]:

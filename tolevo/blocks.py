@@ -177,10 +177,6 @@ class About:
         """What a stored identity is that of, where it is not that of this table."""
         return [text for name, text in IDENTITY.items() if stored.get(name) != getattr(self, name)]
 
-    def with_blocks_of(self, stored: Mapping[str, Any]) -> About:
-        """The identity of this table in blocks of the stored length."""
-        return replace(self, block_rows=int(stored["block_rows"]))
-
 
 class BlockStore(ABC):
     """The blocks of one table: `completed` are the numbers of those that have ended."""
@@ -391,7 +387,7 @@ def _agree_on_identity(path: Path, about: About, resume: bool, overwrite: bool) 
         raise refuse("--resume", f"{path / ABOUT} cannot be read: {error}; give --overwrite") from error
     if others := " and of ".join(about.differences(stored)):
         raise refuse("--resume", f"{path} holds blocks of {others}; name another file, or give --overwrite")
-    return about.with_blocks_of(stored)
+    return replace(about, block_rows=int(stored["block_rows"]))
 
 
 def _is_blank_folder(path: Path) -> bool:

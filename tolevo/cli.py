@@ -489,7 +489,11 @@ def list_(json_: Annotated[bool, typer.Option("--json", help="As JSON.")] = Fals
 
 def list_as_text(as_json: bool = False) -> str:
     """Models, problems, algorithms, effects, calculations, and the elementary errors."""
-    groups = registry.listing() | {"elementary_errors": _elementary_errors()}
+    groups = registry.listing() | {
+        "elementary_errors": [
+            {"name": error.name, "description": error.meaning, "origin": "manipulator"} for error in SOURCES
+        ]
+    }
     if as_json:
         return json.dumps(groups, indent=2)
     lines = []
@@ -500,11 +504,6 @@ def list_as_text(as_json: bool = False) -> str:
             text = f"{family}{entry['description']} [{entry['origin']}]"
             lines.append(f"  {entry['name']:<16} {text}")
     return "\n".join(lines)
-
-
-def _elementary_errors() -> list[dict[str, str]]:
-    """The names that `[parameters.elementary_errors]` takes, in the form of `registry.listing`."""
-    return [{"name": error.name, "description": error.meaning, "origin": "manipulator"} for error in SOURCES]
 
 
 # Progress on stderr: a bar on a terminal, sparse lines otherwise.

@@ -180,7 +180,7 @@ class Range:
         """What is wrong with `value`, empty where nothing is."""
         above = value > self.low or (value == self.low and not self.open_low)
         below = value < self.high or (value == self.high and not self.open_high)
-        return "" if above and below else f"must {self}, got {_number_text(value)}"
+        return "" if above and below else f"must {self}, got {int(value) if value == int(value) else value}"
 
     def __str__(self) -> str:
         if math.isfinite(self.low) and math.isfinite(self.high):
@@ -189,11 +189,6 @@ class Range:
         if math.isfinite(self.low):
             return f"be {'above' if self.open_low else 'at least'} {self.low:.10g}"
         return f"be {'below' if self.open_high else 'at most'} {self.high:.10g}"
-
-
-def _number_text(value: float) -> str:
-    """A number, without `.0` if it is whole."""
-    return str(int(value)) if value == int(value) else str(value)
 
 
 ANY = Range()
@@ -552,10 +547,6 @@ class Parameter:
     readings: Mapping[str, Value] = field(default_factory=dict)
     """Other defaults, by the value of the parameter `reading`."""
 
-    def default_in(self, reading: Value | None) -> Value:
-        """The default where the parameter `reading` has this value."""
-        return self.readings.get(str(reading), self.default)
-
 
 READING = "reading"
 """Name of the parameter (an interpretation of a document) that sets several others together."""
@@ -565,7 +556,9 @@ def completed(parameters: Iterable[Parameter], stated: Mapping[str, Value]) -> d
     """Every parameter: as stated, else its default in the stated or the default interpretation."""
     declared = {parameter.name: parameter for parameter in parameters}
     reading = stated.get(READING, declared[READING].default if READING in declared else None)
-    return {name: parameter.default_in(reading) for name, parameter in declared.items()} | dict(stated)
+    return {
+        name: parameter.readings.get(str(reading), parameter.default) for name, parameter in declared.items()
+    } | dict(stated)
 
 
 @dataclass(frozen=True, slots=True)

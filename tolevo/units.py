@@ -357,11 +357,6 @@ def _expand_factors(text: str) -> Factors:
     return written_out
 
 
-def names_in(text: str) -> tuple[str, ...]:
-    """The names that a unit is made of, abbreviations written out."""
-    return tuple(name for name, _ in _expand_factors(text))
-
-
 def _longhand(name: str) -> str:
     """What a name stands for: "kN m" for "kNm", "N/mm" for "N_per_mm", as names of keys end."""
     name = name.replace("μ", "µ")
@@ -598,7 +593,7 @@ _ANGULAR_SPEED = ((ANGLE, 1), (TIME, -1))
 
 def _is_speed(unit: str) -> bool:
     """Whether it is that of a rotational speed: rpm, or turns, radians or degrees per time."""
-    parts = [unit_of(name) for name in names_in(unit)]
+    parts = [unit_of(name) for name, _ in _expand_factors(unit)]
     turning = {unit_of(name).factor for name in ("rpm", "rps", "turn", "rad", "deg")}
     return unit_of(unit).dimensions == _ANGULAR_SPEED and all(
         part.factor in turning for part in parts if part.power(ANGLE)

@@ -117,8 +117,8 @@ READERS: dict[str, Callable[[Any], object]] = {
     "gap": read_gap,
     "run": read,
 }
-ALIKE = ("robot_arm_puma560", "robot_arm_ur5", "rv20e_like", "rv80e_like")
-"""Shipped configurations with the keys of another one, which take their time."""
+ALIKE = ("pin_co2", "robot_arm_puma560", "robot_arm_ur5", "rv20e_like", "rv80e_like")
+"""Shipped configurations with the keys of another one, which take their time, or whose keys are names of processes."""
 
 
 @dataclass(slots=True)

@@ -1,10 +1,11 @@
 """Writes the figures of README.md and docs/*.md that a run gives: `python -m tools.docs_figures`.
 
-A figure has a mark after it, as in `98.8 %<!-- =closed_form printed yield_percent -->`: the source,
-a function of `SOURCES`, and the name of the figure there. The page keeps the number of decimals and
-the sign, and a figure that is right within one unit of its last digit, so that no page hangs on a
-processor's rounding; a test compares each figure with its source. Tables of the main job, which
-`make figures` writes, are read from docs/figures, where other tests compare them with the model.
+A figure has a mark after it, as in `98.8 %<!--=closed_form:printed_yield_percent-->`: the source, a
+function of `SOURCES`, and the name of the figure there, with `_` or a space between its words. The
+page keeps the number of decimals and the sign, and a figure that is right within one unit of its
+last digit, so that no page hangs on a processor's rounding; a test compares each figure with its
+source. Tables of the main job, which `make figures` writes, are read from docs/figures, where other
+tests compare them with the model.
 """
 
 from __future__ import annotations
@@ -41,7 +42,9 @@ from tolevo.problems.tolerance_problem import ToleranceProblem
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT / "docs" / "figures"
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
-MARK = re.compile(r"(?P<figure>[+-]?\d+(?:\.\d+)?)(?P<unit>(?: %|')?)(?P<mark><!-- =(?P<source>\w+) (?P<name>.+?) -->)")
+MARK = re.compile(
+    r"(?P<figure>[+-]?\d+(?:\.\d+)?)(?P<unit>(?: %|')?)(?P<mark><!-- ?=(?P<source>\w+)[: ](?P<name>.+?) ?-->)"
+)
 Figures = Mapping[str, float]
 LEVEL = 1.0
 """Backlash [arcmin] of which the pages speak."""
@@ -317,7 +320,8 @@ def rewritten(text: str, sources: Mapping[str, Callable[[], Figures]] = SOURCES)
     def figure(found: re.Match[str]) -> str:
         if found["source"] not in sources:
             return found[0]
-        value, written = sources[found["source"]]()[found["name"]], found["figure"]
+        figures = {name.replace(" ", "_"): value for name, value in sources[found["source"]]().items()}
+        value, written = figures[found["name"].replace(" ", "_")], found["figure"]
         decimals = len(written.partition(".")[2])
         if abs(value - float(written)) < 10.0**-decimals:
             return found[0]

@@ -79,7 +79,7 @@ def assemble(
             x = x + installed
         if estimator is not None:
             estimate = _correct_estimate(estimator, step, x, estimate, noise)
-        commanded = -_apply_matrix(gains[..., step, :, :], x if estimator is None else estimate)
+        commanded = -(gains[..., step, :, :] @ (x if estimator is None else estimate)[..., None])[..., 0]
         achieved = departures.achieved(commanded) @ b.T
         x = x @ process.transition[step].T + achieved
         estimate = estimate @ process.transition[step].T + commanded @ b.T
@@ -94,10 +94,6 @@ def assemble(
 def _column(value: float | Array) -> Array:
     """A number, or an array (n,) over assemblies as a column (n, 1)."""
     return np.asarray(value, dtype=float)[..., None]
-
-
-def _apply_matrix(matrix: Array, vector: Array) -> Array:
-    return np.asarray((matrix @ vector[..., None])[..., 0])
 
 
 def _installation_change(process: Process, step: int, errors: Array, departures: Departures) -> Array:

@@ -317,13 +317,13 @@ def _cell(top: Section, joints: int, table: dict[str, Value], usual: Cell | None
         "near": tuple(angle * DEG for angle in near or ()),
         "of_tool": section.text("at", ("flange", "tool")) == "tool",
     }
-    cell = _read_listed_poses(section, joints, more) if _is_listed(section) else _cube(section, known, more)
+    cell = (
+        _read_listed_poses(section, joints, more)
+        if "joints_deg" in section or isinstance(section.take("poses"), list)
+        else _cube(section, known, more)
+    )
     section.finish()
     return cell
-
-
-def _is_listed(section: Section) -> bool:
-    return "joints_deg" in section or isinstance(section.take("poses"), list)
 
 
 def _cube(section: Section, known: Cell, more: dict[str, Any]) -> Cell:

@@ -543,7 +543,8 @@ class Yields:
                     estimates[:, at] = 100.0 * kept.mean(), 100.0 * kept.std(ddof=1) / np.sqrt(len(kept))
         missing = np.isnan(estimates[0])
         if not searching:
-            missing |= estimates[1] > _error_of_count(estimates[0], self.settings.propagation.samples)
+            counted = estimates[0] * (100.0 - estimates[0]) / self.settings.propagation.samples
+            missing |= estimates[1] > np.sqrt(np.maximum(counted, 0.0))  # the error of a count
         if len(rest := np.flatnonzero(missing)):
             estimates[:, rest] = self._counted(name, bounded, t[rest], searching)
         return dict(zip(names, estimates, strict=True))
@@ -585,8 +586,3 @@ class Yields:
             rng = np.random.default_rng(self.settings.seed)
             self._samples[samples] = Sample.draw(self.measured[0].mechanism, samples, rng)
         return self._samples[samples]
-
-
-def _error_of_count(percent: Array, units: int) -> Array:
-    """Standard error [percent] of a yield that is counted."""
-    return np.asarray(np.sqrt(np.maximum(percent * (100.0 - percent), 0.0) / units))

@@ -205,7 +205,8 @@ def _nonlinearity_warning(stack: Stack, measured: Measured) -> str:
     mechanism, unit = measured.mechanism, f" {measured.requirement.unit}".rstrip()
     _, loosest = stack.ends_as_made
     first, worst = (
-        float(values[0]) for values in (measured.linear.worst_case(loosest), _worst_case(measured, loosest))
+        float(values[0])
+        for values in (measured.linear.worst_case(loosest), measured.variations(loosest)[measured.name("worst_case")])
     )
     text = (
         f"{measured.requirement.place}.formula has no slope at the mid-limits (0, not defined, or another one on each "
@@ -217,10 +218,6 @@ def _nonlinearity_warning(stack: Stack, measured: Measured) -> str:
         percent, error = yield_percent(mechanism, loosest, stack.yields.drawn(WARNING_SAMPLES))
         text += f"; {percent[0]:.3f} % of the units (standard error {error[0]:.1g} %) are then within the limits"
     return text
-
-
-def _worst_case(measured: Measured, t: Tolerances) -> Array:
-    return measured.variations(t)[measured.name("worst_case")]
 
 
 def domain_remarks(requirements: Sequence[Measured], front: pd.DataFrame) -> tuple[str, ...]:

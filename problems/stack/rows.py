@@ -164,16 +164,15 @@ def rows_of(stack: Stack, gaussian: bool) -> list[Row]:
     if not several and not any(row.output == "variation" for row in rows):
         return []
     rows = [
-        row for row in rows if not several or row.output not in VARIATIONS or _is_complete_variation(row, rows, stack)
+        row
+        for row in rows
+        if not several
+        or row.output not in VARIATIONS
+        or sum(other.output == row.output for other in rows) == len(stack.measured)
     ]
     rows += _window_rows(stack) + _yield_rows(stack) + _promise_rows(stack, gaussian)
     first = stack.measured[0]
     return rows or _row(stack, first.name("rss"), first, "rss", 1.0, gaussian)
-
-
-def _is_complete_variation(row: Row, rows: list[Row], stack: Stack) -> bool:
-    """Whether a largest variation has a row for every requirement."""
-    return sum(other.output == row.output for other in rows) == len(stack.measured)
 
 
 def _row(stack: Stack, output: str, measured: Measured, kind: str, weight: float, gaussian: bool) -> list[Row]:

@@ -15,6 +15,7 @@ from scipy.stats import norm
 from typer.testing import CliRunner
 
 import tolevo
+from tests.small_jobs import output_of, written
 from tolevo.cli import app
 from tolevo.problems.stack.analysis import CONTRIBUTION_COLUMNS, REQUIREMENT_COLUMNS
 
@@ -197,8 +198,7 @@ def test_curvature_of_the_quick_model_is_that_of_the_formula() -> None:
 def write(folder: Path, source: dict[str, Any]) -> Path:
     import tomli_w
 
-    path = folder / "clip.toml"
-    path.write_text(tomli_w.dumps(source), encoding="utf-8")
+    path = written(folder / "clip.toml", tomli_w.dumps(source))
     return path
 
 
@@ -213,8 +213,7 @@ def test_the_command_writes_the_files_and_a_report_builds_the_page_again(tmp_pat
     assert bars["units_percent"].sum() == pytest.approx(100.0)
     assert json.loads((out / "summary.json").read_text())["command"] == "analyse"
     page = (out / "report.html").read_text(encoding="utf-8")
-    again = CliRunner().invoke(app, ["report", str(out)])
-    assert again.exit_code == 0, again.output
+    output_of("report", out)
     assert (out / "report.html").read_text(encoding="utf-8") == page
     twice = CliRunner().invoke(app, ["analyse", str(path), "--out", str(out)])
     assert twice.exit_code == 2
@@ -393,8 +392,7 @@ def test_single_steps_are_tried_against_every_requirement() -> None:
 
 
 def test_the_files_carry_the_source_and_what_to_write_on_the_drawing(tmp_path: Path) -> None:
-    done = CliRunner().invoke(app, ["analyse", str(write(tmp_path, priced())), "--out", str(tmp_path / "o")])
-    assert done.exit_code == 0, done.output
+    output_of("analyse", str(write(tmp_path, priced())), "--out", tmp_path / "o")
     table = pd.read_csv(tmp_path / "o" / "tolerances.csv").set_index("part")
     assert table["on_the_drawing"].to_dict() == {"a": "⌀20 ±0.05 mm", "b": "12 ±0.05 mm", "c": "7.9 ±0.2 mm"}
     assert table["source"]["b"] == "guess"

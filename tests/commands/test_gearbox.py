@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 from openpyxl import load_workbook
-from typer.testing import CliRunner
 
-from tolevo.cli import app
+from tests.small_jobs import output_of
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "gearbox.md"
@@ -39,8 +38,7 @@ def follow(place: Path, *steps: str) -> Path:
         moved = [str(ROOT / one) if one.startswith("docs/") else one for one in words[1:]]
         moved = [str(place / one) if one.startswith("runs/") else one for one in moved]
         few = [part for one in FEW[moved[0]] for part in ("--set", one)]
-        done = CliRunner().invoke(app, [*moved, "--quiet", *few])
-        assert done.exit_code == 0, done.output
+        output_of(*moved, "--quiet", *few)
     return place / "runs"
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 import pytest
 
 from tests.small_jobs import TWO_PARTS as CONFIG
-from tests.small_jobs import tolevo
+from tests.small_jobs import output_of, tolevo
 from tolevo.algorithms.checkpoint import Checkpoint
 from tolevo.directory import LOCK, MANIFEST, UNFINISHED, holders, standing
 from tolevo.directory import own_folder as owned
@@ -95,8 +95,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Place:
     found = Place(folder / "c.toml", folder / "old", folder / "new")
     found.config.write_text(CONFIG, encoding="utf-8")
     for out, more in ((found.old, ()), (found.new, NEW)):
-        ended = tolevo("run", found.config, "--out", out, "--quiet", "--workers", 1, *more)
-        assert ended.exit_code == 0, ended.stderr
+        output_of("run", found.config, "--out", out, "--quiet", "--workers", 1, *more)
     return found
 
 
@@ -204,8 +203,7 @@ def test_killed_at_any_moment(place: Place, tmp_path: Path, trial: int) -> None:
     process.join()
     assert shown(place, out) == "unfinished"
     budget = ("--set", f"algorithm.generations={generations(out) + 3}")
-    again = tolevo(*run_words(place, out, *NEW, *budget, "--resume"))
-    assert again.exit_code == 0, again.stderr
+    output_of(*run_words(place, out, *NEW, *budget, "--resume"))
     whole = tolevo(*run_words(place, tmp_path / "whole", *NEW, *budget))
     assert whole.exit_code == 0, whole.stderr
     assert place.is_one(out, tmp_path / "whole")
@@ -243,8 +241,7 @@ def resumed(place: Place, out: Path) -> str:
     for name in RESULT[:-1]:  # nothing of the old result stands among the new
         if (out / name).exists() and not here.unfinished.retiring:
             assert (out / name).read_bytes() == (place.new / name).read_bytes()
-    again = tolevo(*run_words(place, out, *NEW, "--resume"))
-    assert again.exit_code == 0, again.stderr
+    output_of(*run_words(place, out, *NEW, "--resume"))
     assert standing(out).complete
     assert place.is_one(out, place.new)
     return verdict

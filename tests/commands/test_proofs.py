@@ -11,13 +11,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.optimize import brentq
-from typer.testing import CliRunner
 
+from tests.small_jobs import output_of
 from tolevo.algorithms.exact.bounds import Proof
 from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
-from tolevo.cli import app
 from tolevo.commands.run.proofs import are_informative_bounds, exact_front
 from tolevo.configuration.reader import read
 
@@ -42,8 +41,7 @@ def config(folder: Path, algorithm: str, method: str = "rss", more: str = "") ->
 def run(configuration: Path, *arguments: object) -> tuple[pd.DataFrame, dict[str, object], Path]:
     out = configuration.parent / f"out{len(arguments)}"
     given = ["run", configuration, "--out", out, "--quiet", *arguments]
-    result = CliRunner().invoke(app, [str(argument) for argument in given])
-    assert result.exit_code == 0, result.stderr
+    output_of(*given)
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     return pd.read_csv(out / "front.csv"), summary, out
 

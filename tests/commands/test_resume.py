@@ -18,7 +18,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 import tolevo
-from tests.small_jobs import PART_A, PART_B, REQUIREMENT
+from tests.small_jobs import PART_A, PART_B, REQUIREMENT, written
 from tolevo.algorithms.checkpoint import Checkpoint
 from tolevo.algorithms.exact import choices
 from tolevo.algorithms.exact.solver import Exact
@@ -64,15 +64,13 @@ method = "moments"
 
 @pytest.fixture
 def config(tmp_path: Path) -> Path:
-    path = tmp_path / "c.toml"
-    path.write_text(CONFIG, encoding="utf-8")
+    path = written(tmp_path / "c.toml", CONFIG)
     return path
 
 
 @pytest.fixture
 def drive(tmp_path: Path) -> Path:
-    path = tmp_path / "d.toml"
-    path.write_text(DRIVE, encoding="utf-8")
+    path = written(tmp_path / "d.toml", DRIVE)
     return path
 
 
@@ -254,8 +252,7 @@ def test_exact_goes_on_from_what_it_has_solved(tmp_path: Path, monkeypatch: pyte
 
     monkeypatch.setattr(choices, "_least_cost", counted)
     monkeypatch.setattr("tolevo.journal.MIN_RECORDED_SECONDS", 0.0)  # however fast the processor is
-    config = tmp_path / "c.toml"
-    config.write_text(ALTERNATIVES, encoding="utf-8")
+    config = written(tmp_path / "c.toml", ALTERNATIVES)
     problem = tolevo.read(config).problem
     whole = searched(Section())
     count = len(solved)
@@ -304,8 +301,7 @@ def test_a_changed_model_is_not_resumed(config: Path, tmp_path: Path, monkeypatc
 def test_the_ga_is_a_reference_where_it_is_asked_for(tmp_path: Path) -> None:
     """A stack has no published allocation, the drive has some."""
     for text, asked, count in ((ALTERNATIVES, "documents", 0), (ALTERNATIVES, "ga", 1), (DRIVE, "documents", 1)):
-        config = tmp_path / "c.toml"
-        config.write_text(text, encoding="utf-8")
+        config = written(tmp_path / "c.toml", text)
         plan = tolevo.read(config, [f"references={asked}"]).plan()
         searches = side_searches(plan, documents(plan.problem))
         assert sum("GA" in side.label for side in searches) == count

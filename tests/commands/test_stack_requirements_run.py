@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner, Result
 
+from tests.small_jobs import output_of, tolevo
 from tolevo.algorithms.exact.choices import least_cost
 from tolevo.algorithms.exact.solver import closed_form
 from tolevo.api import run
-from tolevo.cli import app
 from tolevo.configuration.reader import read
 
 pytestmark = pytest.mark.usefixtures("unrendered")
@@ -65,16 +64,11 @@ cost = { model = "reciprocal", a = 0.5, b = 0.01 }
 """
 
 
-def tolevo(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("bill")
     (place / "c.toml").write_text(CONFIGURATION, encoding="utf-8")
-    result = tolevo("run", place / "c.toml", "--out", place / "o", "--quiet")
-    assert result.exit_code == 0, result.stderr
+    output_of("run", place / "c.toml", "--out", place / "o", "--quiet")
     return place
 
 
@@ -129,16 +123,14 @@ def test_the_page_shows_them_and_is_rebuilt_from_its_files(folder: Path) -> None
     page = (folder / "o" / "report.html").read_text(encoding="utf-8")
     assert "<h2>Requirements</h2>" in page or ">Requirements<" in page
     assert 'title="saves_at_most"' in page
-    result = tolevo("report", folder / "o", "--out", folder / "again.html")
-    assert result.exit_code == 0, result.stderr
+    output_of("report", folder / "o", "--out", folder / "again.html")
     assert ">Requirements<" in (folder / "again.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("algorithm", ["ga", "hybrid"])
 def test_other_algorithms_take_them(algorithm: str, folder: Path, tmp_path: Path) -> None:
     settings = ["--set", f"algorithm.name={algorithm}", "--set", "algorithm.generations=60"]
-    result = tolevo("run", folder / "c.toml", "--out", tmp_path / "o", "--quiet", *settings)
-    assert result.exit_code == 0, result.stderr
+    output_of("run", folder / "c.toml", "--out", tmp_path / "o", "--quiet", *settings)
     found = pd.read_csv(tmp_path / "o" / "front.csv").iloc[0]
     assert 0.0 <= found["gap_percent"] < (2.0 if algorithm == "ga" else 1e-4)
 
@@ -167,8 +159,7 @@ def test_requirements_of_three_objectives_are_those_of_the_first_choice(folder: 
     text = CONFIGURATION.replace('["cost"]', '["cost", "gap.variation", "tilt.variation"]')
     text = text.replace('name = "exact"', 'name = "nsga3"\npopulation = 40\ngenerations = 12')
     (tmp_path / "c.toml").write_text(text, encoding="utf-8")
-    result = tolevo("run", tmp_path / "c.toml", "--out", tmp_path / "o", "--quiet")
-    assert result.exit_code == 0, result.stderr
+    output_of("run", tmp_path / "c.toml", "--out", tmp_path / "o", "--quiet")
     choice = pd.read_csv(tmp_path / "o" / "choices.csv").iloc[0]
     assert choice["point"] > 0
     table = pd.read_csv(tmp_path / "o" / "requirements.csv").set_index("requirement")

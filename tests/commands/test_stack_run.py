@@ -11,31 +11,20 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.optimize import brentq
-from typer.testing import CliRunner, Result
 
-from tolevo.cli import app
+from tests.small_jobs import output_of, tolevo, written
 from tolevo.configuration.reader import read
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 
 CLUTCH = Path(str(files("tolevo.configs") / "stack_clutch.toml"))
-DOCS = Path(__file__).resolve().parent.parent.parent / "docs" / "stack.md"
+EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "clutch.toml"
 SMALL = ["--set", "algorithm.population=20", "--set", "algorithm.generations=5"]
-
-
-def tolevo(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.mark.source_tree
 def test_the_example_of_the_documentation_runs(tmp_path: Path) -> None:
-    page = DOCS.read_text(encoding="utf-8")
-    text = page.split('```toml title="clutch.toml"\n', 1)[1].split("```", 1)[0]
-    assert tomllib.loads(text)["problem"] == "stack"
-    config = tmp_path / "c.toml"
-    config.write_text(text, encoding="utf-8")
-    result = tolevo("run", config, "--out", tmp_path / "o", "--quiet", *SMALL)
-    assert result.exit_code == 0, result.stderr
+    output_of("run", EXAMPLE, "--out", tmp_path / "o", "--quiet", *SMALL)
     front = pd.read_csv(tmp_path / "o" / "front.csv")
     assert {"hub_t", "roller_t", "cage_t", "cage_process", "yield_percent"} <= set(front)
     assert set(front["cage_process"]) == {"turned"}
@@ -46,8 +35,7 @@ def test_files_of_a_run_repeat_byte_for_byte(tmp_path: Path) -> None:
         "run", CLUTCH, "--out", tmp_path / "a", *SMALL, "--set", "limits.variation=0.03", "--set", "references=ga"
     )
     assert first.exit_code == 0, first.stderr
-    again = tolevo("run", tmp_path / "a" / "config.toml", "--out", tmp_path / "b", "--workers", 1)
-    assert again.exit_code == 0, again.stderr
+    output_of("run", tmp_path / "a" / "config.toml", "--out", tmp_path / "b", "--workers", 1)
     for name in ("config.toml", "front.csv", "front.json", "references.csv"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
     references = pd.read_csv(tmp_path / "a" / "references.csv")
@@ -64,8 +52,7 @@ def test_least_cost_of_the_clutch_by_ga(tmp_path: Path) -> None:
     """Against the Lagrange optimum of each process, with the rollers' share taken off the limit."""
     settings = ["--set", 'objectives.minimise=["cost"]', "--set", "limits.variation=0.025",
                 "--set", "algorithm.name=ga", "--set", "algorithm.generations=60"]  # fmt: skip
-    result = tolevo("run", CLUTCH, "--out", tmp_path / "o", "--quiet", *settings)
-    assert result.exit_code == 0, result.stderr
+    output_of("run", CLUTCH, "--out", tmp_path / "o", "--quiet", *settings)
     found = pd.read_csv(tmp_path / "o" / "front.csv").iloc[0]
     angle, reach = np.arccos(78.15 / 78.74), 78.74
     hub, cage = 1.0 / (reach * np.sin(angle)), 1.0 / (reach * np.tan(angle))
@@ -139,8 +126,7 @@ def test_resolved_configuration_reads_back(tmp_path: Path) -> None:
 def test_evaluate_takes_names_of_processes(tmp_path: Path) -> None:
     table = tmp_path / "d.csv"
     table.write_text("hub_t,cage_t,cage_process\n0.1,0.2,turned\n0.1,0.1,ground\n", "utf-8")
-    result = tolevo("evaluate", CLUTCH, table, "--out", tmp_path / "e.csv")
-    assert result.exit_code == 0, result.stderr
+    output_of("evaluate", CLUTCH, table, "--out", tmp_path / "e.csv")
     found = pd.read_csv(tmp_path / "e.csv")
     assert found["cage_process"].tolist() == ["turned", "ground"]
     assert found["roller_t"].tolist() == [0.0127, 0.0127]
@@ -195,13 +181,11 @@ def test_a_stack_without_anything_to_choose_cannot_be_run(tmp_path: Path) -> Non
     sensitivity = 1.0
     tolerance = 0.1
     """
-    config = tmp_path / "c.toml"
-    config.write_text(text, encoding="utf-8")
+    config = written(tmp_path / "c.toml", text)
     result = tolevo("run", config, "--out", tmp_path / "o")
     assert result.exit_code == 2
     assert "every variable is fixed" in result.stderr
     assert not (tmp_path / "o").exists()
-    table = tmp_path / "d.csv"
-    table.write_text("a_t\n0.1\n0.2\n", encoding="utf-8")
+    table = written(tmp_path / "d.csv", "a_t\n0.1\n0.2\n")
     assert tolevo("evaluate", config, table, "--out", tmp_path / "e.csv").exit_code == 0
     np.testing.assert_allclose(pd.read_csv(tmp_path / "e.csv")["rss"], [0.1, 0.2])

@@ -14,9 +14,11 @@ import numpy as np
 import pytest
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
+from scipy.stats import norm, qmc
 
-from tolevo.models.manipulator.effects import KINDS, conditions, identifiable, unit_effects
-from tolevo.models.manipulator.forward import NoPose, compensated, exact_pose, nonlinearity, solve, split
+from tests.models.unit_effects import unit_effects
+from tolevo.models.manipulator.effects import KINDS, conditions, identifiable
+from tolevo.models.manipulator.forward import NoPose, compensated, exact_pose, solve, split
 from tolevo.models.manipulator.geometry import Manipulator, OutOfReach, TaskRing, angles, posture, reach
 from tolevo.models.manipulator.maps import (
     NAMES,
@@ -184,9 +186,16 @@ def test_batch_of_poses_and_machines_equals_one_by_one(machine: Manipulator) -> 
 @MODELS
 def test_linearisation_error(machine: Manipulator) -> None:
     """0.14 % of position, 0.18 % of orientation in the notes; both models lie about them."""
-    found = nonlinearity(machine, RING, SPREAD, np.random.default_rng(0))
-    assert found.position_off / found.position == pytest.approx(0.0014, rel=0.12)
-    assert found.orientation_off / found.orientation == pytest.approx(0.0018, rel=0.12)
+    points = qmc.Sobol(3 + len(NAMES), scramble=True, rng=np.random.default_rng(0)).random_base2(12)
+    r, z = (low + (high - low) * points[:, at] for at, (low, high) in enumerate((RING.r, RING.z)))
+    phi, errors = 2.0 * np.pi * points[:, 2], SPREAD * norm.ppf(np.clip(points[:, 3:], 1e-16, 1.0 - 1e-16))
+    exact, maps = exact_pose(machine, r, z, phi, errors), first_order(machine, r, z, phi)
+    for pose, by_maps, share in (
+        (exact.position, maps.position, 0.0014),
+        (exact.orientation, maps.orientation, 0.0018),
+    ):
+        off = pose - (by_maps @ errors[:, :, None])[..., 0]
+        assert np.sqrt(np.sum(off**2) / np.sum(pose**2)) == pytest.approx(share, rel=0.12)
 
 
 def test_63_sources_18_of_orientation_36_of_position() -> None:

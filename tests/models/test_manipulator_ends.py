@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from tolevo.models.manipulator.effects import changed_errors
-from tolevo.models.manipulator.forward import _poses
 from tolevo.models.manipulator.geometry import Manipulator, TaskRing
 from tolevo.models.manipulator.pose import ManipulatorPose, _ring_faults, _rows
 
@@ -18,19 +17,6 @@ def test_both_ends_of_a_ring_are_named_where_both_are_wrong() -> None:
     wrong = replace(ring, r=ring.r[:1], z=ring.z[:1])  # type: ignore[arg-type]
     places = [one.place for one in _ring_faults(wrong, "parameters")]
     assert places == ["parameters.ring_r_mm", "parameters.ring_z_mm"]
-
-
-def test_poses_of_a_ring_fill_its_volume_evenly() -> None:
-    """Mean r^2, z, phi and their covariances of a grid of 30^3 points, by the integrals."""
-    ring = TaskRing()
-    one = (np.arange(30) + 0.5) / 30
-    points = np.stack(np.meshgrid(one, one, one), axis=-1).reshape(-1, 3)
-    r, z, phi = _poses(ring, points, "rms_volume")
-    (low, high), (bottom, top) = ring.r, ring.z
-    assert np.mean(r**2) == pytest.approx(0.5 * (low**2 + high**2), rel=1e-12)
-    assert np.mean(z) == pytest.approx(0.5 * (bottom + top), rel=1e-12)
-    assert np.mean(phi) == pytest.approx(np.pi, rel=1e-12)
-    assert np.abs(np.corrcoef([r**2, z, phi]) - np.eye(3)).max() < 1e-12
 
 
 def test_the_follow_up_rod_is_the_fourth_equation_of_the_position() -> None:

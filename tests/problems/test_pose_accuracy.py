@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.models.unit_effects import unit_effects
 from tolevo import registry
 from tolevo.algorithms.exact.bounds import proof
 from tolevo.algorithms.exact.choices import least_cost
@@ -14,7 +15,6 @@ from tolevo.algorithms.settings import Budget
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.models.effects.measurements import Active, changes_of, effect_actions, measurements_of, target_of
-from tolevo.models.manipulator.effects import unit_effects
 from tolevo.models.manipulator.geometry import Manipulator, TaskRing
 from tolevo.models.manipulator.maps import SOURCES as ELEMENTARY
 from tolevo.models.manipulator.pose import ManipulatorPose

@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 import tomli_w
 from scipy.stats import norm, truncnorm
-from typer.testing import CliRunner
 
+from tests.small_jobs import output_of, written
 from tolevo.algorithms.exact.bounds import proof
 from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
-from tolevo.cli import app
 from tolevo.configuration.reader import read_table
 from tolevo.errors import InputError
 from tolevo.problems.stack.problem import Stack
@@ -309,10 +308,8 @@ def test_every_fault_of_machines_is_named_with_its_place() -> None:
 
 def test_a_run_with_machines_writes_its_page(tmp_path: Path) -> None:
     """What a machine's parts cost is no function of the tolerance alone: the page computes none."""
-    config = tmp_path / "c.toml"
-    config.write_text(tomli_w.dumps(table(15.0)), encoding="utf-8")
+    config = written(tmp_path / "c.toml", tomli_w.dumps(table(15.0)))
     arguments = ["run", str(config), "--out", str(tmp_path / "o"), "--quiet"]
-    done = CliRunner().invoke(app, [*arguments, "--set", 'algorithm.name="exact"'])
-    assert done.exit_code == 0, done.output
+    output_of(*arguments, "--set", 'algorithm.name="exact"')
     drawn = json.loads((tmp_path / "o" / "tolerances.json").read_text(encoding="utf-8"))
     assert [one["costs"] for one in drawn if one["name"].endswith("_t")] == [[]] * 5

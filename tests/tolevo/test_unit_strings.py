@@ -180,8 +180,9 @@ def stated(value: object) -> Iterator[str]:
 
 
 def tables(folder: Path) -> Iterator[object]:
-    """The configurations, and the TOML blocks of the documents."""
-    yield from (tomllib.loads(one.read_text("utf-8")) for one in folder.glob("configs/*.toml"))
+    """The configurations, the examples, and the TOML blocks of the documents."""
+    yield from (tomllib.loads(one.read_text("utf-8")) for kind in ("configs/*.toml", "docs/examples/*.toml")
+                for one in folder.glob(kind))  # fmt: skip
     for page in [folder / "README.md", *folder.glob("docs/*.md")]:
         for block in re.findall(r"```toml[^\n]*\n(.*?)```", page.read_text("utf-8"), re.DOTALL):
             try:

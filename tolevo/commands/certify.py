@@ -199,7 +199,11 @@ def _fitted_bounds(
     outputs = problem.outputs_of(problem.complete(x), errors=False)
     limited = [limit for limit in problem.limits if limit.count]
     names = dict.fromkeys((*problem.objectives, *(limit.name for limit in limited)))
-    rows = {name: _forms_of(x, np.asarray(outputs[name], dtype=float)) for name in names if name in outputs}
+    rows = {
+        name: fitted(x, y) if np.all(np.isfinite(y := np.asarray(outputs[name], dtype=float))) else []
+        for name in names
+        if name in outputs
+    }
     labelled = any(variable.labels for variable in problem.free)
     words = {name: " or ".join(row.kind for row in found) or NO_FORM for name, found in rows.items()}
     bounded, chosen = _bounded(problem, {} if labelled else rows)
@@ -224,10 +228,6 @@ def _fitted_bounds(
     return _Bounds(
         bound, bounded, words, _statement(ordered, (bounded, *at_points, *fixed), len(at_points), left, count)
     )
-
-
-def _forms_of(x: Array, y: Array) -> list[Row]:
-    return fitted(x, y) if np.all(np.isfinite(y)) else []
 
 
 def _bounded(problem: ToleranceProblem, rows: Mapping[str, list[Row]]) -> tuple[str | None, dict[str, Row]]:

@@ -65,11 +65,6 @@ def units_of(result: RunResult) -> dict[str, str]:
     )
 
 
-def has_informative_bounds(result: RunResult) -> bool:
-    """Whether the bounds of the points are informative."""
-    return NOT_INFORMATIVE not in str(result.answers.get("proof", ""))
-
-
 def tolerance_records(result: RunResult) -> list[dict[str, Any]]:
     """The records of every variable, with their labels; those of an older run by its columns."""
     known = {str(record["name"]): dict(record) for record in result.tolerances}
@@ -264,7 +259,7 @@ def content_of(result: RunResult, most: int) -> dict[str, Any]:
     """The data that the scripts read, with at most `most` points in addition to the chosen ones."""
     names = [axis.name for axis in result.objectives]
     front = result.front.reset_index(drop=True)
-    rows = thin_points(front, names, _chosen_rows(result), most)
+    rows = thin_points(front, names, [int(choice["row"]) for choice in _choices(result)], most)
     kept = front.iloc[rows]
     of_cost = kept.drop(columns=["bound", "gap_percent"], errors="ignore") if "bound_of" in result.summary else kept
     variables = [axis for axis in result.variables if axis.name in front]
@@ -281,7 +276,7 @@ def content_of(result: RunResult, most: int) -> dict[str, Any]:
         "choices": _choices(result),
         "rounded": _rounded_values(result),
         "unit": unit_of_cost(result.summary),
-        "informative": has_informative_bounds(result),
+        "informative": NOT_INFORMATIVE not in str(result.answers.get("proof", "")),
         "tolerances": tolerance_records(result),
         "limits": limits_of(result, kept),
         "prices": _prices(result.prices),
@@ -373,10 +368,6 @@ def _orders(result: RunResult) -> dict[str, dict[str, Any]]:
         content = {"heads": list(map(str, sheet)), "rows": rows, "verdict": order.verdict}
         sheets |= {str(point): content for point in order.points}
     return sheets
-
-
-def _chosen_rows(result: RunResult) -> list[int]:
-    return [int(choice["row"]) for choice in _choices(result)]
 
 
 def _rounded_values(result: RunResult) -> dict[str, dict[str, Any]]:

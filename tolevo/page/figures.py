@@ -168,7 +168,7 @@ def tolerances_figure(result: RunResult) -> Figure | None:
     point = first_choice(result)
     if point is None or point >= len(result.front):
         return None
-    row, reference = result.front.iloc[point], _reference(result)
+    row, reference = result.front.iloc[point], None if result.references.empty else result.references.iloc[0]
     kept = [
         axis
         for axis in result.variables
@@ -196,10 +196,6 @@ def tolerances_figure(result: RunResult) -> Figure | None:
         )
     style_axes(axes)
     return figure
-
-
-def _reference(result: RunResult) -> Any:
-    return None if result.references.empty else result.references.iloc[0]
 
 
 def _has_positive_value(row: Any, name: str) -> bool:

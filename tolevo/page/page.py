@@ -181,11 +181,6 @@ def _list_shares(parts: Sequence[Mapping[str, Any]]) -> str:
 # The sections of plugins on the page of a run; a section that fails states the reason.
 
 
-def plugin_sections(result: RunResult) -> tuple[str, ...]:
-    """The sections of plugins; a section that fails shows its name and the reason."""
-    return tuple(html for name in SECTIONS if (html := _section(name, result)))
-
-
 def _section(name: str, result: RunResult) -> str:
     try:
         plugin = SECTIONS[name]()
@@ -426,7 +421,7 @@ def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
         *promise_sections(result),
         *requirement_sections(result),
         *choice_sections(result),
-        *plugin_sections(result),
+        *(html for name in SECTIONS if (html := _section(name, result))),
         section("Effects", _moves_table(result.moved)) if result.moved is not None else "",
         section("References", _references(result)) if len(result.references) else "",
         section("Points of the front", folded_section("Table", _points(result))) if len(result.front) else "",

@@ -298,7 +298,8 @@ MAX_NUMBER_CHARACTERS = 60
 
 
 def read_aqdef(path: str | Path, encoding: str | None = None, times: bool = True) -> list[Characteristic]:
-    """The characteristics of a .dfq file, or of a .dfd with its .dfx.
+    """The characteristics of a .dfq file, or of a .dfd with its .dfx: `part`, `name`, `nominal`, `lower`, `upper`,
+    `unit`, `values`, `attributes` (K0002), `times` (K0004), `batches` (K0006) and `groups` of each.
 
     Raises InputError with every fault; those of its times (K0004) only where `times` are needed.
     """

@@ -345,8 +345,8 @@ def read_table(
     """The table in a file: CSV in any dialect, XLSX or Parquet, with a column per characteristic
     (`shape` "wide"), a row per characteristic ("long") or a column per part ("transposed").
 
-    What is not stated is detected. Raises InputError with every fault; for an ambiguous
-    file it names the option that decides.
+    What is not stated is detected. The table has `frame`, `units`, `specifications`, `dialect` and
+    `notes`. Raises InputError with every fault; for an ambiguous file it names the option that decides.
     """
     path = Path(path)
     return open_or_raise(path, path.name, ReadOptions(encoding, delimiter, decimal, shape))

@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 from scipy.stats import norm
 
+from tests.small_jobs import written
 from tolevo.algorithms.search import search
 from tolevo.commands.run.changes import Ranking, ladders, round_design, rounding_sentence, search_combinations
 from tolevo.commands.run.choice import ChoiceSettings
@@ -65,8 +66,7 @@ Read = Callable[[str], Any]
 @pytest.fixture
 def parsed(tmp_path: Path) -> Read:
     def at(more: str) -> Any:
-        path = tmp_path / "c.toml"
-        path.write_text(STACK + more, encoding="utf-8")
+        path = written(tmp_path / "c.toml", STACK + more)
         return read(path)
 
     return at
@@ -246,8 +246,7 @@ def test_steps_coarser_than_two_ranges_are_two_faults(parsed: Read) -> None:
 
 
 def test_a_grade_needs_a_nominal_size(tmp_path: Path) -> None:
-    path = tmp_path / "c.toml"
-    path.write_text('problem = "rv_backlash"\n[rounding]\npitch_um = "IT"\n', encoding="utf-8")
+    path = written(tmp_path / "c.toml", 'problem = "rv_backlash"\n[rounding]\npitch_um = "IT"\n')
     with pytest.raises(InputError, match=r"rounding.pitch_um: has no nominal size"):
         read(path)
 
@@ -255,8 +254,7 @@ def test_a_grade_needs_a_nominal_size(tmp_path: Path) -> None:
 def test_what_is_read_is_written(parsed: Read, tmp_path: Path) -> None:
     more = "[choice]\nbudget = 9.0\nweights = { cost = 2 }\n[choice.limits]\nvariation = 0.1\n"
     first = parsed(more + '[rounding]\na_t = "10 um"\nb_t = [0.02, 0.05]\n')
-    path = tmp_path / "again.toml"
-    path.write_text(first.toml(), encoding="utf-8")
+    path = written(tmp_path / "again.toml", first.toml())
     assert read(path).choice == first.choice
     assert first.choice.steps == {"a_t": pytest.approx(0.01), "b_t": (0.02, 0.05)}
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.small_jobs import tolevo
+from tests.small_jobs import output_of, tolevo, written
 from tolevo.commands.reproduce import reproduce as command
 from tolevo.commands.reproduce.claims import Checked, ClaimTask, check
 from tolevo.commands.reproduce.configuration import read_claims
@@ -88,8 +88,7 @@ WORDS = {
 
 @pytest.fixture
 def paper(tmp_path: Path) -> Path:
-    path = tmp_path / "paper.toml"
-    path.write_text(PAPER, encoding="utf-8")
+    path = written(tmp_path / "paper.toml", PAPER)
     return path
 
 
@@ -146,8 +145,7 @@ def test_tables_and_page(done: Path) -> None:
 
 
 def test_the_page_is_built_again(done: Path, tmp_path: Path) -> None:
-    found = tolevo("report", done, "--out", tmp_path / "again.html", "--figures", tmp_path / "f")
-    assert found.exit_code == 0, found.output
+    output_of("report", done, "--out", tmp_path / "again.html", "--figures", tmp_path / "f")
     assert (tmp_path / "again.html").read_bytes() == (done / "report.html").read_bytes()
     assert {one.name for one in (tmp_path / "f").iterdir()} == {one.name for one in (done / "figures").glob("*")}
 

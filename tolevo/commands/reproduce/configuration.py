@@ -286,7 +286,7 @@ def _read_derivative(section: Section, recipe: Recipe | None) -> Recipe | None:
     derivative.finish()
     if recipe is None or name is None or step is None:
         return None
-    known = recipe.shiftable()
+    known = tuple(recipe.shift_units())
     if recipe.unit_of(name) is None:
         text = f'"{name}" is not an input of {recipe.by}{nearest(name, known)}; known: {", ".join(known)}'
         derivative.fault("by", text)

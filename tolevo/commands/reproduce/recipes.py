@@ -125,10 +125,6 @@ class Recipe(ABC):
         """Unit of the input `name` that can be shifted, None where there is no such input."""
         return self.shift_units().get(name)
 
-    def shiftable(self) -> tuple[str, ...]:
-        """Every input that a derivative may be taken by."""
-        return tuple(self.shift_units())
-
     def shifted(self, name: str, step: float) -> Recipe:
         """The same recipe with an input moved by `step`, in its unit."""
         raise NotImplementedError(f"{type(self).__name__} has no input {name}")

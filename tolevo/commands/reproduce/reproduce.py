@@ -151,16 +151,6 @@ def read_kept_claims(folder: Path, tasks: Iterable[ClaimTask]) -> dict[str, Chec
     return checked_claims
 
 
-def files_of(folder: Path, tasks: Iterable[ClaimTask]) -> list[str]:
-    """Names of the files of claims, relative to the output directory."""
-    return [_path(folder, task).relative_to(folder).as_posix() for task in tasks]
-
-
-def holds_another(place: Ownership) -> bool:
-    """Whether a directory holds something, and that is no reproduction."""
-    return not place.blank and not (place.folder / FOLDER).is_dir()
-
-
 def _path(folder: Path, task: ClaimTask) -> Path:
     return folder / FOLDER / f"{task.document}_{task.number}.json"
 
@@ -242,11 +232,11 @@ def _reproduce(
     plan: ReproducePlan, place: Ownership, executor: Executor, progress: Report | None, resume: bool
 ) -> ReproduceOutcome:
     tasks, out = tuple(tasks_of(plan)), place.folder
-    if resume and holds_another(place):
+    if resume and not place.blank and not (place.folder / FOLDER).is_dir():
         raise refuse("--resume", f"{out} holds no claims: name the directory of a reproduction")
     known = read_kept_claims(out, tasks) if resume else {}
     begin = len(known)
-    place.begin(keep=files_of(out, (task for task in tasks if task.key in known)))
+    place.begin(keep=[_path(out, task).relative_to(out).as_posix() for task in tasks if task.key in known])
     try:
         _finish(tasks, known, out, executor, progress)
     except KeyboardInterrupt:

@@ -184,7 +184,10 @@ def effects(values: Array, shares: Array, rng: np.random.Generator) -> Estimates
         return np.stack([*(mean for mean, _ in per_key), *(v for _, v in per_key)], axis=-1)
 
     estimates = random_settings(statistic, len(paths), values.shape[1], rng)
-    value, low, high = (_second_half_roots(side, keys) for side in (estimates.value, estimates.low, estimates.high))
+    value, low, high = (
+        np.concatenate([side[:keys], np.sqrt(np.maximum(side[keys:], 0.0))])
+        for side in (estimates.value, estimates.low, estimates.high)
+    )
     return Estimates(value, low, high)
 
 
@@ -203,11 +206,6 @@ def _key_effects(slope: Array, weights: Array, rows: Array) -> tuple[Array, Arra
     mean = np.where(usable, mean, 0.0)
     between = mean_over_settings(cross_mean(slope, slope, weights), rows)
     return star, between - cross_mean(mean, mean, rows * usable)
-
-
-def _second_half_roots(values: Array, keys: int) -> Array:
-    """The second half as standard deviations; a variance below 0 is none."""
-    return np.concatenate([values[:keys], np.sqrt(np.maximum(values[keys:], 0.0))])
 
 
 # `sensitivity.csv`: the effect of each key on a response, and that of the noise.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -445,7 +446,7 @@ def _compare_printed_zones(stage: Stage, optimum: ZoneOptimum) -> dict[str, floa
     """phi_2 within the printed zones, and how far they follow from optimum and sensitivities."""
     printed = {error: (low * UM, high * UM) for error, (low, high) in PRINTED_UM.items()}
     middle = {error: 0.5 * (low + high) for error, (low, high) in printed.items()}
-    worst = {error: _adverse_end(stage, error, ends) for error, ends in printed.items()}
+    worst = {error: max(ends, key=partial(stage.contribution, error)) for error, ends in printed.items()}
     spans = _shares(stage)
     return {
         "printed_favourable_arcmin": least_rotation(stage, printed).backlash / ARCMIN,
@@ -456,11 +457,6 @@ def _compare_printed_zones(stage: Stage, optimum: ZoneOptimum) -> dict[str, floa
         "printed_largest_share_arcmin": float(spans.max()),
         "printed_smallest_share_arcmin": float(spans.min()),
     }
-
-
-def _adverse_end(stage: Stage, error: str, ends: tuple[float, float]) -> float:
-    """The end [m] that adds most."""
-    return max(ends, key=lambda end: stage.contribution(error, end))
 
 
 def _shares(stage: Stage) -> np.ndarray:
