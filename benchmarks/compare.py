@@ -37,6 +37,7 @@ from .tasks.rv_reducer import rv_reducer
 LEVELS = (0.99, 0.999)
 SHORT = 0.5
 """CPU seconds after which a run is not repeated."""
+QUARTILES = 0.25, 0.5, 0.75
 BASE = "pymoo_nsga2"
 """The contender whose CPU time is 1 in the table."""
 
@@ -128,14 +129,18 @@ def number(value: float, form: str) -> str:
     return format(value, form) if np.isfinite(value) else "-"
 
 
+def quartiles(values: list[float], form: str) -> str:
+    """Median and quartiles over seeds; a median that most seeds did not reach is "-"."""
+    low, median, high = (number(float(each), form) for each in np.quantile(values, QUARTILES, method="nearest"))
+    return median if len(values) < len(QUARTILES) or median == "-" else f"{median} ({low} to {high})"
+
+
 def row(label: str, runs: list[Measured], base: list[Measured]) -> str:
-    """Medians; a level that most seeds did not reach has none."""
+    """Medians, of CPU times with quartiles."""
     cells = [label]
     for level in range(len(LEVELS)):
-        cells += [
-            number(float(np.median([run.reached[level][part] for run in runs])), form)
-            for part, form in ((0, ",.0f"), (1, ".4f"))
-        ]
+        cells.append(number(float(np.median([run.reached[level][0] for run in runs])), ",.0f"))
+        cells.append(quartiles([run.reached[level][1] for run in runs], ".4f"))
     own, other = (np.median([run.reached[0][1] for run in each]) for each in (runs, base))
     cells.append(number(float(own / other) if np.isfinite(other) else np.nan, ".3g"))
     shares = np.array([(run.seen, run.returned) for run in runs])
