@@ -65,7 +65,8 @@ def estimate_law(drawn: Array, mean: float = 0.0, middle: float = 0.0) -> Law:
 def law_of(plan: GapPlan, name: str) -> Law:
     """The law of the model's units with the effects on their scatter that the model contains."""
     fields = recall_columns(("law", name), lambda: asdict(_law_with_effects(plan, name)))
-    return Law(**{key: value if np.ndim(value) else float(value) for key, value in fields.items()})
+    floats: dict[str, Any] = {key: value if np.ndim(value) else float(value) for key, value in fields.items()}
+    return Law(**floats)
 
 
 def _law_with_effects(plan: GapPlan, name: str) -> Law:
