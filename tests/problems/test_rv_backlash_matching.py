@@ -1,4 +1,4 @@
-"""Pins and holes that are sorted into classes and matched, against assemblies that are drawn, sorted and counted here."""
+"""Pins and holes that are sorted into classes and matched, against assemblies that are drawn and counted here."""
 
 from __future__ import annotations
 
@@ -93,8 +93,8 @@ def test_equal_zones_leave_a_class_of_each_part() -> None:
 def test_least_cost_against_classes_whose_centres_meet(classes: int, by_hand: float, cost: float) -> None:
     """By hand: what is left of either part is t/k, at the cost of t, whatever the zones; 17.26 unsorted.
 
-    That leaves out that classes of unequal zones differ in their mean clearance, so that it is less than the least cost,
-    by 1.3 % where zones are equal instead.
+    That leaves out that classes of unequal zones differ in their mean clearance, so that it is less than the least
+    cost, and more than the bound by what that leaves to the pieces of the eccentricity.
     """
     costs = {HOLE: Reciprocal(0.1, 3.0 / classes), PIN: ReciprocalPower(0.1, 0.6 / classes**0.6, 0.6)}
     ranges = {name: VariableSetting(low=0.05, high=5.0) for name in (HOLE, PIN)}
@@ -108,7 +108,7 @@ def test_least_cost_against_classes_whose_centres_meet(classes: int, by_hand: fl
     assert outputs["cost"][0] == pytest.approx(cost, abs=0.01)
     assert outputs["backlash_arcmin"][0] <= 1.0 and outputs["interference_probability"][0] <= 0.05
     bound = proof(problem, {"cost": outputs["cost"]}, 1).bound[0]
-    assert 0.97 * known < bound < known
+    assert 0.965 * known < bound < known
 
 
 def test_a_bound_holds_for_zones_that_differ() -> None:
