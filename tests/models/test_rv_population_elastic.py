@@ -122,6 +122,30 @@ def test_all_pins_at_rated_torque() -> None:
     np.testing.assert_allclose(ours, rotation.T / ARCMIN, atol=5e-4)
 
 
+def test_torque_rotation_is_that_of_the_loaded_contact() -> None:
+    case, torques, chosen = Case(STAGGERED, units=24), np.array([-412.0, -12.36, 0.05, 100.0, 412.0]), np.array([7, 2])
+    contact, errors, angles = case.contact(), case.errors(), case.lattice.angles
+    expected = [contact.rotation(errors, angles, torque).mean(axis=1)[chosen] / ARCMIN for torque in torques]
+    found = case.elastic(outputs=("lost_motion",)).torque_rotation(torques, chosen)
+    np.testing.assert_allclose(found, expected, atol=1e-3)
+
+
+@pytest.mark.parametrize("series", [5.0 / ARCMIN, 40.0 / ARCMIN])
+def test_torque_rotation_of_play_and_springs_in_closed_form(series: float) -> None:
+    """Perfect parts on stiff pins: half of the play, and discs that share the torque, each through its spring.
+
+    T/ratio is the torque of both discs, and the carrier turns by the turn of a disc over the ratio.
+    """
+    perfect = UnitDesign({}, {}, dr_rp=-40e-6, dr_p=-80e-6)
+    case, torques = Case(perfect, units=1, positions=61), np.array([-412.0, -200.0, -0.1, 0.1, 200.0, 412.0])
+    found = case.elastic(Loading(normal_stiffness=2e12, series_stiffness=series), outputs=("lost_motion",))
+    half_play = 0.5 * float(case.play().mean())
+    expected = np.sign(torques) * half_play + torques / (2.0 * series * RATIO**2) / ARCMIN
+    np.testing.assert_allclose(found.torque_rotation(torques, np.array([0]))[:, 0], expected, atol=1e-3)
+    by_hand = (perfect.dr_rp - perfect.dr_p * np.sqrt(1.0 - (1.3 * 40.0 / 64.0) ** 2)) / (1.3e-3 * 39.0)
+    np.testing.assert_allclose(half_play, by_hand / ARCMIN / RATIO, atol=0.01)
+
+
 WIDE = UnitDesign({
     "pin_circle_radius": 10.0, "pin_position": 10.0, "pin_hole_radius": 8.0, "pin_radius": 5.0,
     "pitch": 15.0, "runout": 8.0, "eccentricity": 8.0, "equidistance": 6.0, "shift": 6.0,

@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from ....section import Array, Single
+from ....section import Array, Integers, Single
 from ....units import ARCMIN
 from ..contact.contact import LOST_MOTION_SHARE
 from .contact import NAMES, Slopes, pack_errors
@@ -183,6 +183,14 @@ class Elastic:
         turn = self.balances.turn[self.cases[case]]
         return np.asarray(turn, dtype=float) / self.lattice.geometry.output_ratio
 
+    def torque_rotation(self, torques: Array, chosen: Integers) -> Array:
+        """Rotation of the carrier [arcmin], mean over the turn, of `chosen` units under `torques` [N m], by unit:
+        (torques, units). Without friction and without the involute stage.
+        """
+        errors = tuple(np.ascontiguousarray(values[..., chosen]) for values in pack_errors(self.units))
+        balances = _balanced(self.lattice, self.table, self.springs, errors, torques)
+        return np.asarray(balances.turn.mean(axis=1, dtype=np.float64) / self.lattice.geometry.output_ratio)
+
     def pull_back(self, errors: Slopes, weights: Mapping[str, Array]) -> Array:
         """Derivatives (names,) of sum(weight * output) by `NAMES`, for weights (n,) by output.
 
@@ -245,22 +253,30 @@ def elastic(
     lattice: Lattice, table: Table, units: Scaled, loading: Loading, outputs: Sequence[str] = OUTPUTS
 ) -> Elastic:
     """The outputs named, of all units; a load case is computed once for all that need it."""
-    from . import kernel
-
     torques = list(dict.fromkeys(loading.torque(case) for name in outputs for case in CASES[name]))
     cases = {case: torques.index(loading.torque(case)) for name in outputs for case in CASES[name]}
     springs, ratio = Springs.of(table, loading), lattice.geometry.output_ratio
-    balances = Balances.empty(len(torques), *lattice.shape, units.units)
+    balances = _balanced(lattice, table, springs, pack_errors(units), np.array(torques), cases.get("rated", -1))
+    values = {name: _value(name, cases, balances, ratio, loading) for name in outputs}
+    return Elastic(lattice, table, units, springs, cases, balances, values)
+
+
+def _balanced(
+    lattice: Lattice, table: Table, springs: Springs, errors: tuple[Single, ...], torques: Array, rated: int = -1
+) -> Balances:
+    """Balances of units of packed `errors` under torques (cases,) [N m]; the largest pin force in the case `rated`."""
+    from . import kernel
+
+    balances = Balances.empty(len(torques), *lattice.shape, errors[0].shape[1])
     kernel.balances(
         (table.values, lattice.pin, lattice.start, lattice.stop, lattice.directions),
         springs.arrays,
-        pack_errors(units),
-        np.array(torques) / ratio,
-        cases.get("rated", -1),
+        errors,
+        torques / lattice.geometry.output_ratio,
+        rated,
         tuple(getattr(balances, field.name) for field in fields(balances)),
     )
-    values = {name: _value(name, cases, balances, ratio, loading) for name in outputs}
-    return Elastic(lattice, table, units, springs, cases, balances, values)
+    return balances
 
 
 def _mean_change(balances: Balances, cases: Mapping[str, int], name: str, ratio: float) -> Array:
