@@ -78,6 +78,7 @@ class UnitModel(UnitBasis):
             rated_torque=rated,
             te_torque=number(parameters["te_torque_Nm"]) or rated,
             load_torque=number(parameters["load_torque_Nm"]),
+            friction=number(parameters["pin_friction"]),
         )
         preload = 0.01 * number(parameters["preload_percent_of_rated"]) * rated
         basis = UnitBasis.from_parameters(parameters, inputs, mids)
@@ -136,6 +137,7 @@ LOADED = {
     "preload_torque_Nm_max": "preload_torque_max",
     "peak_pin_force_N": "peak_pin_force",
     "stiffness_Nm_arcmin": "stiffness",
+    "running_torque_Nm": "running_torque",
 }
 """The elastic output that each output is a statistic of."""
 

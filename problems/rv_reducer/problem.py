@@ -176,7 +176,7 @@ def validity(parameters: Mapping[str, Value], uniform: bool, change: Change) -> 
     """A sentence for each; `uniform`: every error is uniform over its zone; `change`: what effects change."""
     zones = "Every error is uniform over its zone: skewed or centred processes give other fractions."
     given = "Distributions are those of the configuration, the same for all parts of a kind."
-    left_out = ["friction", *([] if change.circle else ["temperature"]), *([] if change.wear else ["wear"])]
+    left_out = [*([] if change.circle else ["temperature"]), *([] if change.wear else ["wear"])]
     stage = (
         "The clearances of the planets are centred on each other, and the runout of the involute stage is not "
         "followed along the turn: phi_1 is a single number per unit.",
@@ -186,7 +186,9 @@ def validity(parameters: Mapping[str, Value], uniform: bool, change: Change) -> 
         zones if uniform else given,
         "Pitch error and runout of a disc are waves with one period per turn of the disc.",
         *(stage if parameters["involute_stage"] else ()),
-        f"No {', no '.join(left_out)}.",
+        "Friction is in running_torque_Nm alone, between teeth and pins that do not turn: that of bearings, seals and "
+        "lubricant is not in it.",
+        *([f"No {', no '.join(left_out)}."] if left_out else []),
         "Play of the crank bearings acts about the centre of the disc only; along the load of the bearing it would "
         "count about 1.15 times (an estimate, not tested).",
         "A pin circle that is offset does not centre itself under load: likely pessimistic.",

@@ -102,6 +102,8 @@ def test_outputs_are_those_of_the_loaded_contact(design: UnitDesign) -> None:
     np.testing.assert_allclose(found["transmission_error"], half, atol=0.01)
     turned = [contact.rotation(errors, angles, torque).mean(axis=1) / ARCMIN for torque in (412.0, 206.0)]
     np.testing.assert_allclose(found["stiffness"], 206.0 / (turned[0] - turned[1]), rtol=1e-3)
+    running = friction_of_pins(contact, errors, angles, design, 0.08)
+    np.testing.assert_allclose(found["running_torque"], running, atol=0.01 * max(running.max(), 1.0))
     preload = forward_flanks(contact, errors, angles)
     np.testing.assert_allclose(found["preload_torque"], preload.mean(axis=1), atol=0.1)
     np.testing.assert_allclose(found["preload_torque_max"], preload.max(axis=1), atol=0.3)
@@ -112,6 +114,21 @@ def forward_flanks(contact: LoadedContact, errors: PartErrors, angles: Array) ->
     mesh = contact.mesh(errors, angles)
     forces = mesh.pin_forces(mesh.rotation(0.0))
     return np.asarray(np.sum(forces * np.maximum(mesh.gaps.lever, 0.0), axis=(2, 3)) * RATIO)
+
+
+def friction_of_pins(
+    contact: LoadedContact, errors: PartErrors, angles: Array, design: UnitDesign, friction: float
+) -> Array:
+    """Mean over the turn of mu sum F |P C| at no torque (units,) [N m], pin by pin, from places in the plane.
+
+    P, the pitch point, is on the line of the eccentric at e z_p from the centre of the pin circle; the pin's centre is
+    at r_p, and the tooth touches it a radius nearer to P, whatever its flank.
+    """
+    mesh = contact.mesh(errors, angles)
+    forces = mesh.pin_forces(mesh.rotation(0.0))  # (units, angles, discs, pins)
+    phase = GEOMETRY.phase(angles)  # of pins against the eccentric of their disc
+    away = np.abs(64e-3 * np.exp(1j * phase) - 1.3e-3 * 40.0) - 3e-3
+    return np.asarray(friction * np.sum(np.abs(forces) * away, axis=(2, 3)).mean(axis=1))
 
 
 def test_all_pins_at_rated_torque() -> None:
@@ -172,7 +189,7 @@ def test_kernel_and_reference_agree(design: UnitDesign, series: float, discs: in
     compiled = case.elastic(loading)
     with by_arrays():
         plain = case.elastic(loading)
-    for name, tolerance in zip(OUTPUTS, (1e-6, 1e-3, 2e-3, 1e-2, 2e-4, 2e-3), strict=True):
+    for name, tolerance in zip(OUTPUTS, (1e-6, 1e-3, 2e-3, 1e-2, 2e-4, 2e-3, 1e-3), strict=True):
         np.testing.assert_allclose(compiled.values[name], plain.values[name], atol=tolerance, err_msg=name)
     slopes = Slopes.of(case.geometry, case.sample)
     weight = np.random.default_rng(3).random(130)
@@ -249,7 +266,7 @@ def test_derivatives_against_differences(output: str) -> None:
 
 
 NOISE = {"lost_motion": 1e-5, "preload_torque": 1e-3, "preload_torque_max": 1e-2,
-         "peak_pin_force": 0.1, "transmission_error": 5e-3, "stiffness": 1e-3}  # fmt: skip
+         "peak_pin_force": 0.1, "transmission_error": 5e-3, "stiffness": 1e-3, "running_torque": 1e-3}  # fmt: skip
 """What single precision leaves of differences over 0.01: 1e-7' in the turn, times the stiffness."""
 
 
