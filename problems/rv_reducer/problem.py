@@ -27,6 +27,7 @@ from ...section import Array, Section, Value, Variable, number
 from ...units import ARCMIN, MM, UM
 from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..machined import Machined
+from ..rv_backlash.matching import refuse_alone
 from ..rv_backlash.problem import DEFAULT_COSTS
 from ..rv_backlash.shift import TERMS
 from ..settings import Bound, Settings, VariableSetting
@@ -395,9 +396,7 @@ class RvReducer(PromisingUnits, Machined):
                 )
         if configured is None:
             return None
-        for parameter in SORTING[1:]:
-            if SORTING[0].name not in parameters and parameters.take(parameter.name) is not None:
-                parameters.fault(parameter.name, "changes nothing: state parameters.pin_classes, or leave it out")
+        refuse_alone(parameters, [parameter.name for parameter in SORTING[1:]])
         declaration = with_sorting(with_thickness(configured.declaration, stated), parameters.all_keys())
         return replace(configured, declaration=declaration)
 
