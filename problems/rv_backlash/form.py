@@ -107,7 +107,7 @@ def _nominal(problem: RvBacklash, pair: tuple[float, float], stagger: float) -> 
 def can_be_tied(problem: RvBacklash) -> bool:
     """Whether pins and holes are matched, and may have the same zone."""
     low, high = np.transpose([ends(problem, name) for name in (HOLE, PIN)])
-    return problem.matching is not None and low.max() <= high.min() and not {HOLE, PIN} & problem.fixed.keys()
+    return problem.matching is not None and low.max() <= high.min()
 
 
 def terms_of_form(problem: RvBacklash, tied: bool) -> dict[str, Term]:

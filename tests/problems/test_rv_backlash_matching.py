@@ -111,6 +111,16 @@ def test_least_cost_against_classes_whose_centres_meet(classes: int, by_hand: fl
     assert 0.965 * known < bound < known
 
 
+@pytest.mark.parametrize("fixed", [HOLE, PIN])
+def test_one_zone_may_be_fixed(fixed: str) -> None:
+    given = {fixed: VariableSetting(value=2.0)}
+    problem = RvBacklash(Settings(parameters={"pin_classes": 3}, limits=LIMITS, objectives=("cost",), variables=given))
+    design = problem.complete(search(problem, Exact(), Budget(), 1).chosen)
+    outputs = problem.outputs_of(design)
+    assert np.all(problem.violations(design, outputs) <= 0.0) and outputs["cost"][0] < 15.2
+    assert proof(problem, {"cost": outputs["cost"]}, 1).bound[0] < outputs["cost"][0]
+
+
 def test_a_bound_holds_for_zones_that_differ() -> None:
     problem = sorting(pin_classes=3)
     rng = np.random.default_rng(5)
