@@ -66,6 +66,8 @@ def form_of(problem: RvBacklash, tied: bool | None = None) -> Form | None:
     """The form, None where the coverage is below one half or the modification has no room; `tied` as in
     `terms_of_form`, by default where it can be.
     """
+    if tied is None and problem.matching is not None and not can_be_tied(problem):
+        return None
     tied = can_be_tied(problem) if tied is None else tied
     k, pair = deviations(problem), extreme_pair(problem, play_slopes(problem))
     if k < 0.0 or pair is None:

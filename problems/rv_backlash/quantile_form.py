@@ -122,6 +122,8 @@ ZERO_COST = Reciprocal(0.0, 0.0)
 
 def quantile_form(problem: RvBacklash, tied: bool | None = None) -> Form | str:
     """The form of `backlash_arcmin`, or why there is none; `tied` as in `form_of`."""
+    if tied is None and problem.matching is not None and not can_be_tied(problem):
+        return "pins and holes in classes cannot have equal zones"
     tied = can_be_tied(problem) if tied is None else tied
     main, promised = _rows(problem), PromisedRow.of(problem)
     if promised is not None and main:

@@ -121,6 +121,12 @@ def test_one_zone_may_be_fixed(fixed: str) -> None:
     assert proof(problem, {"cost": outputs["cost"]}, 1).bound[0] < outputs["cost"][0]
 
 
+def test_zones_that_cannot_be_equal_have_no_form() -> None:
+    apart = {HOLE: VariableSetting(value=2.0), PIN: VariableSetting(value=1.0)}
+    problem = RvBacklash(Settings(parameters={"pin_classes": 3}, limits=LIMITS, variables=apart))
+    assert problem.form() is None and "cannot have equal zones" in problem.unproven()
+
+
 def test_a_bound_holds_for_zones_that_differ() -> None:
     problem = sorting(pin_classes=3)
     rng = np.random.default_rng(5)
