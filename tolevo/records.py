@@ -35,16 +35,18 @@ class Bars:
 
 @dataclass(frozen=True, slots=True)
 class UnitsShown:
-    """Units of a design: what their backlash means in words, the turn of one unit, the population.
+    """Units of a design: what their backlash means in words, the turn of one unit, the population, rotation by torque.
 
     `turn` has the columns turn_deg, cycloid_arcmin (below zero flanks overlap), backlash_arcmin and
     measured (the positions that count); `population` backlash_max_arcmin, share_within_percent of
-    the units, and share_percent since the row before.
+    the units, and share_percent since the row before. `torque_rotation` has torque_Nm, rotation_median_arcmin and
+    rotation_high_arcmin (of the units of median and of high lost motion), and lost_motion (the torques it is taken at).
     """
 
     words: tuple[str, ...]
     turn: pd.DataFrame
     population: pd.DataFrame
+    torque_rotation: pd.DataFrame
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,9 +59,10 @@ class RunResult:
     in the model, `before` is the front without them and `moved` how the allocation moves.
     `choices`, `choice_sensitivity`, `allocation`, `contributions` and `exact_front` are the tables
     of the files of these names, None where there is none. `overlays` are fronts of other algorithms
-    by label (`overlays.csv`). `unit_turn`, `population` and `assumptions_cost` are the tables of
-    the files of these names, of problems that know units; `analysis` has the requirements of a stack at
-    its loosest and at its chosen tolerances, `requirements` and `drivers` are of those with several.
+    by label (`overlays.csv`). `unit_turn`, `population`, `torque_rotation` and `assumptions_cost`
+    are the tables of the files of these names, of problems that know units; `analysis` has the
+    requirements of a stack at its loosest and at its chosen tolerances, `requirements` and `drivers` are
+    of those with several.
     `prices`, `changes` and `relaxed` (the fronts whose limits are as loose as those of a reference, under
     its `label`) are those of these names, and `tolerances` the records of
     `tolerances.json`: what a drawing and a price need to know of each variable. `promise`,
@@ -87,6 +90,7 @@ class RunResult:
     overlays: Mapping[str, pd.DataFrame] = field(default_factory=dict)
     unit_turn: pd.DataFrame | None = None
     population: pd.DataFrame | None = None
+    torque_rotation: pd.DataFrame | None = None
     assumptions_cost: pd.DataFrame | None = None
     analysis: pd.DataFrame | None = None
     requirements: pd.DataFrame | None = None

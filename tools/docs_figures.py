@@ -34,6 +34,7 @@ from tolevo.commands.reproduce.calculations.reducer import ReducerMonteCarlo, St
 from tolevo.configuration.reader import read
 from tolevo.models.machines import Inspection, Machine
 from tolevo.problems.rv_backlash import RvBacklash
+from tolevo.problems.rv_backlash.shift import TERMS
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.rv_reducer.declared import DISC_TO_DISC
 from tolevo.problems.settings import Bound, Settings, VariableSetting
@@ -139,6 +140,38 @@ def readings() -> Figures:
             scale = 100.0 if name == "interference_probability" else 1.0
             figures[f"{reading} {name}"], figures[f"{reading} staggered {name}"] = (scale * values).tolist()
     return figures
+
+
+def alone() -> Figures:
+    """Error [um] at which the mean geometric backlash reaches 1 arcmin while all others stay at the middles of document
+    B's zones, by reading and variable; and the most that the eccentricity adds within 10 um.
+    """
+    figures: dict[str, float] = {}
+    for reading in ("printed", "consistent"):
+
+        def mean(variable: str = "", mid: float = 0.0, reading: str = reading) -> float:
+            moved = {variable: VariableSetting(mid=mid)} if variable else {}
+            problem = RvBacklash(Settings(parameters={"reading": reading}, variables=moved))
+            outputs = problem.outputs_of(problem.references()["document B"][None, :])
+            return float(outputs["backlash_geometric_mean_arcmin"][0])
+
+        plain = RvBacklash(Settings(parameters={"reading": reading}))
+        middles = {v.name: float(v.mid or 0.0) for v in plain.variables}
+        usual, eccentricity = mean(), "eccentricity_um"
+        for name in TERMS:
+            slope = mean(name, middles[name] + 1.0) - usual
+            if name != eccentricity and abs(slope) > 1e-9:
+                figures[f"{reading} {name}"] = middles[name] + (LEVEL - usual) / slope
+        figures[f"{reading} {eccentricity}"] = max(mean(eccentricity, d) for d in np.linspace(-10.0, 10.0, 81)) - usual
+        phi_3 = figures_of_document(reading)["phi_3_arcmin"]
+        figures[f"{reading} crank_bearing_um"] = (LEVEL - usual + phi_3) / phi_3  # phi_3 is that of 1 um, the middle
+    return figures
+
+
+def figures_of_document(reading: str) -> Figures:
+    """Outputs of document B's zones by its closed form."""
+    problem = RvBacklash(Settings(parameters={"reading": reading}))
+    return {name: float(v[0]) for name, v in problem.outputs_of(problem.references()["document B"][None, :]).items()}
 
 
 def by_definition() -> Figures:
@@ -296,6 +329,7 @@ SOURCES: Mapping[str, Callable[[], Figures]] = {
         bounds,
         references,
         readings,
+        alone,
         front,
         assumptions,
         by_definition,

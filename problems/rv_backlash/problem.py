@@ -17,9 +17,9 @@ from ...models.propagation.sums import ClippedSum, Term, total_cumulants
 from ...models.rv_reducer import declared
 from ...models.rv_reducer import geometry as modification
 from ...models.rv_reducer.backlash import Allocation, stage_means
-from ...section import Array, Output, number
-from ...units import ARCMIN, MM
-from ..declaration import Declaration, Interval
+from ...section import Array, Output, Section, number
+from ...units import ARCMIN, MM, UM
+from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..deviations import Deviations
 from ..forms import Form, ends_of_front
 from ..limits import apart
@@ -28,8 +28,19 @@ from ..promise import Promising
 from ..settings import ASSURED, PROMISED, Bound, Settings
 from .counterparts import changes_of, deviations_of, form_of_promise, sentence
 from .form import deviations
+from .matching import (
+    HOLE,
+    LEFT_OVER,
+    PER_GOOD_UNIT,
+    PIN,
+    SORTING,
+    PinMatching,
+    matching_faults,
+    refuse_alone,
+    with_matching,
+)
 from .quantile_form import quantile_form, shortfalls
-from .shift import BEARING, GRADE, SHIFT, TERMS, Shift, columns_of, move_means, promise_faults, shift_of
+from .shift import BEARING, GRADE, SHIFT, TERMS, Shift, columns_of, move_means, promise_faults, shift_of, terms_by_name
 
 if TYPE_CHECKING:
     from ..rv_reducer import RvReducer
@@ -141,7 +152,7 @@ def gradients(problem: RvBacklash, designs: Array) -> dict[str, Array]:
     t, so both derivatives are exact. The grade counts as continuous (sqrt(2) per grade).
     """
     total = problem.total(designs)
-    terms = dict(zip(TERMS, total.clipped, strict=True))
+    terms = terms_by_name(total)
     mean, variance = np.zeros_like(designs), np.zeros_like(designs)
     phi_1, phi_3 = total.free
     spread = problem.effective(designs)
@@ -153,6 +164,12 @@ def gradients(problem: RvBacklash, designs: Array) -> dict[str, Array]:
         shift = shift * problem.model.moves(tolerance.name.removesuffix("_um"))
         of_mean, of_variance = _slopes_by_middle(terms[tolerance.name], x)
         slopes[tolerance.name] = (by_mean * rise + of_mean * shift, by_variance * rise + of_variance * shift)
+    if problem.matching is not None:
+        _, centres = problem.matching.added(total)
+        for name in (HOLE, PIN):
+            by_mean, by_variance = slopes[name]
+            rate = problem.matching.classes * terms[name].linear / problem.column(designs, name)
+            slopes[name] = by_mean, by_variance + 2.0 * centres.linear * rate * centres.distribution.raw_moments(2)[2]
     slopes[BEARING] = _slopes_by_scale(phi_3, 1.0 / problem.column(designs, BEARING))
     slopes[GRADE] = _slopes_by_scale(phi_1, 0.5 * np.log(2.0))
     for name, pair in slopes.items():
@@ -296,15 +313,26 @@ class RvBacklash(Promising, Machined):
     machinable = frozenset(TERMS)
 
     def __init__(self, settings: Settings | None = None) -> None:
+        self.declaration = with_matching(self.declaration, settings.parameters if settings else ())
         super().__init__(settings)
         given = self.settings
+        self.matching = PinMatching.of(given.parameters)
         self.model = declared.backlash_model(
-            given.parameters,
+            {name: value for name, value in given.parameters.items() if name not in {p.name for p in SORTING}},
             {_stem(name): s.centre for name, s in self.given.variables.items() if s.centre is not None},
             {_stem(name): s.distribution for name, s in given.variables.items() if s.distribution},
         )
         self.limit = number(given.parameters["backlash_limit_arcmin"])
         self.change = changes_of(given.effects, self.model)
+
+    @classmethod
+    def configured(cls, top: Section) -> ConfiguredProblem | None:
+        """Pins in classes are declared where their number is stated; alone, what belongs to them changes nothing."""
+        configured, parameters = super().configured(top), top.section("parameters")
+        if configured is None:
+            return None
+        refuse_alone(parameters, [parameter.name for parameter in SORTING[1:]])
+        return replace(configured, declaration=with_matching(configured.declaration, parameters.all_keys()))
 
     # ---------------------------------------------------------------- evaluation
 
@@ -321,7 +349,7 @@ class RvBacklash(Promising, Machined):
         if given.method == "moments":
             return Moments()
         if given.method == "monte_carlo":
-            dimensions = len(declared.VARIABLES) - 3
+            dimensions = len(declared.VARIABLES) - 3 + (0 if self.matching is None else 2)
             return MonteCarlo.draw(given.samples, dimensions, np.random.default_rng(self.settings.seed))
         return convolution
 
@@ -340,7 +368,12 @@ class RvBacklash(Promising, Machined):
 
     def plain_total(self, designs: Array) -> ClippedSum:
         """The same of spreads of centred parts."""
-        return self.model.total(self.allocation(designs))
+        total = self.model.total(self.allocation(designs))
+        return total if self.matching is None else self.matching.matched(total, self.model.gain("pin_hole_radius") * UM)
+
+    def cost_of(self, designs: Array) -> Array:
+        """Sum of the cost curves, and of sorting the pins and holes (n,)."""
+        return super().cost_of(designs) + (0.0 if self.matching is None else self.matching.price)
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
         return self._propagated(designs, self._searching if searching else self._reporting)
@@ -359,7 +392,18 @@ class RvBacklash(Promising, Machined):
         outputs = {f"{name}_arcmin": value / ARCMIN for name, value in means}
         geometric = spread.geometric_mean + deviations(self) * spread.geometric_std
         outputs["backlash_geometric_arcmin"] = geometric / ARCMIN
-        return {"cost": self.cost_of(designs)} | outputs | _spread(spread) | self.profile(designs)
+        outputs = {"cost": self.cost_of(designs)} | outputs | _spread(spread) | self.profile(designs)
+        return outputs if self.matching is None else outputs | self._matched(designs, outputs)
+
+    def _matched(self, designs: Array, outputs: Mapping[str, Array]) -> dict[str, Array]:
+        """Pins and holes left over, and the cost of a good unit that pays for them, each (n,)."""
+        assert self.matching is not None
+        t = {name: self.column(designs, name) for name in (HOLE, PIN)}
+        left = self.matching.left_over(np.stack(list(t.values()), axis=1))
+        parts = sum(self.settings.costs[name].cost(zone) for name, zone in t.items() if name in self.settings.costs)
+        cost = outputs["cost"] + left / (1.0 - left) * parts
+        good = 0.01 * np.maximum(outputs["yield_percent"], 1e-9)
+        return {LEFT_OVER: 100.0 * left, PER_GOOD_UNIT: cost / good}
 
     def profile(self, designs: Array) -> dict[str, Array]:
         """Outputs of the tooth modification, shape (n,), of full designs."""
@@ -397,7 +441,7 @@ class RvBacklash(Promising, Machined):
 
     def box(self) -> tuple[Array, Array]:
         """Ideal and nadir from the proof, where there is one of the effective backlash."""
-        form = self._quantile_form
+        form = self._quantile_form if self.matching is None else quantile_form(self, tied=False)
         if isinstance(form, str) or set(self.objectives) != {"cost", "backlash_arcmin"}:
             return super().box()
         ends = ends_of_front(form, form.outputs.index("backlash_arcmin"), form.own_limits)
@@ -423,6 +467,8 @@ class RvBacklash(Promising, Machined):
             if tolerance.name in values:
                 chosen = np.rint(values.get(tolerance.choice, 0.0 * values[tolerance.name])).astype(np.int64)
                 values[tolerance.name] = tolerance.limits(values[tolerance.name], chosen)
+        if self.matching is not None and HOLE in values and PIN not in values and PIN not in self.fixed:
+            values[PIN] = values[HOLE]
         if SHIFT not in values or shift is None:
             return values
         s = np.asarray(values[SHIFT]) + shift.low - 1.0
@@ -443,9 +489,9 @@ class RvBacklash(Promising, Machined):
     def references(self) -> dict[str, Array]:
         """Document B's printed bands and modification, without and with its stagger.
 
-        None where machines make a part: the bands would not be theirs.
+        None where machines make a part, or where pins are sorted: the bands would not be theirs.
         """
-        if self.machined_tolerances:
+        if self.machined_tolerances or self.matching is not None:
             return {}
         bands = np.array([float(v.document or 0.0) for v in self.variables])
         staggered = bands.copy()
@@ -471,7 +517,7 @@ class RvBacklash(Promising, Machined):
         return f"GA, least cost at {limit.high:g} arcmin", RvBacklash(given)
 
     def finer_verdicts(self, designs: Array) -> tuple[str, ...]:
-        return () if self.machined_tolerances else verdicts(self, designs)
+        return () if self.machined_tolerances or self.matching is not None else verdicts(self, designs)
 
     def interval(self, output: str) -> Interval:
         """Proven bounds: by monotonicity in the tolerances, or by leaving the cycloid stage out.
@@ -541,7 +587,8 @@ class RvBacklash(Promising, Machined):
 
     def faults(self) -> list[Fault]:
         if 0.0 < (k1 := self.model.geometry.k1) < 1.0:
-            return super().faults()
+            widest = {name: self.interval(name)[1] for name in (HOLE, PIN)}
+            return [*(matching_faults(self.given, self.matching, widest) if self.matching else ()), *super().faults()]
         text = f"eccentricity * pins / pin circle radius must lie in (0, 1), got {k1:.4g}"
         return [Fault("parameters.eccentricity_mm", text)]
 

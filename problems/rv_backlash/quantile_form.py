@@ -15,6 +15,7 @@ import numpy as np
 
 from ...models.capability import Surplus
 from ...models.costs import Reciprocal
+from ...models.propagation.convolution import EvenNormal
 from ...models.propagation.sums import Term, total_cumulants
 from ...section import Array
 from ...units import ARCMIN
@@ -28,6 +29,7 @@ from .form import (
     Part,
     Sum,
     bearing_feature,
+    can_be_tied,
     cell_way,
     coarsen_sum,
     grade_feature,
@@ -118,15 +120,18 @@ ZERO_COST = Reciprocal(0.0, 0.0)
 """Cost curve of a feature that costs nothing."""
 
 
-def quantile_form(problem: RvBacklash) -> Form | str:
-    """The form of `backlash_arcmin`, or why there is none."""
+def quantile_form(problem: RvBacklash, tied: bool | None = None) -> Form | str:
+    """The form of `backlash_arcmin`, or why there is none; `tied` as in `form_of`."""
+    if tied is None and problem.matching is not None and not can_be_tied(problem):
+        return "pins and holes in classes cannot have equal zones"
+    tied = can_be_tied(problem) if tied is None else tied
     main, promised = _rows(problem), PromisedRow.of(problem)
     if promised is not None and main:
         main.append(Row(PROMISED, problem.stated_promise.fraction, False, problem.limit, kind="promise"))
     if all(row.clipped for row in main):
         return "neither backlash_arcmin nor a yield of at least one half is required"
     lacking = max(1.0 - row.probability for row in main if not row.clipped)
-    total = sum_of(problem, min(1.0, lacking / OUTSIDE))
+    total = sum_of(problem, min(1.0, lacking / OUTSIDE), tied)
     if isinstance(total, str):
         return total
     relaxed = _relaxed_limits(problem, total.shift, main)
@@ -134,6 +139,9 @@ def quantile_form(problem: RvBacklash) -> Form | str:
     statement = f"quantile of the geometric backlash, which the effective one exceeds{left_out}"
     if promised is not None:
         statement += f"; {statement_of(problem)}"
+    if tied and isinstance(every := quantile_form(problem, tied=False), Form):
+        form = _form(total, main, statement, relaxed, promised)
+        return replace(form, also=(replace(every, also=()), *every.also))
     wide = coarsen_sum(problem, total, grades=promised is not None)
     others = tuple(_form(wide, rows, statement, relaxed, promised) for rows in _branches(main, total))
     return replace(_form(total, main, statement, relaxed, promised), also=others)
@@ -217,6 +225,7 @@ def _form(total: Sum, rows: list[Row], statement: str, relaxed: tuple[str, ...],
         offset=np.array([_offset(row, total) for row in rows]),
         constant=np.zeros(len(rows)),
         statement=statement,
+        base=total.sorting_price,
         exact=False,
         relaxed=relaxed,
         quantiles=tuple(_quantile(row, total) for row in rows),
@@ -238,7 +247,8 @@ def _quantile(row: Row, total: Sum) -> Quantile | None:
     if row.kind in ("edge", "promise"):
         return None
     pieces = [(Piece(1.0, part.members[0].law),) if _spreads(part, row) else () for part in total.parts]
-    return Quantile(row.probability, (*pieces, ()))
+    fixed = (Piece(total.unknown, EvenNormal(1.0)),) if total.unknown else ()
+    return Quantile(row.probability, (*pieces, ()), fixed)
 
 
 def _is_in_sum(part: Part, row: Row) -> bool:

@@ -145,7 +145,12 @@ def unit_terms(problem: RvBacklash) -> dict[str, Term]:
     design = np.ones((1, len(problem.names)))
     for name in ("dr_rp_mm", "dr_p_mm", "stagger_arcmin"):
         design[:, problem.names.index(name)] = 0.0
-    return dict(zip(TERMS, problem.change.opened(problem.plain_total(design)).clipped, strict=True))
+    return terms_by_name(problem.change.opened(problem.plain_total(design)))
+
+
+def terms_by_name(total: ClippedSum) -> dict[str, Term]:
+    """The terms of phi_2 by their tolerance, without those that matched parts add."""
+    return dict(zip(TERMS, total.clipped[: len(TERMS)], strict=True))
 
 
 def grades_of(problem: RvBacklash) -> tuple[Array, Term]:

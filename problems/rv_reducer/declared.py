@@ -175,6 +175,16 @@ CONTACT: tuple[Parameter, ...] = (
         low=0.0,
         high=1e7,
     ),
+    Parameter(
+        "pin_friction",
+        0.08,
+        "",
+        "coefficient of friction between teeth and pins that do not turn, of running_torque_Nm alone",
+        _A,
+        assumed=True,
+        low=0.0,
+        high=1.0,
+    ),
     _count("te_positions", 251, "positions of a turn at which the transmission error is measured", 8, 10_007),
     _count(
         "search_units",
@@ -383,6 +393,7 @@ ELASTIC = {
     "transmission_error_arcsec": "half the peak-to-peak transmission error over a turn, under te_torque_Nm",
     "preload_torque_Nm": "torque of the preloaded flanks without load, mean over the turn",
     "peak_pin_force_N": "largest force on a pin over the turn at the rated torque",
+    "running_torque_Nm": "friction of the squeezed pins at the output without load, mean over the turn",
 }
 """What units show under load, by output."""
 B_OVER_A = "torsional stiffness between half and all of the rated torque (b/a), mean over the turn"

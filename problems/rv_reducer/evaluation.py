@@ -6,15 +6,16 @@ import copy
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from math import log
+from math import ceil, log
 from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
 
 from ...models.inputs import Distribution
+from ...models.rv_reducer.contact.contact import LOST_MOTION_SHARE
 from ...models.rv_reducer.population.contact import NAMES, Fitted, PinClasses, Population, Slopes, Turn, fit_pins
-from ...models.rv_reducer.population.elastic import Elastic, Loading, elastic
+from ...models.rv_reducer.population.elastic import LEAST_SHARE, Elastic, Loading, elastic
 from ...models.rv_reducer.population.errors import Lattice, Scaled, Table, change_units, turn_lattice
 from ...models.rv_reducer.population.measures import Conditions, Measures
 from ...models.rv_reducer.population.units import (
@@ -77,6 +78,7 @@ class UnitModel(UnitBasis):
             rated_torque=rated,
             te_torque=number(parameters["te_torque_Nm"]) or rated,
             load_torque=number(parameters["load_torque_Nm"]),
+            friction=number(parameters["pin_friction"]),
         )
         preload = 0.01 * number(parameters["preload_percent_of_rated"]) * rated
         basis = UnitBasis.from_parameters(parameters, inputs, mids)
@@ -135,6 +137,7 @@ LOADED = {
     "preload_torque_Nm_max": "preload_torque_max",
     "peak_pin_force_N": "peak_pin_force",
     "stiffness_Nm_arcmin": "stiffness",
+    "running_torque_Nm": "running_torque",
 }
 """The elastic output that each output is a statistic of."""
 
@@ -318,17 +321,18 @@ class Evaluation:
     def _loaded(self, name: str) -> Statistic:
         """A statistic of units under load."""
         if name == "interference_probability":
-            values = self._units_under_load("preload_torque_Nm").values["preload_torque"]
+            values = self.units_under_load("preload_torque_Nm").values["preload_torque"]
             return share_above(values, self.model.preload)
         output, part = part_of(name)
-        values = self._units_under_load(output).values[LOADED[output]]
+        values = self.units_under_load(output).values[LOADED[output]]
         coverage, geared = self.model.conditions.coverage, output == "lost_motion_arcmin"
         coverage = 1.0 - coverage if output in LEAST else coverage
         if part == "quantile":
             return quantile(values, self.involute, coverage) if geared else ordered_quantile(values, coverage)
         return (mean if part == "mean" else deviation)(values, self.involute if geared else NO_STAGE)
 
-    def _units_under_load(self, output: str) -> Elastic:
+    def units_under_load(self, output: str) -> Elastic:
+        """Units under load, as an output needs them."""
         turning = output == "transmission_error_arcsec"
         if turning not in self._elastic:
             drawn = self.drawn.turning if turning else self.drawn.loaded
@@ -343,7 +347,7 @@ class Evaluation:
 
     def _pulled_back(self, name: str, statistic: Statistic, alike: bool) -> Array:
         output = "preload_torque_Nm" if name == "interference_probability" else part_of(name)[0]
-        loaded = self._units_under_load(output)
+        loaded = self.units_under_load(output)
         turning = output == "transmission_error_arcsec"
         drawn = self.drawn.turning if turning else self.drawn.loaded
         errors = drawn.alike if alike else drawn.slopes
@@ -359,6 +363,8 @@ PARTS_OF_TURN = 8
 """Parts in which that turn is computed: 10 MB each instead of 90."""
 BINS = 80
 """Steps of the distribution over units."""
+FRACTIONS_OF_TORQUE = (0.01, 0.02, LOST_MOTION_SHARE, 0.05, 0.07, *np.linspace(0.1, 1.0, 19).tolist())
+"""Fractions of the rated torque at which the rotation is shown, in either sense; the least is `LEAST_SHARE`."""
 INTERFERENCE = {
     "turn_mean": "the mean of the cycloid stage's backlash over the turn is below zero",
     "share_of_turn": "the cycloid stage's backlash is below zero, as a fraction of all positions of all units",
@@ -370,8 +376,49 @@ INTERFERENCE = {
 
 def unit_tables(evaluation: Evaluation, parameters: Mapping[str, Value]) -> UnitsShown:
     """The tables of an evaluated design, and what they mean in words."""
-    turn = _turn(evaluation)
-    return UnitsShown(_evaluation_sentences(evaluation, parameters, turn), turn, _population(evaluation))
+    turn, curve = _turn(evaluation), _torque_rotation(evaluation)
+    words = (*_evaluation_sentences(evaluation, parameters, turn), *_torque_sentences(evaluation, curve))
+    return UnitsShown(words, turn, _population(evaluation), curve)
+
+
+def _rank_at_coverage(evaluation: Evaluation, units: int) -> int:
+    """Number from 1 on, of that many units in order, of the unit at the coverage."""
+    return min(units, ceil(evaluation.model.conditions.coverage * units))
+
+
+def _torque_rotation(evaluation: Evaluation) -> pd.DataFrame:
+    """Rotation by torque of the units of median and of high lost motion, half the mean of phi_1 on each side."""
+    loaded = evaluation.units_under_load("lost_motion_arcmin")
+    lost = loaded.values["lost_motion"]
+    order = np.argsort(lost, kind="stable")
+    chosen = order[[len(order) // 2, _rank_at_coverage(evaluation, len(order)) - 1]]
+    parts = np.array([LEAST_SHARE, *FRACTIONS_OF_TORQUE])
+    torques = np.concatenate([-parts[::-1], parts]) * evaluation.model.loading.rated_torque
+    rotation = loaded.torque_rotation(torques, chosen)
+    rotation += 0.5 * evaluation.involute.mean * np.sign(torques)[:, None]
+    return pd.DataFrame(
+        {
+            "torque_Nm": torques,
+            "rotation_median_arcmin": rotation[:, 0],
+            "rotation_high_arcmin": rotation[:, 1],
+            "lost_motion": np.concatenate([parts[::-1], parts]) == LOST_MOTION_SHARE,
+        }
+    )
+
+
+def _torque_sentences(evaluation: Evaluation, curve: pd.DataFrame) -> tuple[str, str]:
+    """What the torque-rotation curve shows, and what it lacks."""
+    units, percent = evaluation.drawn.loaded.units, 100.0 * evaluation.model.conditions.coverage
+    at = curve[curve["lost_motion"]]
+    lost = [float(np.ptp(at[f"rotation_{name}_arcmin"])) for name in ("median", "high")]
+    return (
+        f"Of {units} units under load, in the order of their lost motion, the median one and number "
+        f"{_rank_at_coverage(evaluation, units)}, that at {percent:g} %, turn by {lost[0]:.4g} and {lost[1]:.4g} "
+        f"arcmin from -{100.0 * LOST_MOTION_SHARE:g} to +{100.0 * LOST_MOTION_SHARE:g} % of the rated torque, phi_1 at "
+        "its mean; the quantile that the run reports has phi_1 integrated over its distribution.",
+        "The torque-rotation curve has no friction: loading and unloading are one line, where a measured curve is a "
+        "loop.",
+    )
 
 
 def _largest_backlash(evaluation: Evaluation) -> Array:
@@ -456,5 +503,5 @@ def _evaluation_sentences(
         "cycloid stage counts as zero: the flat parts of the first figure.",
     ]
     if evaluation.model.change.outside:
-        words.append("What effects add to the contact is in the population and not in the unit that is drawn.")
+        words.append("What effects add to the contact is in the population and not in the units that are drawn.")
     return tuple(words)

@@ -27,6 +27,7 @@ from ...section import Array, Section, Value, Variable, number
 from ...units import ARCMIN, MM, UM
 from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..machined import Machined
+from ..rv_backlash.matching import refuse_alone
 from ..rv_backlash.problem import DEFAULT_COSTS
 from ..rv_backlash.shift import TERMS
 from ..settings import Bound, Settings, VariableSetting
@@ -176,7 +177,7 @@ def validity(parameters: Mapping[str, Value], uniform: bool, change: Change) -> 
     """A sentence for each; `uniform`: every error is uniform over its zone; `change`: what effects change."""
     zones = "Every error is uniform over its zone: skewed or centred processes give other fractions."
     given = "Distributions are those of the configuration, the same for all parts of a kind."
-    left_out = ["friction", *([] if change.circle else ["temperature"]), *([] if change.wear else ["wear"])]
+    left_out = [*([] if change.circle else ["temperature"]), *([] if change.wear else ["wear"])]
     stage = (
         "The clearances of the planets are centred on each other, and the runout of the involute stage is not "
         "followed along the turn: phi_1 is a single number per unit.",
@@ -186,7 +187,9 @@ def validity(parameters: Mapping[str, Value], uniform: bool, change: Change) -> 
         zones if uniform else given,
         "Pitch error and runout of a disc are waves with one period per turn of the disc.",
         *(stage if parameters["involute_stage"] else ()),
-        f"No {', no '.join(left_out)}.",
+        "Friction is in running_torque_Nm alone, between teeth and pins that do not turn: that of bearings, seals and "
+        "lubricant is not in it.",
+        *([f"No {', no '.join(left_out)}."] if left_out else []),
         "Play of the crank bearings acts about the centre of the disc only; along the load of the bearing it would "
         "count about 1.15 times (an estimate, not tested).",
         "A pin circle that is offset does not centre itself under load: likely pessimistic.",
@@ -393,9 +396,7 @@ class RvReducer(PromisingUnits, Machined):
                 )
         if configured is None:
             return None
-        for parameter in SORTING[1:]:
-            if SORTING[0].name not in parameters and parameters.take(parameter.name) is not None:
-                parameters.fault(parameter.name, "changes nothing: state parameters.pin_classes, or leave it out")
+        refuse_alone(parameters, [parameter.name for parameter in SORTING[1:]])
         declaration = with_sorting(with_thickness(configured.declaration, stated), parameters.all_keys())
         return replace(configured, declaration=declaration)
 

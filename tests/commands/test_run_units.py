@@ -50,7 +50,7 @@ interference_probability = 0.05
 [algorithm]
 name = "exact"
 """
-FILES = ("unit_turn.csv", "population.csv", "assumptions_cost.csv")
+FILES = ("unit_turn.csv", "population.csv", "torque_rotation.csv", "assumptions_cost.csv")
 
 
 @pytest.fixture(scope="module")
@@ -88,10 +88,25 @@ def test_the_unit_shown_is_the_median_one_and_larger_between_its_positions(run: 
     assert turn["backlash_arcmin"].max() > measured["backlash_arcmin"].max()
 
 
+def test_torque_and_rotation_are_those_of_two_units_in_the_order_of_their_lost_motion(run: Path) -> None:
+    curve, point = pd.read_csv(run / "torque_rotation.csv"), pd.read_csv(run / "front.csv").iloc[0]
+    marked = curve[curve["lost_motion"]]
+    assert marked["torque_Nm"].tolist() == [-0.03 * 412.0, 0.03 * 412.0]
+    lost = [float(np.ptp(marked[f"rotation_{name}_arcmin"])) for name in ("median", "high")]
+    assert lost[0] < lost[1]
+    # of 16 units; phi_1 at its mean on both sides
+    assert lost[0] == pytest.approx(point["lost_motion_arcmin_mean"], abs=0.1)
+    for name in ("median", "high"):
+        rotation = curve[f"rotation_{name}_arcmin"].to_numpy()
+        assert np.all(np.diff(rotation) > 0.0) and rotation[0] < -0.5 * point["phi_1_arcmin"]
+    words = json.loads((run / "summary.json").read_text("utf-8"))["units"]["words"]
+    assert any(f"{lost[0]:.4g} and {lost[1]:.4g} arcmin from -3 to +3 %" in word for word in words)
+
+
 def test_the_page_has_the_numbers_of_the_files(run: Path) -> None:
     page = (run / "report.html").read_text("utf-8")
     summary = json.loads((run / "summary.json").read_text("utf-8"))
-    for heading in ("What backlash means here", "Assumptions and their costs",
+    for heading in ("What backlash means here", "Torque and rotation", "Assumptions and their costs",
                     "Limits of validity"):  # fmt: skip
         assert f"<h2>{heading}</h2>" in page
     for sentence in (*summary["units"]["words"], *summary["validity"]):

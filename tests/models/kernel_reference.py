@@ -27,7 +27,7 @@ NO_TORQUE = 1e-9
 def by_arrays() -> Iterator[None]:
     """The population's kernel is replaced by this module."""
     with pytest.MonkeyPatch.context() as patch:
-        for function in (touch, touch_slopes, balances, balance_slopes):
+        for function in (touch, touch_slopes, balances, balance_slopes, add_friction):
             patch.setattr(kernel, function.__name__, function)
         yield
 
@@ -98,7 +98,7 @@ def touch_slopes(weight: Any, touching: Any, contacts: Any, slopes: Any, total: 
 
 def balances(contacts: Any, springs: Any, errors: Any, torques: Any, rated: int, into: Any) -> None:
     """As `kernel.balances`."""
-    stiff, force, _, behind = springs
+    stiff, force, _, behind, _ = springs
     turn, x, side, preload, peak, where, which = into
     for a in range(len(contacts[2])):
         position = Position(contacts, a)
@@ -121,6 +121,15 @@ def balances(contacts: Any, springs: Any, errors: Any, torques: Any, rated: int,
                 where[higher], peak[higher] = a, forces.max(axis=0)[higher]
 
 
+def add_friction(contacts: Any, springs: Any, errors: Any, x: Any, into: Any) -> None:
+    """As `kernel.add_friction`."""
+    for a in range(len(contacts[2])):
+        position = Position(contacts, a)
+        part = slice(position.first, position.first + len(position.rows))
+        closed = position.closed(position.gaps(errors)[0], x[a].astype(float))
+        into[a] += springs[4][part].astype(float) @ closed
+
+
 def mesh_of(position: Position, errors: Any, arm: Any, force: Any, behind: float) -> tuple[Mesh, Any]:
     """The mesh at a position, whose other pins have no lever arm, and its gaps [arcmin]."""
     gaps, play, turn = position.gaps(errors)
@@ -138,8 +147,8 @@ def balance_slopes(
     weights: Any, contacts: Any, springs: Any, errors: Any, balance: Any, slopes: Any, total: Any
 ) -> None:
     """As `kernel.balance_slopes`."""
-    of_turn, of_preload, of_peak = (one.astype(float) for one in weights)
-    stiff, force, lean, behind = (np.asarray(one, dtype=float) for one in springs)
+    of_turn, of_preload, of_peak, of_friction = (one.astype(float) for one in weights)
+    stiff, force, lean, behind, friction = (np.asarray(one, dtype=float) for one in springs)
     x, side, which = balance
     for a in range(len(of_turn)):
         position = Position(contacts, a)
@@ -148,6 +157,7 @@ def balance_slopes(
         bears = stiff[part, None] * (closed != 0.0)
         squeezed = bears * of_preload[a] * (position.sign > 0.0)[:, None]
         direct = force[part, None] * of_peak[a] * (part[:, None] == which)
+        direct = direct + friction[part, None] * of_friction[a] * (closed != 0.0)
         rise, fixed = position.by_disc(bears), position.by_disc(squeezed + direct)
         bent = (side[a] != 0) / (1.0 + behind * rise)
         common = (of_turn[a] + np.sum(bent * fixed, axis=0)) / np.maximum(np.sum(bent * rise, axis=0), TINY)

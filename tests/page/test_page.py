@@ -12,7 +12,7 @@ from tests.page.html import parsed
 from tolevo.page import page
 from tolevo.page.document import shown, table
 from tolevo.page.explorer import thin_points
-from tolevo.page.figures import front_figure, population_figure, turn_figure
+from tolevo.page.figures import front_figure, population_figure, torque_figure, turn_figure
 from tolevo.records import Axis, RunResult
 
 EVIL = '<script>alert("x")</script>'
@@ -204,8 +204,11 @@ def test_units_are_shown_as_they_are_in_the_tables(result: RunResult) -> None:
     cost = pd.DataFrame({"assumption": ["as it is", EVIL], "value": ["", "0.5"],
                          "cost": [10.0, float("nan")], "change_percent": [0.0, float("nan")],
                          "remark": ["", "none found"]})  # fmt: skip
+    curve = pd.DataFrame({"torque_Nm": [-400.0, -12.0, 12.0, 400.0], "rotation_median_arcmin": [-3.0, -0.5, 0.5, 3.0],
+                          "rotation_high_arcmin": [-4.0, -0.75, 0.75, 4.0],
+                          "lost_motion": [False, True, True, False]})  # fmt: skip
     shown_units = replace(
-        result, unit_turn=turn, population=population, assumptions_cost=cost,
+        result, unit_turn=turn, population=population, assumptions_cost=cost, torque_rotation=curve,
         summary={**result.summary, "units": units, "validity": [EVIL]},
     )  # fmt: skip
     text = page(shown_units)
@@ -215,6 +218,9 @@ def test_units_are_shown_as_they_are_in_the_tables(result: RunResult) -> None:
     lines = {one.get_label(): one for one in turn_figure(shown_units).axes[0].get_lines()}
     assert lines["largest of them"].get_ydata() == [0.6, 0.6]
     assert np.asarray(lines["2 positions"].get_xdata()).tolist() == [90.0, 270.0]
+    curves = {one.get_label(): one for one in torque_figure(shown_units).axes[0].get_lines()}
+    assert {"unit of median lost motion: 1 arcmin", "unit of 99.73 % lost motion: 1.5 arcmin"} <= curves.keys()
+    assert "<h2>Torque and rotation</h2>" in text
     marks = [line for axes in population_figure(shown_units).axes for line in axes.get_lines()]
     drawn = {line.get_label(): line.get_xdata() for line in marks}
     assert np.asarray(drawn["99.73 % of the units: 0.95 arcmin"]).tolist() == [0.95, 0.95]

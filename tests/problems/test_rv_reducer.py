@@ -69,7 +69,7 @@ LOADED = (
     "lost_motion_arcmin", "lost_motion_arcmin_mean", "transmission_error_arcsec_mean",
     "transmission_error_arcsec", "preload_torque_Nm_mean", "preload_torque_Nm",
     "preload_torque_Nm_max", "peak_pin_force_N", "peak_pin_force_N_std",
-    "stiffness_Nm_arcmin", "stiffness_Nm_arcmin_mean",
+    "stiffness_Nm_arcmin", "stiffness_Nm_arcmin_mean", "running_torque_Nm", "running_torque_Nm_mean",
 )  # fmt: skip
 
 

@@ -307,6 +307,7 @@ NEEDED = {
     "contributions": ("point", "output", "explained"),
     "unit_turn": ("turn_deg", "backlash_arcmin", "measured"),
     "population": ("backlash_max_arcmin", "share_within_percent", "share_percent"),
+    "torque_rotation": ("torque_Nm", "rotation_median_arcmin", "rotation_high_arcmin", "lost_motion"),
     "assumptions_cost": ("assumption", "value", "cost"),
     "requirements": ("requirement", "multiplier_cost_per_unit"),
     "drivers": ("part", "driven_by"),

@@ -126,6 +126,7 @@ KINDS: Mapping[str, Kind] = {
             "overlays.csv",
             "unit_turn.csv",
             "population.csv",
+            "torque_rotation.csv",
             "assumptions_cost.csv",
             "analysis.csv",
             "requirements.csv",

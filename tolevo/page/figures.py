@@ -10,6 +10,7 @@ from html import escape
 from numbers import Real
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -434,6 +435,12 @@ POPULATION = (
     "The population of units of this allocation by their largest backlash, with the quantile that the run reports "
     "and the limit. population.csv has the values."
 )
+TORQUE = (
+    "Rotation of the output by its torque with the input held, mean over the turn: the torque-rotation curve of the "
+    "unit of median lost motion and of that at the coverage; marks at +-3 % of the rated torque, between which lost "
+    "motion is taken. Friction, which opens a measured curve to a loop, is not in it. torque_rotation.csv has the "
+    "values."
+)
 UNITS_HEIGHT = 3.4
 """Height [inch] of either figure."""
 
@@ -444,6 +451,8 @@ def unit_sections(result: RunResult) -> tuple[str, ...]:
     units = result.summary.get("units")
     if isinstance(units, dict) and result.unit_turn is not None and result.population is not None:
         sections.append(section("What backlash means here", _meaning(result, units)))
+    if result.torque_rotation is not None:
+        sections.append(section("Torque and rotation", picture("torque", torque_figure(result), TORQUE)))
     if result.assumptions_cost is not None:
         cost = _cost(result.assumptions_cost, result.summary.get("assumptions_at"))
         sections.append(section("Assumptions and their costs", cost))
@@ -513,6 +522,28 @@ def population_figure(result: RunResult) -> Figure:
     figure.legend(handles, labels, frameon=False, fontsize="small", ncols=2, loc="outside lower center")
     style_axes(axes)
     sums.spines[["top"]].set_visible(False)
+    return figure
+
+
+def torque_figure(result: RunResult) -> Figure:
+    """Rotation by torque of two units, with marks at the torques of lost motion."""
+    curve, units = result.torque_rotation, dict(result.summary.get("units") or {})
+    assert curve is not None
+    figure, axes = new_axes(UNITS_HEIGHT)
+    coverage = shown(units.get("coverage_percent", "high"))
+    marked = curve[pd.Series(flags(curve, "lost_motion"), index=curve.index)]
+    for name, which, colour in (("median", "median", 0), ("high", f"{coverage} %", 1)):
+        column = f"rotation_{name}_arcmin"
+        lost = np.ptp(marked[column].to_numpy(dtype=float)) if len(marked) else np.nan
+        label = f"unit of {which} lost motion: {shown(float(lost))} arcmin"
+        axes.plot(curve["torque_Nm"], curve[column], linewidth=1.2, color=COLOURS[colour], label=label)
+        axes.plot(marked["torque_Nm"], marked[column], "o", markersize=4.0, color=COLOURS[colour])
+    axes.axhline(0.0, color="0.7", linewidth=0.6, zorder=0)
+    axes.axvline(0.0, color="0.7", linewidth=0.6, zorder=0)
+    axes.set_xlabel("torque of the output [N m]")
+    axes.set_ylabel("rotation [arcmin]")
+    figure.legend(frameon=False, fontsize="small", ncols=2, loc="outside lower center")
+    style_axes(axes)
     return figure
 
 

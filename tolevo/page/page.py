@@ -41,6 +41,7 @@ from .figures import (
     orders,
     population_figure,
     tolerances_figure,
+    torque_figure,
     turn_figure,
     unit_sections,
 )
@@ -535,5 +536,6 @@ def figures(result: RunResult) -> dict[str, Figure]:
         "tolerances": tolerances_figure(result),
         "unit_turn": None if result.unit_turn is None else turn_figure(result),
         "population": None if result.population is None else population_figure(result),
+        "torque_rotation": None if result.torque_rotation is None else torque_figure(result),
     }
     return {name: figure for name, figure in drawn.items() if figure is not None}

@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from ....section import Array, Single
+from ....section import Array, Integers, Single
 from ....units import ARCMIN
 from ..contact.contact import LOST_MOTION_SHARE
 from .contact import NAMES, Slopes, pack_errors
@@ -25,7 +25,7 @@ LEAST_SHARE = 1e-4
 """Fraction of rated torque that replaces zero in the transmission error: one flank bears."""
 
 
-MAY_BE_ZERO = ("te_torque", "load_torque")
+MAY_BE_ZERO = ("te_torque", "load_torque", "friction")
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,8 @@ class Loading:
     `normal_stiffness` [N/m] of a pin contact along its normal, `series_stiffness` [N m/rad] between
     one disc and the carrier (`inf` without); `rated_torque`, `te_torque`, at which the
     transmission error is taken, and `load_torque`, at which the pin force is (0: `rated_torque`),
-    [N m] at the carrier. Raises ValueError where one is not above 0 (the last two: below 0).
+    [N m] at the carrier; `friction` is the coefficient between a tooth and a pin that does not turn. Raises ValueError
+    where one is not above 0 (the last three: below 0).
     """
 
     normal_stiffness: float = 2e8
@@ -43,6 +44,7 @@ class Loading:
     rated_torque: float = 412.0
     te_torque: float = 412.0
     load_torque: float = 0.0
+    friction: float = 0.08
 
     def __post_init__(self) -> None:
         wrong = [
@@ -81,27 +83,41 @@ class Springs:
 
     `stiff` [N m/arcmin] of a disc's turn against its mesh, `force` [N/arcmin] the growth of the
     pin's force, signed as its lever arm; `lean` [1/mm] is how the arm grows with the shift
-    modification. `behind` [arcmin/(N m)] is the compliance between a disc and the carrier.
+    modification. `behind` [arcmin/(N m)] is the compliance between a disc and the carrier. `friction`
+    [N m/arcmin] is the growth of the frictional torque at the carrier, signed as the lever arm.
     """
 
     stiff: Single
     force: Single
     lean: Single
     behind: np.float32
+    friction: Single
 
     @classmethod
-    def of(cls, table: Table, loading: Loading) -> Springs:
+    def of(cls, lattice: Lattice, table: Table, loading: Loading) -> Springs:
         """The springs of a loading at a table's modification."""
         force = loading.normal_stiffness * table.arm * ARCMIN
         behind = np.float32(1.0 / (loading.series_stiffness * ARCMIN))
-        columns = (force * table.arm, force, table.arm_by_shift / table.arm)
-        stiff, of_force, lean = (column.astype(np.float32) for column in columns)
-        return cls(stiff, of_force, lean, behind)
+        friction = force * loading.friction * sliding_arms(lattice)
+        columns = (force * table.arm, force, table.arm_by_shift / table.arm, friction)
+        stiff, of_force, lean, of_friction = (column.astype(np.float32) for column in columns)
+        return cls(stiff, of_force, lean, behind, of_friction)
 
     @property
-    def arrays(self) -> tuple[Single, Single, Single, np.float32]:
+    def arrays(self) -> tuple[Single, Single, Single, np.float32, Single]:
         """The fields, as the kernels take them."""
-        return self.stiff, self.force, self.lean, self.behind
+        return self.stiff, self.force, self.lean, self.behind, self.friction
+
+
+def sliding_arms(lattice: Lattice) -> Array:
+    """Distance [m] (contacts,) of contacts from the pitch point: r_p sqrt(1 + k1^2 - 2 k1 cos phi) - r_rp.
+
+    A disc turns about the pitch point, as fast as the carrier, against pins that stand still: friction mu F at
+    this arm is a torque at the carrier.
+    """
+    nominal = lattice.geometry.nominal
+    root = np.sqrt(1.0 + nominal.k1**2 - 2.0 * nominal.k1 * np.cos(lattice.phase))
+    return np.asarray(np.abs(nominal.pin_circle_radius * root - nominal.pin_radius))
 
 
 CASES: Mapping[str, tuple[str, ...]] = {
@@ -111,9 +127,11 @@ CASES: Mapping[str, tuple[str, ...]] = {
     "peak_pin_force": ("rated",),
     "transmission_error": ("te",),
     "stiffness": ("whole", "half"),
+    "running_torque": ("none",),
 }
 """Load cases of each output."""
 OUTPUTS = tuple(CASES)
+RUNNING = "running_torque"
 TE_POSITIONS = 251
 """Positions at which a unit's transmission error at rated torque is 3.6 % too small in the
 mean, its 99 % quantile 2 %: the turn's waves of orders 39 to 80 are met at every phase. With
@@ -167,7 +185,8 @@ class Elastic:
     maximum over the turn at rated torque. `transmission_error` [arcsec]: half peak to peak of the
     rotation over the positions, at `te_torque`; see `TE_POSITIONS`. `stiffness` [N m/arcmin]: the
     growth of the torque from half to all of the rated one over that of the mean rotation over the
-    turn, as makers state it (b/a), without the involute stage.
+    turn, as makers state it (b/a), without the involute stage. `running_torque` [N m]: friction of all
+    squeezed pins, at the carrier, with no torque on it, mean over the turn.
     """
 
     lattice: Lattice
@@ -182,6 +201,28 @@ class Elastic:
         """Rotation of the carrier [arcmin], (positions, n), in a load case of `cases`."""
         turn = self.balances.turn[self.cases[case]]
         return np.asarray(turn, dtype=float) / self.lattice.geometry.output_ratio
+
+    def friction(self) -> Single:
+        """Frictional torque of the pins at the carrier, without torque on it [N m], (positions, n)."""
+        from . import kernel
+
+        torque, lattice = np.zeros_like(self.balances.preload), self.lattice
+        kernel.add_friction(
+            (self.table.values, lattice.pin, lattice.start, lattice.stop, lattice.directions),
+            self.springs.arrays,
+            pack_errors(self.units),
+            self.balances.disc[self.cases["none"]],
+            torque,
+        )
+        return torque
+
+    def torque_rotation(self, torques: Array, chosen: Integers) -> Array:
+        """Rotation of the carrier [arcmin], mean over the turn, of `chosen` units under `torques` [N m], by unit:
+        (torques, units). Without friction and without the involute stage.
+        """
+        errors = tuple(np.ascontiguousarray(values[..., chosen]) for values in pack_errors(self.units))
+        balances = _balanced(self.lattice, self.table, self.springs, errors, torques)
+        return np.asarray(balances.turn.mean(axis=1, dtype=np.float64) / self.lattice.geometry.output_ratio)
 
     def pull_back(self, errors: Slopes, weights: Mapping[str, Array]) -> Array:
         """Derivatives (names,) of sum(weight * output) by `NAMES`, for weights (n,) by output.
@@ -207,13 +248,13 @@ class Elastic:
         return total
 
     def _by_case(self, weights: Mapping[str, Array]) -> dict[int, Single]:
-        """By load case, weights (3, positions, n) of the turn, the forward flanks and the peak."""
+        """By load case, weights (4, positions, n) of the turn, the forward flanks, the peak and friction."""
         shape = self.balances.turn.shape[1:]
         by_case: dict[int, Single] = {}
         for name, weight in weights.items():
             for case in CASES[name]:
                 at = self.cases[case]
-                into = by_case.setdefault(at, np.zeros((3, *shape), np.float32))
+                into = by_case.setdefault(at, np.zeros((4, *shape), np.float32))
                 self._add(into, name, case, weight)
         return by_case
 
@@ -233,6 +274,8 @@ class Elastic:
             into[1] += weight * ratio / positions
         elif name == "preload_torque_max":
             into[1, balances.preload.argmax(axis=0), unit] += weight * ratio
+        elif name == "running_torque":
+            into[3] += weight / positions
         elif name == "peak_pin_force":
             into[2, balances.peak_position, unit] += weight
         else:
@@ -245,22 +288,33 @@ def elastic(
     lattice: Lattice, table: Table, units: Scaled, loading: Loading, outputs: Sequence[str] = OUTPUTS
 ) -> Elastic:
     """The outputs named, of all units; a load case is computed once for all that need it."""
-    from . import kernel
-
     torques = list(dict.fromkeys(loading.torque(case) for name in outputs for case in CASES[name]))
     cases = {case: torques.index(loading.torque(case)) for name in outputs for case in CASES[name]}
-    springs, ratio = Springs.of(table, loading), lattice.geometry.output_ratio
-    balances = Balances.empty(len(torques), *lattice.shape, units.units)
+    springs, ratio = Springs.of(lattice, table, loading), lattice.geometry.output_ratio
+    balances = _balanced(lattice, table, springs, pack_errors(units), np.array(torques), cases.get("rated", -1))
+    values = {name: _value(name, cases, balances, ratio, loading) for name in outputs if name != RUNNING}
+    found = Elastic(lattice, table, units, springs, cases, balances, values)
+    if RUNNING in outputs:
+        values[RUNNING] = found.friction().mean(axis=0, dtype=np.float64)
+    return found
+
+
+def _balanced(
+    lattice: Lattice, table: Table, springs: Springs, errors: tuple[Single, ...], torques: Array, rated: int = -1
+) -> Balances:
+    """Balances of units of packed `errors` under torques (cases,) [N m]; the largest pin force in the case `rated`."""
+    from . import kernel
+
+    balances = Balances.empty(len(torques), *lattice.shape, errors[0].shape[1])
     kernel.balances(
         (table.values, lattice.pin, lattice.start, lattice.stop, lattice.directions),
         springs.arrays,
-        pack_errors(units),
-        np.array(torques) / ratio,
-        cases.get("rated", -1),
+        errors,
+        torques / lattice.geometry.output_ratio,
+        rated,
         tuple(getattr(balances, field.name) for field in fields(balances)),
     )
-    values = {name: _value(name, cases, balances, ratio, loading) for name in outputs}
-    return Elastic(lattice, table, units, springs, cases, balances, values)
+    return balances
 
 
 def _mean_change(balances: Balances, cases: Mapping[str, int], name: str, ratio: float) -> Array:

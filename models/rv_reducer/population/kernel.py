@@ -497,7 +497,7 @@ def balances(contacts: Any, springs: Any, errors: Any, torques: Any, rated: int,
     and contact of the case `rated`, if any.
     """
     rows, pins, start, stop, axes = contacts
-    stiff, force, _, behind = springs
+    stiff, force, _, behind, _ = springs
     across, along, discs, circle = errors
     turn, x, side, preload, peak, where, which = into
     many, wide = start.shape[1], 0
@@ -537,6 +537,25 @@ def balances(contacts: Any, springs: Any, errors: Any, torques: Any, rated: int,
             turn[:, a, first:last] = turned
 
 
+@_compiled
+def add_friction(contacts: Any, springs: Any, errors: Any, x: Single, into: Single) -> None:
+    """Adds to `into` (positions, units) the frictional torque of the pins that bear at the turns `x` (positions, discs,
+    units) of the discs.
+    """
+    rows, pins, start, stop, axes = contacts
+    across, along, discs, circle = errors
+    friction, units = springs[4], across.shape[1]
+    terms, closed = np.empty((8, units), np.float32), np.empty(units, np.float32)
+    for a in range(start.shape[0]):
+        for d in range(start.shape[1]):
+            _disc(axes[a, d], discs[d], circle, terms)
+            for flank in range(2):
+                for i in range(start[a, d, flank], stop[a, d, flank]):
+                    _closed(rows[i], across[pins[i]], along[pins[i]], terms, x[a, d], flank, closed)
+                    for u in range(units):
+                        into[a, u] += friction[i] * closed[u]
+
+
 # Derivatives of balances of torque by the pins that bear and the springs.
 #
 # With W and H the sums over the bearing pins of a disc of stiffness w and of w dh, play P closed in
@@ -563,9 +582,11 @@ def _collect(
     closed: Single,
     stiff: float,
     force: float,
+    friction: float,
     contact: int,
     of_torque: Single,
     of_force: Single,
+    of_friction: Single,
     star: Any,
     rise: Single,
     fixed: Single,
@@ -580,6 +601,7 @@ def _collect(
         bears = stiff if closed[u] != zero else zero
         rise[u] += bears
         fixed[u] += bears * of_torque[u] + (force * of_force[u] if star[u] == contact else zero)
+        fixed[u] += friction * of_friction[u] if closed[u] != zero else zero
         most = bears if bears > most else most
     return most > zero
 
@@ -615,17 +637,18 @@ def _spread(
     factor: Single,
     of_torque: Single,
     of_force: Single,
+    of_friction: Single,
     star: Any,
     of_contact: Single,
     sums: Single,
 ) -> Any:
     """Adds the weights of a contact to `sums` (7, lanes), and writes them to `of_contact`.
 
-    `contact` has its row, its `lean`, stiffness and force, and its number.
+    `contact` has its row, its `lean`, stiffness, force and friction, and its number.
     Returns the part by the shift modification, with which the lever arm grows by `lean` [1/mm]:
-    stiffness goes with the square of the arm, the force on a pin with the arm.
+    stiffness goes with the square of the arm, the force on a pin and its friction with the arm.
     """
-    row, lean, stiff, force, number = contact
+    row, lean, stiff, force, friction, number = contact
     lever, radial, nx, ny = row[1], row[2], row[4], row[5]
     c, s, zero, two = row[6], row[7], np.float32(0.0), np.float32(2.0)
     by_shift = zero
@@ -633,6 +656,7 @@ def _spread(
         bears = stiff if closed[u] != zero else zero
         through = (factor[u] - of_torque[u]) * bears
         direct = force * of_force[u] if star[u] == number else zero
+        direct += friction * of_friction[u] if closed[u] != zero else zero
         a = through - direct
         of_contact[u] = a
         sums[0, u] += a
@@ -685,14 +709,16 @@ def _add_pin(row: Single, weight: Single, units: Any, of_pin: Single, total: Any
 
 
 @_compiled
-def _weighed(of_turn: Single, of_preload: Single, of_peak: Single, first: int, units: Any) -> tuple[int, int]:
+def _weighed(
+    of_turn: Single, of_preload: Single, of_peak: Single, of_friction: Single, first: int, units: Any
+) -> tuple[int, int]:
     """Fills `units` with those from `first` on that have a weight.
 
     Returns the unit from which to go on, and the number of units.
     """
     count, u = 0, first
     while u < of_turn.size and count < units.size:
-        if of_turn[u] != 0.0 or of_preload[u] != 0.0 or of_peak[u] != 0.0:
+        if of_turn[u] != 0.0 or of_preload[u] != 0.0 or of_peak[u] != 0.0 or of_friction[u] != 0.0:
             units[count] = u
             count += 1
         u += 1
@@ -705,13 +731,13 @@ def balance_slopes(
 ) -> None:
     """Adds to `total` (16) the slopes of the weighted sum of the outputs of one load case.
 
-    `weights` (positions, units) are those of the turn, of the torque of the forward flanks and of
-    the largest pin force. `balance`: turns and sides (positions, discs, units), and the contact
+    `weights` (positions, units) are those of the turn, of the torque of the forward flanks, of the largest pin force
+    and of the frictional torque. `balance`: turns and sides (positions, discs, units), and the contact
     (units) with that force; the rest as in `balances` and `touch_slopes`.
     """
-    of_turn, of_preload, of_peak = weights
+    of_turn, of_preload, of_peak, of_friction = weights
     rows, pins, start, stop, axes = contacts
-    stiff, force, lean, behind = springs
+    stiff, force, lean, behind, friction = springs
     across, along, discs, circle = errors
     x, side, which = balance
     of_unit, of_discs, of_pins = slopes
@@ -726,12 +752,13 @@ def balance_slopes(
     for a in range(start.shape[0]):
         u, base = 0, start[a, 0, 0]
         while True:
-            u, n = _weighed(of_turn[a], of_preload[a], of_peak[a], u, indices)
+            u, n = _weighed(of_turn[a], of_preload[a], of_peak[a], of_friction[a], u, indices)
             if n == 0:
                 break
             units, lanes = indices[:n], slice(0, n)
             lane_across, lane_along, star = across[:, units], along[:, units], which[units]
             turn, torque, load = of_turn[a][units], of_preload[a][units], of_peak[a][units]
+            rubbed = of_friction[a][units]
             toward, by_unit = side[a][:, units], of_unit[:, units]
             rise[:] = zero
             fixed[:] = zero
@@ -744,7 +771,17 @@ def balance_slopes(
                         j, into = pins[i], closed[i - base, lanes]
                         _closed(rows[i], lane_across[j], lane_along[j], terms, turned, flank, into)
                         bearing[i - base] = _collect(
-                            into, stiff[i], force[i], i, taken, load, star, rise[d, lanes], fixed[d, lanes]
+                            into,
+                            stiff[i],
+                            force[i],
+                            friction[i],
+                            i,
+                            taken,
+                            load,
+                            rubbed,
+                            star,
+                            rise[d, lanes],
+                            fixed[d, lanes],
                         )
             _factors(rise, fixed, toward, behind, turn, factor)
             for d in range(many):
@@ -754,8 +791,8 @@ def balance_slopes(
                     for i in range(start[a, d, flank], stop[a, d, flank]):
                         if not bearing[i - base]:
                             continue
-                        contact = rows[i], lean[i], stiff[i], force[i], i
+                        contact = rows[i], lean[i], stiff[i], force[i], friction[i], i
                         into, of_disc = closed[i - base, lanes], factor[d, lanes]
-                        total[15] += _spread(contact, into, of_disc, taken, load, star, weight[lanes], sums)
+                        total[15] += _spread(contact, into, of_disc, taken, load, rubbed, star, weight[lanes], sums)
                         _add_pin(rows[i], weight[lanes], units, of_pins[:, pins[i]], total)
                 _add_disc(sums, axes[a, d], of_discs[d][:, units], by_unit, toward[d], total)

@@ -53,6 +53,7 @@ TABLES = {
     "overlays": "overlays.csv",
     "unit_turn": "unit_turn.csv",
     "population": "population.csv",
+    "torque_rotation": "torque_rotation.csv",
     "assumptions_cost": "assumptions_cost.csv",
     "analysis": "analysis.csv",
     "requirements": "requirements.csv",

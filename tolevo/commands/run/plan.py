@@ -94,7 +94,11 @@ def add_units(result: RunResult, problem: ToleranceProblem) -> RunResult:
         **{name: float(point[name]) for name in SHOWN if name in point},
     }
     return replace(
-        result, summary={**result.summary, "units": units}, unit_turn=shown.turn, population=shown.population
+        result,
+        summary={**result.summary, "units": units},
+        unit_turn=shown.turn,
+        population=shown.population,
+        torque_rotation=shown.torque_rotation,
     )
 
 
