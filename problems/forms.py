@@ -169,6 +169,8 @@ class Form:
     labels: tuple[tuple[str, str], ...] = ()
     """By requirement, which part of its output it is ("upper limit of gap"), and its unit; empty: it
     is the output."""
+    only_bounds: bool = False
+    """Whether its values are too far below those of the outputs to search by."""
 
     @property
     def rows(self) -> tuple[Quantile | None, ...]:

@@ -146,9 +146,9 @@ def _report_optimum(run: Run, form: Form, optimum: Optimum, share: float) -> Non
 
 
 def closed_form(problem: ToleranceProblem) -> Form | None:
-    """The form, restricted to the requirements of the problem; None where it omits any of them."""
+    """The form, restricted to the requirements of the problem; None where it omits any of them, or only bounds."""
     form = problem.priced_form()
-    if form is None or form.relaxed or problem.held_costs or reason(problem, form):
+    if form is None or form.relaxed or form.only_bounds or problem.held_costs or reason(problem, form):
         return None
     asked = {*problem.objectives, *(limit.name for limit in problem.limits)}
     used = np.array([not asked.isdisjoint(form.requesting_outputs(name)) for name in form.outputs])

@@ -320,13 +320,13 @@ class EvenPlateau(Even):
 
     def envelope(self, w: Array) -> tuple[Array, Array]:
         if self.top == 1.0:
-            return _power(1.0, 1.0, w)
-        return _power(4.0 / (1.0 - self.top**2), 2.0, w)
+            return power_envelope(1.0, 1.0, w)
+        return power_envelope(4.0 / (1.0 - self.top**2), 2.0, w)
 
     def slope_envelope(self, w: Array) -> tuple[Array, Array]:
         if self.top == 1.0:
-            return _power(2.0, 1.0, w)
-        return _power(8.0 / (1.0 - self.top**2), 2.0, w)
+            return power_envelope(2.0, 1.0, w)
+        return power_envelope(8.0 / (1.0 - self.top**2), 2.0, w)
 
 
 @dataclass(frozen=True)
@@ -400,7 +400,7 @@ class EvenTruncatedNormal(Even):
         return np.minimum(bound, 1.0), np.where(bound < 1.0, 1.0, 0.0)
 
     def slope_envelope(self, w: Array) -> tuple[Array, Array]:
-        return _power(self.sigma**2 * self._bend, 1.0, w)
+        return power_envelope(self.sigma**2 * self._bend, 1.0, w)
 
 
 @dataclass(frozen=True)
@@ -427,7 +427,7 @@ class EvenBeta(Even):
 
     def envelope(self, w: Array) -> tuple[Array, Array]:
         order = self.k - 0.5
-        return _power(float(gamma(self.k + 0.5)) * 2.0**order * LANDAU, order + 1.0 / 3.0, w)
+        return power_envelope(float(gamma(self.k + 0.5)) * 2.0**order * LANDAU, order + 1.0 / 3.0, w)
 
     def slope_envelope(self, w: Array) -> tuple[Array, Array]:
         return self.envelope(w)
@@ -488,8 +488,8 @@ def _sinc_apart(w: Array, safe: Array, near: NDArray[np.bool_] | None) -> Array:
     return value
 
 
-def _power(factor: float, order: float, w: Array) -> tuple[Array, Array]:
-    """min(1, factor w^-order) and its order of falling."""
+def power_envelope(factor: float, order: float, w: Array) -> tuple[Array, Array]:
+    """min(1, factor w^-order) (shape of `w`), and its order of falling."""
     with np.errstate(divide="ignore", over="ignore"):
         bound = factor / np.maximum(w, 1e-300) ** order
     return np.minimum(bound, 1.0), np.where(bound < 1.0, order, 0.0)

@@ -23,6 +23,7 @@ from ...models.cost_reading import SumOfCurves
 from ...models.costs import CostCurve, Reciprocal
 from ...models.inputs import Distribution, Triangular
 from ...models.propagation.convolution import UNIFORM, Even, even_law
+from ...models.propagation.even_below import LOST, even_law_below
 from ...models.propagation.sums import Term
 from ...section import Array
 from ...units import ARCMIN, MM, UM
@@ -367,8 +368,6 @@ class Cell:
 CELLS_OF_PIECES, COARSE = 48, 4
 """Pieces of the range of the eccentricity, in geometric steps; and pieces for designs at which
 y - Y >= 0 fails, which are too expensive to be of interest."""
-ROUNDING = 1e-6
-"""Error of a mean by quantiles, as a fraction of the range."""
 
 
 @dataclass(frozen=True)
@@ -376,8 +375,8 @@ class Member:
     """A way of a feature, whose deviation is `spread` t z, z ~ `law`, about mean + slope t.
 
     Means [arcmin] are bounds from below of those in the backlash (`mean`, `slope`), and from above
-    in phi_2 (`top`, `top_slope`). `least` is the least value of its deviation, `range` the width,
-    `units` are values of evenly many units, where they are known.
+    in phi_2 (`top`, `top_slope`), where z ~ `top_law`. `least` is the least value of its deviation,
+    `range` the width.
     """
 
     curve: CostCurve
@@ -385,6 +384,7 @@ class Member:
     high: float
     spread: float
     law: Even
+    top_law: Even
     mean: float = 0.0
     slope: float = 0.0
     top: float = 0.0
@@ -392,15 +392,7 @@ class Member:
     least: float = 0.0
     range: float = 0.0
     cell: Cell | None = None
-    units: Array | None = None
     choice: float = 0.0
-
-    def above(self, fraction: float) -> float:
-        """A value that at least a fraction `fraction` of the units exceeds."""
-        if self.units is None:
-            return self.least
-        quantile = float(np.quantile(self.units, 1.0 - fraction)) - QUANTILE_SAFETY_FRACTION * float(np.ptp(self.units))
-        return max(self.least, quantile)
 
 
 @dataclass(frozen=True)
@@ -419,21 +411,25 @@ class Part:
 
 @dataclass(frozen=True)
 class Sum:
-    """The parts of the backlash, the constant of phi_2 (`cycloid`) and what is added to all."""
+    """The parts of the backlash, the constant of phi_2 (`cycloid`) and what is added to all.
+
+    `skewed` are the tolerances whose deviations even laws below them stand for, `lost` is a fraction of the units in
+    which such a law, or that of the grade, may lie above them.
+    """
 
     parts: tuple[Part, ...]
     shift: Shift
     cycloid: float
     effective_change: float
+    skewed: tuple[str, ...]
+    lost: float
     unknown: float = 0.0
     """Standard deviation [arcmin] of phi_2 by the measurement of matched parts."""
     sorting_price: float = 0.0
 
 
-def sum_of(problem: RvBacklash, cut: float, tied: bool = False) -> Sum | str:
-    """All parts of the backlash, or why there is none of their forms; `cut` as in `_grades`, `tied` as in
-    `terms_of_form`.
-    """
+def sum_of(problem: RvBacklash, tied: bool = False) -> Sum | str:
+    """All parts of the backlash, or why there is none of their forms; `tied` as in `terms_of_form`."""
     shift = problem.shift
     if shift is None:
         return "the ranges and limits of the modification leave no room"
@@ -443,35 +439,40 @@ def sum_of(problem: RvBacklash, cut: float, tied: bool = False) -> Sum | str:
     cycloid = 0.0
     if "eccentricity_um" in problem.machined_tolerances:
         return "the eccentricity is made by machines, whose law is not bounded"
-    for name, term in terms_of_form(problem, tied).items():
+    bearing, terms = bearing_term(problem), terms_of_form(problem, tied)
+    for name, term in terms.items():
         cycloid += float(term.constant[0]) / ARCMIN
-        part = (
+        parts.append(
             _eccentricity_feature(problem, name, term)
             if term.quadratic is not None
             else _linear_feature(problem, name, term, clipped=True, tied=tied)
         )
-        if isinstance(part, str):
-            return part
-        parts.append(part)
-    bearing = _linear_feature(problem, BEARING, bearing_term(problem), clipped=False)
-    if isinstance(bearing, str):
-        return bearing
-    parts += [bearing, _grades(problem, cut)]
+    parts += [_linear_feature(problem, BEARING, bearing, clipped=False), _grades(problem)]
+    linear = {name: term for name, term in (terms | {BEARING: bearing}).items() if term.quadratic is None}
+    skewed = tuple(name for name, term in linear.items() if even_law(term.distribution) is None)
+    lost = LOST * (len(skewed) + (even_law(grades_of(problem)[1].distribution) is None))
     unknown = 0.0 if problem.matching is None else _spread_of_matching(problem)
-    return Sum(tuple(parts), shift, cycloid, problem.change.effective / ARCMIN, unknown, base_of(problem))
+    effective = problem.change.effective / ARCMIN
+    return Sum(tuple(parts), shift, cycloid, effective, skewed, lost, unknown, base_of(problem))
 
 
-def _linear_feature(problem: RvBacklash, name: str, term: Term, clipped: bool, tied: bool = False) -> Part | str:
+def _law_below(law: Distribution, side: float) -> tuple[float, Even]:
+    """Mean and even law of z (`side` = 1) or -z (-1), or where it is skewed of one below it."""
+    known = even_law(law)
+    return even_law_below(law, side) if known is None else (side * known[0], known[1])
+
+
+def _linear_feature(problem: RvBacklash, name: str, term: Term, clipped: bool, tied: bool = False) -> Part:
     """A term that grows with its tolerance as a whole; of phi_2 its constant is counted apart."""
-    known = even_law(term.distribution)
-    if known is None:
-        return f"the deviations of {name} are skewed or have poles"
     linear = float(term.linear[0]) / ARCMIN
+    side, scale = (1.0 if linear >= 0.0 else -1.0), abs(linear)
+    (mean, law), (negative, top_law) = _law_below(term.distribution, side), _law_below(term.distribution, -side)
     if name in problem.machined_tolerances:
-        return _machines_of_piece(problem, name, linear, known[1])
-    slope = linear * known[0] + (0.0 if clipped else float(term.constant[0]) / ARCMIN)
+        return _machines_of_piece(problem, name, linear, law)
+    constant = 0.0 if clipped else float(term.constant[0]) / ARCMIN
+    slopes = scale * mean + constant, constant - scale * negative
     curve, (low, high) = made_of(problem, name, tied)
-    member = Member(curve, low, high, abs(linear), known[1], slope=slope, top_slope=slope)
+    member = Member(curve, low, high, scale, law, top_law, slope=slopes[0], top_slope=slopes[1])
     return Part(name, (member,), clipped)
 
 
@@ -484,7 +485,17 @@ def _machines_of_piece(problem: RvBacklash, name: str, linear: float, law: Even)
         (slope, mean), (top_slope, top) = piece.line(values, 1.0), piece.line(values, -1.0)
         members.append(
             Member(
-                piece.curve, piece.low, piece.high, abs(linear), law, mean, slope, top, top_slope, choice=piece.choice
+                piece.curve,
+                piece.low,
+                piece.high,
+                abs(linear),
+                law,
+                law,
+                mean,
+                slope,
+                top,
+                top_slope,
+                choice=piece.choice,
             )
         )
     return Part(name, tuple(members), clipped=True, choice=tolerance.choice)
@@ -502,7 +513,21 @@ def _eccentricity_feature(problem: RvBacklash, name: str, term: Term, cells: int
         (slope, mean), (top_slope, top) = cell.mean_below, cell.mean_above
         curve = problem.settings.costs[name]
         members.append(
-            Member(curve, start, end, cell.spread, UNIFORM, mean, slope, top, top_slope, cell.least, cell.range, cell)
+            Member(
+                curve,
+                start,
+                end,
+                cell.spread,
+                UNIFORM,
+                UNIFORM,
+                mean,
+                slope,
+                top,
+                top_slope,
+                cell.least,
+                cell.range,
+                cell,
+            )
         )
     return Part(name, tuple(members), clipped=True, bent=True)
 
@@ -523,57 +548,24 @@ def coarsen_sum(problem: RvBacklash, total: Sum, grades: bool = False) -> Sum:
 
 
 def _dominating_way(members: tuple[Member, ...]) -> Member:
-    """A way that costs no more than any, and deviates no more; its range is the widest."""
+    """A way that costs no more than any, and deviates no more."""
     least = min(float(member.curve.cost(np.array([1.0]))[0]) for member in members)
     return replace(
         members[0],
         curve=Reciprocal(least, 0.0),
         spread=min(member.spread for member in members),
         mean=min(member.mean for member in members),
-        least=min(member.least for member in members),
-        range=max(member.range for member in members),
-        units=None,
     )
 
 
-def _grades(problem: RvBacklash, cut: float) -> Part:
-    """The involute grade: every grade of the range is a separate way.
-
-    A skewed clearance G enters as min(G, g), where a fraction `cut` of the units exceeds g: it is
-    less than G, and y - g cannot be below the rest of W for designs that keep a limit (`OUTSIDE`).
-    """
+def _grades(problem: RvBacklash) -> Part:
+    """The involute grade: every grade of the range is a separate way."""
     grades, term = grades_of(problem)
-    known = even_law(term.distribution)
-    mean, law, width = (known[0], known[1], 1.0) if known else _skewed_law_bound(term, cut)
-    ends_of_z = term.distribution.support
-    units = term.distribution.quantile((np.arange(LEVELS) + 0.5) / LEVELS)
-    members = []
-    for g, m, a, cost in zip(
-        grades.tolist(),
-        term.constant / ARCMIN,
-        term.linear / ARCMIN,
-        problem.settings.costs[GRADE].cost(grades),
-        strict=True,
-    ):
-        z = sorted((float(a) * ends_of_z[0], float(a) * ends_of_z[1]))
-        members.append(
-            Member(
-                Reciprocal(float(cost), 0.0),
-                1.0,
-                1.0,
-                abs(float(a)) * width,
-                law,
-                mean=float(m + a * mean),
-                least=float(m) + z[0],
-                units=m + a * units,
-                choice=g,
-            )
-        )
-    return Part("", tuple(members), clipped=False, bent=known is None, choice=GRADE)
-
-
-def _skewed_law_bound(term: Term, cut: float) -> tuple[float, Even, float]:
-    """Mean of a skewed law cut off at the top, and the largest uniform law that is below it."""
-    z = term.distribution.quantile((np.arange(LEVELS) + 0.5) / LEVELS)
-    z = np.minimum(z, np.quantile(z, 1.0 - cut))
-    return float(z.mean() - ROUNDING * np.ptp(z)), UNIFORM, uniform_bound(z)
+    mean, law = _law_below(term.distribution, 1.0)
+    costs = problem.settings.costs[GRADE].cost(grades)
+    rows = zip(grades.tolist(), (term.constant + term.linear * mean) / ARCMIN, term.linear / ARCMIN, costs, strict=True)
+    members = [
+        Member(Reciprocal(float(cost), 0.0), 1.0, 1.0, float(a), law, law, mean=float(m), choice=g)
+        for g, m, a, cost in rows
+    ]
+    return Part("", tuple(members), clipped=False, choice=GRADE)

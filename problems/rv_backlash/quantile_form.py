@@ -99,21 +99,17 @@ class PromisedRow:
 #
 # - modification and stagger move phi_2 by s alone, whose range is a linear programme;
 # - each involute grade is a separate way, the range of the eccentricity is cut into `CELLS`, in
-#   which its term is replaced by a uniform one that is below it in convex order (`bent`); so is the
-#   clearance of the tighter planet, which is skewed;
+#   which its term is replaced by a uniform one that is below it in convex order (`bent`);
+# - skewed laws, as of the clearance of the tighter planet, enter by even ones below them;
 # - that holds where y - Y >= 0 for every unit. Designs for which it does not keep rows that hold
 #   without it: they have separate forms (`Form.also`), and what is proven is the least of all.
 
 
-BELOW, ABOVE = (1.0, 0.5, 0.25), (1.0, 0.5, 0.1, 0.02)
+BELOW, ABOVE = (1.0, 0.5, 0.25), (1.0,)
 """Fractions of units at whose quantile parts that are bent are bounded: in phi_2 from above,
 in the backlash from below."""
 SHIFT_LIMITS = ("dr_rp_mm", "dr_p_mm", "stagger_arcmin", "radial_gap_mm", "modification_backlash_arcmin")
 """Limits that the range of the shift keeps."""
-OUTSIDE = 0.135
-"""Fraction of S above the range of the eccentricity's term for designs of interest: with a skewed
-clearance that a fraction c of the units exceeds, P(S + W > y) >= c P(S > y - g - least Y), so that
-y - g < most Y needs P(S > range of Y) <= P(S + W > y)/c; c is chosen so that this is `OUTSIDE`."""
 SHIFTS = 5
 """Shifts at which the other limits of a modification are tried."""
 ZERO_COST = Reciprocal(0.0, 0.0)
@@ -130,13 +126,19 @@ def quantile_form(problem: RvBacklash, tied: bool | None = None) -> Form | str:
         main.append(Row(PROMISED, problem.stated_promise.fraction, False, problem.limit, kind="promise"))
     if all(row.clipped for row in main):
         return "neither backlash_arcmin nor a yield of at least one half is required"
-    lacking = max(1.0 - row.probability for row in main if not row.clipped)
-    total = sum_of(problem, min(1.0, lacking / OUTSIDE), tied)
+    total = sum_of(problem, tied)
     if isinstance(total, str):
         return total
+    if total.skewed and promised is not None:
+        return f"the deviations of {', '.join(total.skewed)} are skewed or have poles"
+    main = [row if row.kind == "promise" else replace(row, probability=row.probability - total.lost) for row in main]
+    if any(row.kind != "promise" and row.probability < 0.5 for row in main):
+        return "a yield or coverage of one half leaves no room for what a skewed law loses"
     relaxed = _relaxed_limits(problem, total.shift, main)
     left_out = f"; limits left out: {', '.join(relaxed)}" if relaxed else ""
     statement = f"quantile of the geometric backlash, which the effective one exceeds{left_out}"
+    if total.skewed:
+        statement += f"; even laws below those of {', '.join(total.skewed)}, which are skewed or have poles"
     if promised is not None:
         statement += f"; {statement_of(problem)}"
     if tied and isinstance(every := quantile_form(problem, tied=False), Form):
@@ -144,7 +146,8 @@ def quantile_form(problem: RvBacklash, tied: bool | None = None) -> Form | str:
         return replace(form, also=(replace(every, also=()), *every.also))
     wide = coarsen_sum(problem, total, grades=promised is not None)
     others = tuple(_form(wide, rows, statement, relaxed, promised) for rows in _branches(main, total))
-    return replace(_form(total, main, statement, relaxed, promised), also=others)
+    main_form = _form(total, main, statement, relaxed, promised)
+    return replace(main_form, also=others, only_bounds=bool(total.skewed))
 
 
 @dataclass(frozen=True)
@@ -188,8 +191,6 @@ def _branches(main: list[Row], total: Sum) -> list[list[Row]]:
         if row.kind != "promise" and any(part.bent and _is_in_sum(part, row) for part in total.parts):
             kind = "edge" if row.clipped else "range"
             branch = replace(row, kind=kind, output=f"{row.output} ({kind})", most=0.0)
-            if kind == "range" and any(part.bent and part.choice for part in total.parts):
-                branch = replace(branch, probability=1.0 - OUTSIDE)
             branches.append([*safe, branch])
     return branches
 
@@ -246,7 +247,8 @@ def _offset(row: Row, total: Sum) -> float:
 def _quantile(row: Row, total: Sum) -> Quantile | None:
     if row.kind in ("edge", "promise"):
         return None
-    pieces = [(Piece(1.0, part.members[0].law),) if _spreads(part, row) else () for part in total.parts]
+    laws = [part.members[0].top_law if row.clipped else part.members[0].law for part in total.parts]
+    pieces = [(Piece(1.0, law),) if _spreads(part, row) else () for part, law in zip(total.parts, laws, strict=True)]
     fixed = (Piece(total.unknown, EvenNormal(1.0)),) if total.unknown else ()
     return Quantile(row.probability, (*pieces, ()), fixed)
 
@@ -292,7 +294,7 @@ def _means(part: Part, member: Member, row: Row) -> tuple[float, float]:
         case "edge":
             return member.slope, member.mean
         case "fraction" if part.bent and not row.clipped:
-            return 0.0, member.above(row.fraction)
+            return 0.0, member.least
         case "fraction" if part.bent:
             assert member.cell is not None
             return 0.0, -member.cell.quantile_above(row.fraction)

@@ -89,7 +89,7 @@ def test_equal_zones_leave_a_class_of_each_part() -> None:
     assert std[0] ** 2 - std[1] ** 2 == pytest.approx(expected, rel=1e-9)
 
 
-@pytest.mark.parametrize(("classes", "by_hand", "cost"), [(2, 15.52, 15.80), (3, 14.82, 15.01), (5, 14.25, 14.39)])
+@pytest.mark.parametrize(("classes", "by_hand", "cost"), [(2, 15.52, 15.80), (3, 14.81, 15.01), (5, 14.15, 14.27)])
 def test_least_cost_against_classes_whose_centres_meet(classes: int, by_hand: float, cost: float) -> None:
     """By hand: what is left of either part is t/k, at the cost of t, whatever the zones; 17.26 unsorted.
 
@@ -108,7 +108,7 @@ def test_least_cost_against_classes_whose_centres_meet(classes: int, by_hand: fl
     assert outputs["cost"][0] == pytest.approx(cost, abs=0.01)
     assert outputs["backlash_arcmin"][0] <= 1.0 and outputs["interference_probability"][0] <= 0.05
     bound = proof(problem, {"cost": outputs["cost"]}, 1).bound[0]
-    assert 0.965 * known < bound < known
+    assert 0.99 * known < bound < known
 
 
 @pytest.mark.parametrize("fixed", [HOLE, PIN])
