@@ -1,4 +1,4 @@
-"""A smooth term without a name, which the data need in addition to the named effects.
+"""A term without a name, which the data need in addition to the named effects.
 
 A term is a shape over one variable, perhaps times another one and times the direction. It describes
 the rows that it was fitted on; beyond their range its value is that at the end (splines) or
@@ -7,7 +7,7 @@ extrapolates as its power.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from hashlib import sha256
 from typing import Any
@@ -18,9 +18,9 @@ import scipy
 from ...section import Array
 from ..measurable import Role
 from .effect import Action, Effect, EffectParameter, Measurements, Target, Values
-from .measurements import SESSION, labels_of
+from .measurements import SESSION, labels_of, path_starts
 
-SHAPES = ("constant", "spline", "power", "step", "wave", "swing", "product", "levels", "curve")
+SHAPES = ("constant", "spline", "power", "step", "wave", "swing", "product", "levels", "curve", "plays")
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +37,9 @@ class Term:
     - `levels`: a level for each of `labels` in the column, which add up to 0: one column for each
       label but the first, 1 there and -1 at the first; in rows of another label, or of a table
       without sessions, all of them are 0;
+    - `plays`: a Prandtl-Ishlinskii operator: by how much plays of half-widths `radii` stay behind z =
+      (x - zero) / scale along the path of the rows. The weights are not negative, unless they are by how
+      much an effect's form is off; a negative scale turns their sense (friction elements);
     - `product`: z w, z^2 w, z w^2, z^2 w^2 of z = (x - zero) / scale and w, which `times` gives.
 
     The whole is multiplied by w^times_exponent of w = (y - times_zero) / times_scale of the column
@@ -54,6 +57,7 @@ class Term:
     order: float = 0.0
     knots: tuple[float, ...] = ()
     heights: tuple[float, ...] = ()
+    radii: tuple[float, ...] = ()
     labels: tuple[str, ...] = ()
     times: str = ""
     times_exponent: float = 1.0
@@ -69,6 +73,8 @@ class Term:
             return len(self.knots) + 2
         if self.shape == "levels":
             return len(self.labels) - 1
+        if self.shape == "plays":
+            return len(self.radii)
         return {"wave": 2, "swing": 2, "product": 4}.get(self.shape, 1)
 
     @property
@@ -106,6 +112,8 @@ class Term:
         if self.shape == "step":
             return np.asarray(x >= self.zero, dtype=float)[:, None]
         z = (x - self.zero) / self.scale
+        if self.shape == "plays":
+            return plays(measurements, z, self.radii)
         if self.shape == "swing":
             return wave(self.order * z)
         if self.shape == "product":
@@ -125,7 +133,7 @@ class Term:
         """The `[[unresolved]]` table of it."""
         defaults = {entry.name: entry.default for entry in fields(self)}
         stated = {key: value for key, value in asdict(self).items() if value != defaults[key]}
-        lists = {"knots": self.knots, "heights": self.heights, "labels": self.labels}
+        lists = {"knots": self.knots, "heights": self.heights, "radii": self.radii, "labels": self.labels}
         stated |= {name: list(elements) for name, elements in lists.items() if elements}
         return {**stated, "coefficients": [float(coefficient) for coefficient in coefficients]}
 
@@ -133,6 +141,19 @@ class Term:
 def wave(phase: Array) -> Array:
     """Cosine and sine (n, 2) of a phase (n,)."""
     return np.column_stack([np.cos(phase), np.sin(phase)])
+
+
+def plays(measurements: Measurements, x: Array, radii: Sequence[float]) -> Array:
+    """By how much (n, k) plays of these half-widths stay behind a driving column x (n,), at rest where a
+    path of the rows begins.
+    """
+    from .memory_kernel import behind_plays  # imports numba
+
+    order = measurements.in_order
+    along = behind_plays(np.ascontiguousarray(x[order]), path_starts(measurements), np.array(radii, dtype=float))
+    off = np.empty_like(along)
+    off[order] = along
+    return off
 
 
 class Unresolved(Effect):
@@ -144,10 +165,11 @@ class Unresolved(Effect):
 
     family = "unresolved"
     holds_at_ends = True
-    cause = "a smooth term without a name"
+    cause = "a term without a name"
 
     def __init__(self, term: Term, mix: Array | None = None) -> None:
         self.term = term
+        self.mixed = mix is not None
         self.mix = np.eye(term.count) if mix is None else mix
         self.name = str(term)  # type: ignore[misc]
         if mix is not None:
@@ -165,7 +187,8 @@ class Unresolved(Effect):
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         unit = next(output.unit for output in target.outputs if output.name == self.term.output)
-        return tuple(EffectParameter(f"c{k + 1}", unit, "coefficient", -np.inf) for k in range(self.mix.shape[1]))
+        low = 0.0 if self.term.shape == "plays" and not self.mixed else -np.inf
+        return tuple(EffectParameter(f"c{k + 1}", unit, "coefficient", low) for k in range(self.mix.shape[1]))
 
     def columns(self, measurements: Measurements) -> Array:
         """Columns (n, m) of its parameters."""
@@ -183,6 +206,6 @@ class Unresolved(Effect):
 def unresolved_of(table: Mapping[str, Any]) -> tuple[Unresolved, dict[str, float]]:
     """A term and its parameters from its checked `[[unresolved]]` table."""
     stated = {key: value for key, value in table.items() if key != "coefficients"}
-    stated |= {name: tuple(stated[name]) for name in ("knots", "heights", "labels") if name in stated}
+    stated |= {name: tuple(stated[name]) for name in ("knots", "heights", "radii", "labels") if name in stated}
     values = {f"c{k + 1}": float(coefficient) for k, coefficient in enumerate(table["coefficients"])}
     return Unresolved(Term(**stated)), values

@@ -39,6 +39,7 @@ from .population import Misfit, Scatter, misfit, scatter
 from .scan import GenericResidual, Remaining, dictionary, generic_residual
 from .selection import (
     MIN_EXTRA_FRACTION,
+    SAME_CAUSE,
     Other,
     Search,
     Selection,
@@ -50,7 +51,7 @@ from .selection import (
     with_identified_by_likelihood,
 )
 from .setup import Setup, move_setup
-from .unresolved import effect_of, label, member_of, member_with, term_of, whole_term
+from .unresolved import effect_of, is_plays, label, member_of, member_with, term_of, whole_term, without_idle_plays
 
 KNOTS = 60
 """Knots of a curve, at most."""
@@ -107,21 +108,22 @@ CURVED = ("spline", "power", "curve")
 def with_curves(fitter: Fitter, fit: Fit, data: GapData) -> Fit:
     """The fit in which the terms over a variable that effects act in are one curve, of which those
     effects can explain nothing: their parameters are those of their formulas alone, and the curve is
-    by how much these are off.
+    by how much these are off. Plays without a weight are left out.
     """
     groups: dict[tuple[str, frozenset[str], bool], list[int]] = {}
     for k, member in enumerate(fit.members):
         effect = member.candidate.effect
         if isinstance(effect, Unresolved) and effect.term.shape in CURVED:
             groups.setdefault((effect.term.output, *variables_of(member, data)), []).append(k)
-    members = dict(enumerate(fit.members))
+    pairs = zip(fit.members, fit.coefficients, strict=True)
+    members = {k: without_idle_plays(*pair, data) for k, pair in enumerate(pairs)}
     for (_, variables, turns), terms in groups.items():
         acting = [(k, *variables_of(fit.members[k], data)) for k in fit.identified]
         large = [k for k, inputs, opposite in acting if inputs <= variables and opposite == turns]
         curve = as_curve(fitter, fit, terms, large, data) if large else None
         if curve is not None:
             members = {k: member for k, member in members.items() if k not in terms} | {terms[0]: curve}
-    return fitter.fit([members[k] for k in sorted(members)]) if len(groups) else fit
+    return fitter.fit([members[k] for k in sorted(members)]) if fit.terms else fit
 
 
 def _broken_line(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ...], float]:
@@ -149,6 +151,8 @@ def _broken_line(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ..
 # the held-out error and fits no effect stays as a generic term, so that its omission does not bias
 # the parameters of the effects.
 
+MEMORY = "memory"
+"""The family of the effects that depend on the rows before."""
 TRIED = 4
 """Number of forms and effects that are tried at each step, the likeliest first."""
 SETTLE_ROUNDS = 40
@@ -182,7 +186,28 @@ class Settling:
             answers.append(self.grown(self.search.fitter.refined(fit.without(*at)), names))
             if answers[1].score < answers[0].score - SCORE_MARGIN:
                 answers.reverse()
-        return self._chosen(answers, frozenset())
+        best = self._chosen(answers, frozenset())
+        return self._with_general_memory(best) or best
+
+    def _with_general_memory(self, fit: Fit) -> Fit | None:
+        """The answer in which plays replace all effects with a memory, where a fit has several or plays as well
+        and none of them alone explains nearly as much as plays do: none is the cause.
+        """
+        plays = [k for k, member in enumerate(fit.members) if is_plays(member)]
+        kinds = {
+            m.name: (m.candidate.effect.family, m.candidate.effect.yields_to) for m in self.search.dictionary.members
+        }
+        names = frozenset(name for name, kind in kinds.items() if MEMORY in kind)
+        effects = [k for k, name in enumerate(fit.names) if name in names]
+        if not effects or len(plays) + len(effects) < 2:
+            return None
+        others, fitter = fit.without(*plays, *effects), self.search.fitter
+        answer = self.grown(fitter.refined(others), names)
+        none = fitter.fit(others).rss
+        general = fitter.fit((*others, *filter(is_plays, answer.members))).rss
+        named = min(fitter.refined((*others, fit.members[k])).rss for k in effects)
+        alike = none - named > SAME_CAUSE * (none - general)
+        return None if alike or not self.holds(answer) else self._chosen([answer], names)
 
     def again(self, fit: Fit, excluded: frozenset[str], more: Sequence[Member] = ()) -> Fit:
         """The answer without the effects in `excluded`, with more terms to begin with: effects are
@@ -268,7 +293,8 @@ class Settling:
         if at < 0:
             return None
         excluded.add(fit.names[at])
-        return fitter.refined(fit.without(at))
+        plays = (k for k, member in enumerate(fit.members) if is_plays(member))  # orthogonal to an effect, perhaps that
+        return fitter.refined(fit.without(at, *plays))
 
     def _explained_by_terms(self, fit: Fit) -> int:
         """The index of an effect whose contribution a term explains, with much more; else -1."""
@@ -337,7 +363,7 @@ class Settling:
             term = term_of(self.generic.forms[k], self.data, outputs[self.generic.outputs[k]].name)
             if term is None:
                 continue
-            member = member_of(term, self.data, self.search.fitter, fit.effects)
+            member = member_of(term, self.data, self.search.fitter, fit.members)
             if member is None or member.name in excluded or member.name in fit.names:
                 continue
             larger = self.search.fitter.fit((*fit.members, member))

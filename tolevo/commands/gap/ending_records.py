@@ -531,6 +531,7 @@ def shape(term: Term) -> str:
         "product": f"a product of {names}",
         "curve": f"a curve over {term.variable}",
         "levels": f"a separate level for each {term.variable}",
+        "plays": f"a memory of {term.count} play{'s' * (term.count > 1)} over {term.variable}, without a name",
     }
     text = kinds[term.shape].removesuffix(" to the power 1")
     if term.shape == "power":

@@ -18,7 +18,7 @@ from scipy import linalg
 from scipy.interpolate import BSpline
 
 from ...models.effects.measurements import SESSION, labels_of, unit_numbers
-from ...models.effects.unresolved import wave
+from ...models.effects.unresolved import plays, wave
 from ...models.gear import SUN
 from ...models.measurable import Column, Role
 from ...section import Array
@@ -33,6 +33,9 @@ ORDERS_BEYOND_GEAR = 10.0
 MAX_ORDER = 600.0
 OVER_A_WORKSPACE = 12.0
 """The same where the angle is that of a pose: no teeth pass by."""
+RADII = tuple(np.geomspace(0.005, 0.45, 24).tolist())
+"""Half-widths of the plays of a memory, in ranges of the driving column: a play of half the range rests.
+A form has every other one, a term the few that it needs."""
 LEVELS, STEP, SWING = "levels", "step", "swing"
 """Shapes of a form over labels, an order and the time: a separate level for each label, a step, a
 slow wave."""
@@ -114,6 +117,7 @@ def generic(data: GapData, predicted: Mapping[str, Array] | None = None) -> tupl
     forms += _steps(data)
     forms += _swings(inputs, values)
     forms += _levels(data)
+    forms += _memories(data)
     if Role.ANGLE in data.measurements:
         forms += _orders(data)
     return [form for form, _ in forms], [columns for _, columns in forms]
@@ -268,6 +272,13 @@ def _levels(data: GapData) -> list[tuple[Form, Array]]:
             columns = (number[:, None] == np.arange(1, len(labels))).astype(float)
             forms.append((Form("interval", name, shape=LEVELS), columns))
     return forms
+
+
+def _memories(data: GapData) -> list[tuple[Form, Array]]:
+    """Plays of each input that drives a path which turns back: hysteresis of any shape."""
+    driving = {c.role: c for c in reversed(data.inputs) if c.role in data.target.reversing}
+    values = ((c.name, data.values(c.name)) for c in driving.values())
+    return [(Form("memory", name), plays(data.measurements, x / float(np.ptp(x)), RADII[::2])) for name, x in values]
 
 
 def order_grid(data: GapData) -> Array:
