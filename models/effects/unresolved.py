@@ -7,8 +7,9 @@ extrapolates as its power.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
 from hashlib import sha256
 from typing import Any
 
@@ -16,9 +17,10 @@ import numpy as np
 import scipy
 
 from ...section import Array
-from ..measurable import Role
+from ...units import converted
+from ..measurable import Column, Role
 from .effect import Action, Effect, EffectParameter, Measurements, Target, Values
-from .measurements import SESSION, labels_of, path_starts
+from .measurements import SESSION, fixed_unit, labels_of, path_starts
 
 SHAPES = ("constant", "spline", "power", "step", "wave", "swing", "product", "levels", "curve", "plays")
 
@@ -209,3 +211,162 @@ def unresolved_of(table: Mapping[str, Any]) -> tuple[Unresolved, dict[str, float
     stated |= {name: tuple(stated[name]) for name in ("knots", "heights", "radii", "labels") if name in stated}
     values = {f"c{k + 1}": float(coefficient) for k, coefficient in enumerate(table["coefficients"])}
     return Unresolved(Term(**stated)), values
+
+
+# An effect of one's own with the form of terms: as the text of a formula, or of a plugin.
+
+
+@dataclass(frozen=True, slots=True)
+class Language:
+    """How columns, functions and the direction are written."""
+
+    column: Callable[[str], str]
+    direction: Callable[[Sequence[Column]], str]
+    abs: str
+    cos: str
+    sin: str
+    max: str
+    min: str
+
+
+STEEP = 1e9
+"""Slope of a step, and of the sign of a speed, in a formula, which has neither."""
+POINTS = 13
+"""Points of a smooth curve in a text."""
+
+
+def _direction(columns: Sequence[Column]) -> str:
+    """The direction in a formula: its column, or the sign of a speed."""
+    names = {column.role: column.name for column in reversed(columns)}
+    return names.get(Role.DIRECTION, f"max(-1, min(1, {STEEP:g} * {names.get(Role.SPEED, '')}))")
+
+
+FORMULA = Language(str, _direction, "abs", "cos", "sin", "max", "min")
+CODE = Language(
+    lambda name: f"table[{name!r}]",
+    lambda _: "measurements[own.Role.DIRECTION]",
+    *("np.abs", "np.cos", "np.sin", "np.maximum", "np.minimum"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """An effect of one's own with the form of `terms` of one output, their `coefficients` in it and its size
+    free, over `columns` of the table; `words` say the form.
+    """
+
+    terms: Sequence[Term]
+    coefficients: Sequence[Array]
+    columns: Sequence[Column]
+    words: str
+
+    @property
+    def name(self) -> str:
+        """A name until its cause is known."""
+        variables = dict.fromkeys(name for term in self.terms for name in term.variables)
+        return re.sub(r"\W+", "_", f"{self.terms[0].output}_of_{'_'.join(variables)}").strip("_")
+
+    def formula(self) -> str:
+        """An `[[effect]]` table whose letter `tolevo gap` fits; empty where no formula has the form: of levels,
+        plays, and columns with names that no formula can have.
+        """
+        names = [column.name for column in self.columns]
+        text = self._text(FORMULA)
+        words = {name for term in self.terms for name in term.variables}
+        if not text or not all(re.fullmatch(r"[A-Za-z_]\w*", name) for name in words):
+            return ""
+        letter = next(letter for letter in "acbkpqrsuw" if letter not in names)
+        lines = f'name = "{self.name}"', f'output = "{self.terms[0].output}"', f'formula = "{letter} * ({text})"'
+        return "\n".join(("[[effect]]", *lines, ""))
+
+    def plugin(self) -> str:
+        """A class; empty for levels of labels, which no other record has."""
+        roles = [c.role for c in self.columns if any(c.name in term.variables for term in self.terms)]
+        roles += [Role.DIRECTION] * any(term.turns for term in self.terms)
+        needs = " ".join(f"own.Role.{role.name}," for role in dict.fromkeys(roles))
+        title = "".join(part[:1].upper() + part[1:] for part in self.name.split("_"))
+        text = self._text(CODE)
+        return (
+            text
+            and f'''import numpy as np
+from tolevo import plugins as own
+
+
+class {title}(own.OneColumn):
+    """{self.words[:1].upper()}{self.words[1:]}."""
+
+    name, family, needs = "{self.name}", "own", ({needs})
+    cause = "Found in a record; state the cause here."
+    weight = own.Weight("size", "1 where it is as in that record", low=-np.inf)
+
+    def column(self, measurements, values, target):
+        table = measurements.table
+        return {text}
+'''
+        )
+
+    def _text(self, to: Language) -> str:
+        """The sum of the terms; empty where the language has no form of one."""
+        texts = []
+        for term, weights in zip(self.terms, self.coefficients, strict=True):
+            parts = _parts(term, weights, self.columns, to)
+            factor = [to.direction(self.columns)] if term.turns else []
+            if term.times and term.shape != "product":
+                w = _scaled(to.column(term.times), term.times_zero, term.times_scale)
+                factor.append(f"{f'{to.abs}({w})' if term.times_magnitude else w}**{term.times_exponent:.6g}")
+            whole = f"({' + '.join(parts)})" if factor and len(parts) > 1 else " + ".join(parts)
+            texts.append(" * ".join([whole, *factor]) if parts else "")
+        return " + ".join(texts) if all(texts) else ""
+
+
+def _scaled(name: str, zero: float, scale: float) -> str:
+    """(x - zero) / scale of a column as text."""
+    moved = f"({name} {'-' if zero > 0.0 else '+'} {abs(zero):.8g})" if zero else name
+    return moved if scale == 1.0 else f"({moved} / {scale:.8g})"
+
+
+def _parts(term: Term, weights: Array, columns: Sequence[Column], to: Language) -> list[str]:
+    """The columns of a term times their weights as text, without further factors."""
+    x, w = to.column(term.variable), _scaled(to.column(term.times), term.times_zero, term.times_scale)
+    z = _scaled(x, term.zero, term.scale)
+    if term.shape in ("spline", "curve"):
+        return [_curve(term, weights, x, to)]
+    if term.shape == "plays" and to is CODE:
+        radii, sizes = (", ".join(f"{v:.6g}" for v in values) for values in (term.radii, weights))
+        return [f"own.plays(measurements, {z}, [{radii}]) @ np.array([{sizes}])"]
+    phase = f"{_radians(term, columns):.12g} * {x}" if term.shape == "wave" else f"{term.order:.8g} * {z}"
+    step = f"{to.max}(0, {to.min}(1, {STEEP:g} * ({x} - ({term.zero!r})) + 1))"
+    forms = {
+        "constant": [""],
+        "power": [_power(z, term, to)],
+        "step": [step],
+        "product": [f"{z} * {w}", f"{z}**2 * {w}", f"{z} * {w}**2", f"{z}**2 * {w}**2"],
+    } | {key: [f"{to.cos}({phase})", f"{to.sin}({phase})"] for key in ("wave", "swing")}
+    pairs = zip(weights, forms.get(term.shape, []), strict=False)
+    return [f"{weight:.8g}" + f" * {form}" * bool(form) for weight, form in pairs]
+
+
+def _radians(term: Term, columns: Sequence[Column]) -> float:
+    """The phase of a wave [rad] per unit of the column that it is over."""
+    column = next(column for column in columns if column.name == term.variable)
+    return term.order * column.sense * float(converted(1.0, column.unit, fixed_unit(column)))
+
+
+def _power(z: str, term: Term, to: Language) -> str:
+    if term.exponent == int(term.exponent) and (term.exponent % 2 == 1) == term.signed:
+        return f"{z}**{term.exponent:.0f}" if term.exponent != 1.0 else z
+    if not term.signed:
+        return f"{to.abs}({z})**{term.exponent:.8g}"
+    return f"{z} * {to.max}(1e-12, {to.abs}({z}))**({term.exponent - 1.0:.8g})"
+
+
+def _curve(term: Term, weights: Array, x: str, to: Language) -> str:
+    """A spline or a curve as a broken line, level beyond its ends."""
+    at = np.linspace(term.knots[0], term.knots[-1], POINTS) if term.shape == "spline" else np.array(term.knots)
+    heights = replace(term, times="", turns=False).columns(Measurements({term.variable: at}, {})) @ weights
+    if to is CODE:
+        points, values = (", ".join(f"{v:.6g}" for v in each) for each in (at, heights))
+        return f"np.interp({x}, [{points}], [{values}])"
+    bends = np.diff(np.diff(heights) / np.diff(at), prepend=0.0, append=0.0)
+    turns = "".join(f" + {bend:.6g} * max(0, {x} - {knot:.6g})" for bend, knot in zip(bends, at, strict=True))
+    return f"({heights[0]:.6g}{turns})".replace("- -", "+ ").replace("+ -", "- ")

@@ -12,15 +12,15 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...models.effects import EffectParameter
-from ...models.effects.unresolved import Term
+from ...models.effects.unresolved import Offer, Term
 from ...section import Array
 from .analysis import Analysis, variables_of
 from .blocks import improvement
 from .close import corrected
 from .data import GapData
 from .fit import Member, is_term
-from .generic import LEVELS
-from .linear import project_out
+from .generic import LEVELS, spline
+from .linear import basis, project_out
 from .noise import outliers, whiteness
 from .population import Scatter, distance, exchanged_names, floor, held_out_units
 from .records import (
@@ -261,6 +261,7 @@ def residual_table(end: Ending, full: GapData) -> pd.DataFrame:
         frame[f"{name}_corrected"] = after[name]
         frame[f"{name}_before"] = measured - before[name]
         frame[f"{name}_after"] = measured - after[name]
+        frame[f"{name}_remainder"] = measured - after[name] + unnamed_part(end, full, at)
         for which, of, held in (("before", start.setup, end.before), ("after", setup, end.after)):
             part = (of.residual - held.fitted)[setup.data.rows_of(at)]
             frame[f"{name}_{which}_held_out"] = _spread_to_rows(part, used, len(full))
@@ -411,6 +412,8 @@ def _population_gaps(end: Ending, before: Array, after: Array) -> Gaps:
     return Gaps(_add_total(end, first), _add_total(end, last), _add_total(end, least), OF_UNITS)
 
 
+TELLING_STRETCHES = 6
+"""Stretches of the curves by which inputs are compared."""
 MAX_REMAINDERS = 3
 """Number of forms listed in addition to the terms."""
 
@@ -444,7 +447,43 @@ def remainder_of(end: Ending) -> tuple[Remainder, ...]:
     remainders = (*(_term_remainders(end, members) for members in together.values()), *_form_remainders(end))
     pairs = zip(end.setup.data.outputs, floors(end), strict=True)
     floor_of = {output.name: max(level, 1e-300) for output, (level, _) in pairs}
-    return tuple(replace(part, ratio=part.rms / floor_of[part.output]) for part in remainders)
+    against = {output.name: _telling_inputs(end, at) for at, output in enumerate(end.setup.data.outputs)}
+    return tuple(
+        replace(
+            part,
+            ratio=part.rms / floor_of[part.output],
+            against=tuple(dict.fromkeys([*(n for n in part.variables if n in names), *names]))[:2],
+        )
+        for part in remainders
+        for names in [against[part.output]]
+    )
+
+
+def _telling_inputs(end: Ending, output: int) -> list[str]:
+    """The inputs, the one first over which a smooth curve explains most of the residual given the effects."""
+    data = end.setup.data
+    rest = end.setup.residual[data.rows_of(output)] - end.after.fitted[data.rows_of(output)]
+    rest = rest + unnamed_part(end, data, output)
+
+    def unexplained(name: str) -> float:
+        q = basis(np.column_stack([np.ones(len(data)), spline(data.values(name), TELLING_STRETCHES)]))
+        return float(np.sum(project_out(rest, q) ** 2))
+
+    return sorted((column.name for column in data.inputs), key=unexplained)
+
+
+def unnamed_part(end: Ending, data: GapData, output: int) -> Array:
+    """What the terms without a name add (n,) to an output at rows of a table."""
+    total, name = np.zeros(len(data)), end.setup.data.outputs[output].name
+    for member in end.fit.terms:
+        if effect_of(member).term.output == name:
+            total = total + effect_of(member).term.columns(data.measurements) @ _weights(end, member)
+    return total
+
+
+def _weights(end: Ending, member: Member) -> Array:
+    """The coefficients of a term."""
+    return effect_of(member).coefficients(end.model.effect(member.name))
 
 
 def _scatter_remainder(end: Ending) -> tuple[Remainder, ...]:
@@ -482,7 +521,9 @@ def _term_remainders(end: Ending, members: Sequence[Member]) -> Remainder:
     fraction = min(1.0, float(white @ white) / _excess_over_noise(end))
     text = ", and ".join(dict.fromkeys(shape(term) for term in terms))
     turns = any(term.turns for term in terms)
-    return Remainder(first.output, first.variables, text, rms, unit, rms / _level(end, at), fraction, turns)
+    offer = Offer(terms, [_weights(end, member) for member in members], setup.data.target.columns, text)
+    texts = offer.formula(), offer.plugin()
+    return Remainder(first.output, first.variables, text, rms, unit, rms / _level(end, at), fraction, turns, (), *texts)
 
 
 def _level(end: Ending, output: int) -> float:
