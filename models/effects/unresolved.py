@@ -84,6 +84,31 @@ class Term:
         """Columns of the table that it is a function of, without the direction."""
         return (self.variable, self.times) if self.times else (self.variable,)
 
+    @property
+    def words(self) -> str:
+        """Its shape and its variables in words."""
+        names = " and ".join(self.variables)
+        kinds = {
+            "constant": "an offset",
+            "spline": f"a smooth curve over {self.variable}",
+            "power": f"{self.variable} to the power {self.exponent:.3g}",
+            "step": f"a step at {self.variable} = {self.zero:.4g}",
+            "wave": f"a wave of order {self.order:g}",
+            "swing": f"a swing of {self.order:g} cycles over {self.variable}",
+            "product": f"a product of {names}",
+            "curve": f"a curve over {self.variable}",
+            "levels": f"a separate level for each {self.variable}",
+            "plays": f"a memory of {self.count} play{'s' * (self.count > 1)} over {self.variable}, without a name",
+        }
+        text = kinds[self.shape].removesuffix(" to the power 1")
+        if self.shape == "power":
+            signs = (self.exponent % 2 == 1) == self.signed
+            text += "" if signs or self.zero else ", odd" if self.signed else ", of the magnitude"
+        if self.times and self.shape != "product":
+            power = f"^{self.times_exponent:g}" if self.times_exponent != 1.0 else ""
+            text += f" times {self.times}{power}"
+        return text + (", opposite in the two directions" if self.turns else "")
+
     def columns(self, measurements: Measurements) -> Array:
         """Its columns (n, count)."""
         column = self._shape(measurements)
@@ -106,9 +131,7 @@ class Term:
             return self._levels(measurements)
         x = np.asarray(measurements.table[self.variable], dtype=float)
         if self.shape == "spline":
-            ends = np.r_[[self.knots[0]] * 3, self.knots, [self.knots[-1]] * 3]
-            inside = np.clip(x, self.knots[0], self.knots[-1])
-            return np.asarray(scipy.interpolate.BSpline.design_matrix(inside, ends, 3).toarray())
+            return cubic_splines(x, np.array(self.knots))
         if self.shape == "curve":
             return np.asarray(np.interp(x, self.knots, self.heights))[:, None]
         if self.shape == "step":
@@ -140,6 +163,12 @@ class Term:
         return {**stated, "coefficients": [float(coefficient) for coefficient in coefficients]}
 
 
+def cubic_splines(x: Array, knots: Array) -> Array:
+    """Cubic B-splines (n, k + 2) of values (n,) over k knots; beyond the ends as there."""
+    ends = np.r_[[knots[0]] * 3, knots, [knots[-1]] * 3]
+    return np.asarray(scipy.interpolate.BSpline.design_matrix(np.clip(x, knots[0], knots[-1]), ends, 3).toarray())
+
+
 def wave(phase: Array) -> Array:
     """Cosine and sine (n, 2) of a phase (n,)."""
     return np.column_stack([np.cos(phase), np.sin(phase)])
@@ -156,6 +185,31 @@ def plays(measurements: Measurements, x: Array, radii: Sequence[float]) -> Array
     off = np.empty_like(along)
     off[order] = along
     return off
+
+
+MOST_KNOTS = 60
+"""Knots of a curve, at most."""
+EXACT = 1e-3
+"""Deviation at which no more knots are added, as a fraction of the largest value."""
+
+
+def broken_line(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ...], float]:
+    """Knots and heights of a broken line through points (n,), of magnitude 1 at most, and its rms
+    error relative to the points. Knots are added one by one where the error is largest (Douglas and
+    Peucker, Cartographica 10, 1973).
+    """
+    order = np.argsort(x, kind="stable")
+    x, first = np.unique(x[order], return_index=True)
+    y = y[order][first] / max(float(np.abs(y).max()), 1e-300)
+    at = [0, len(x) - 1]
+    while True:
+        deviations = y - np.interp(x, x[at], y[at])
+        worst = int(np.argmax(np.abs(deviations)))
+        if abs(deviations[worst]) < EXACT or len(at) >= MOST_KNOTS:
+            break
+        at = sorted([*at, worst])
+    off = float(np.sqrt(np.mean(deviations**2) / max(float(np.mean(y**2)), 1e-300)))
+    return tuple(x[at].tolist()), tuple(y[at].tolist()), off
 
 
 class Unresolved(Effect):

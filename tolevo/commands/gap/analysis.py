@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...models.effects.measurements import changes_of, effect_actions
-from ...models.effects.unresolved import Term, Unresolved
+from ...models.effects.unresolved import Term, Unresolved, broken_line
 from ...models.measurable import Role
 from ...section import Array
 from .blocks import HeldOut, improvement
@@ -53,10 +53,6 @@ from .selection import (
 from .setup import Setup, move_setup
 from .unresolved import effect_of, is_plays, label, member_of, member_with, term_of, whole_term, without_idle_plays
 
-KNOTS = 60
-"""Knots of a curve, at most."""
-EXACT = 1e-3
-"""Deviation at which no more knots are added, as a fraction of the largest value."""
 NO_CURVE = 0.02
 """Deviation from which a contribution is no function of one variable, as a fraction of its rms."""
 
@@ -83,7 +79,7 @@ def as_curve(fitter: Fitter, fit: Fit, small: Sequence[int], large: Sequence[int
         return None
     y = part * np.asarray(data.measurements[Role.DIRECTION], dtype=float) if turns else part
     variable = next(iter(inputs))
-    knots, heights, off = _broken_line(data.values(variable), y)
+    knots, heights, off = broken_line(data.values(variable), y)
     if off > NO_CURVE:
         return None
     effect = Unresolved(
@@ -124,25 +120,6 @@ def with_curves(fitter: Fitter, fit: Fit, data: GapData) -> Fit:
         if curve is not None:
             members = {k: member for k, member in members.items() if k not in terms} | {terms[0]: curve}
     return fitter.fit([members[k] for k in sorted(members)]) if fit.terms else fit
-
-
-def _broken_line(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ...], float]:
-    """Knots and heights of a broken line through points (n,), of magnitude 1 at most, and its rms
-    error relative to the points. Knots are added one by one where the error is largest (Douglas and
-    Peucker, Cartographica 10, 1973).
-    """
-    order = np.argsort(x, kind="stable")
-    x, first = np.unique(x[order], return_index=True)
-    y = y[order][first] / max(float(np.abs(y).max()), 1e-300)
-    at = [0, len(x) - 1]
-    while True:
-        deviations = y - np.interp(x, x[at], y[at])
-        worst = int(np.argmax(np.abs(deviations)))
-        if abs(deviations[worst]) < EXACT or len(at) >= KNOTS:
-            break
-        at = sorted([*at, worst])
-    off = float(np.sqrt(np.mean(deviations**2) / max(float(np.mean(y**2)), 1e-300)))
-    return tuple(x[at].tolist()), tuple(y[at].tolist()), off
 
 
 # The final answer: identified effects and generic terms, fitted together and tested together.

@@ -12,15 +12,15 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...models.effects import EffectParameter
-from ...models.effects.unresolved import Offer, Term
+from ...models.effects.unresolved import Offer
 from ...section import Array
 from .analysis import Analysis, variables_of
 from .blocks import improvement
 from .close import corrected
 from .data import GapData
 from .fit import Member, is_term
-from .generic import LEVELS, spline
-from .linear import basis, project_out
+from .generic import LEVELS
+from .linear import project_out
 from .noise import outliers, whiteness
 from .population import Scatter, distance, exchanged_names, floor, held_out_units
 from .records import (
@@ -412,8 +412,8 @@ def _population_gaps(end: Ending, before: Array, after: Array) -> Gaps:
     return Gaps(_add_total(end, first), _add_total(end, last), _add_total(end, least), OF_UNITS)
 
 
-TELLING_STRETCHES = 6
-"""Stretches of the curves by which inputs are compared."""
+CELLS = 12
+"""Number of stretches of an input over which means are taken."""
 MAX_REMAINDERS = 3
 """Number of forms listed in addition to the terms."""
 
@@ -430,7 +430,7 @@ def terms_of(end: Ending) -> tuple[UnresolvedTerm, ...]:
         if is_term(member):
             term, table = effect_of(member).term, table_of(member, end.model)
             gain = end.analysis.search.fitter.fit(end.fit.without(at)).rss - end.fit.rss
-            terms.append(UnresolvedTerm(term.output, term.variables, shape(term), gain, table))
+            terms.append(UnresolvedTerm(term.output, term.variables, term.words, gain, table))
     return tuple(terms)
 
 
@@ -448,28 +448,32 @@ def remainder_of(end: Ending) -> tuple[Remainder, ...]:
     pairs = zip(end.setup.data.outputs, floors(end), strict=True)
     floor_of = {output.name: max(level, 1e-300) for output, (level, _) in pairs}
     against = {output.name: _telling_inputs(end, at) for at, output in enumerate(end.setup.data.outputs)}
-    return tuple(
-        replace(
-            part,
-            ratio=part.rms / floor_of[part.output],
-            against=tuple(dict.fromkeys([*(n for n in part.variables if n in names), *names]))[:2],
-        )
-        for part in remainders
-        for names in [against[part.output]]
-    )
+    parts = (replace(part, ratio=part.rms / floor_of[part.output]) for part in remainders)
+    return tuple(replace(part, against=_best_inputs(part.variables, against[part.output])) for part in parts)
 
 
 def _telling_inputs(end: Ending, output: int) -> list[str]:
-    """The inputs, the one first over which a smooth curve explains most of the residual given the effects."""
-    data = end.setup.data
-    rest = end.setup.residual[data.rows_of(output)] - end.after.fitted[data.rows_of(output)]
-    rest = rest + unnamed_part(end, data, output)
+    """The inputs, the one first over which the means explain most of the residual given the effects."""
+    data, rows = end.setup.data, end.setup.data.rows_of(output)
+    rest = end.setup.residual[rows] - end.after.fitted[rows] + unnamed_part(end, data, output)
+    names = (column.name for column in data.inputs)
+    return sorted(names, key=lambda name: -correlation_ratio(data.values(name), rest))
 
-    def unexplained(name: str) -> float:
-        q = basis(np.column_stack([np.ones(len(data)), spline(data.values(name), TELLING_STRETCHES)]))
-        return float(np.sum(project_out(rest, q) ** 2))
 
-    return sorted((column.name for column in data.inputs), key=unexplained)
+def _best_inputs(variables: Sequence[str], inputs: Sequence[str]) -> tuple[str, ...]:
+    """Two inputs, those of a form first."""
+    return tuple(sorted(inputs, key=lambda name: name not in variables))[:2]
+
+
+def correlation_ratio(values: Array, of: Array) -> float:
+    """Fraction of the variance of `of` (n,) explained by its means over stretches of values (n,)."""
+    edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, CELLS + 1)))
+    cell = np.searchsorted(edges[1:-1], values, side="right")
+    count = np.bincount(cell)
+    means = np.bincount(cell, of) / np.maximum(count, 1)
+    total = float(np.var(of))
+    between = float(count @ (means - of.mean()) ** 2) / len(of)
+    return between / total if total > 0.0 else 0.0
 
 
 def unnamed_part(end: Ending, data: GapData, output: int) -> Array:
@@ -519,7 +523,7 @@ def _term_remainders(end: Ending, members: Sequence[Member]) -> Remainder:
     rms, unit = float(np.std(added)), setup.data.outputs[at].unit
     white = project_out(white, fitter.q)  # without the part that the zeros and free parameters span
     fraction = min(1.0, float(white @ white) / _excess_over_noise(end))
-    text = ", and ".join(dict.fromkeys(shape(term) for term in terms))
+    text = ", and ".join(dict.fromkeys(term.words for term in terms))
     turns = any(term.turns for term in terms)
     offer = Offer(terms, [_weights(end, member) for member in members], setup.data.target.columns, text)
     texts = offer.formula(), offer.plugin()
@@ -557,28 +561,3 @@ def _form_remainders(end: Ending) -> tuple[Remainder, ...]:
             bool(form.direction),
         )
     return tuple(remainders.values())
-
-
-def shape(term: Term) -> str:
-    """A term in words."""
-    names = " and ".join(term.variables)
-    kinds = {
-        "constant": "an offset",
-        "spline": f"a smooth curve over {term.variable}",
-        "power": f"{term.variable} to the power {term.exponent:.3g}",
-        "step": f"a step at {term.variable} = {term.zero:.4g}",
-        "wave": f"a wave of order {term.order:g}",
-        "swing": f"a swing of {term.order:g} cycles over {term.variable}",
-        "product": f"a product of {names}",
-        "curve": f"a curve over {term.variable}",
-        "levels": f"a separate level for each {term.variable}",
-        "plays": f"a memory of {term.count} play{'s' * (term.count > 1)} over {term.variable}, without a name",
-    }
-    text = kinds[term.shape].removesuffix(" to the power 1")
-    if term.shape == "power":
-        signs = (term.exponent % 2 == 1) == term.signed
-        text += "" if signs or term.zero else ", odd" if term.signed else ", of the magnitude"
-    if term.times and term.shape != "product":
-        power = f"^{term.times_exponent:g}" if term.times_exponent != 1.0 else ""
-        text += f" times {term.times}{power}"
-    return text + (", opposite in the two directions" if term.turns else "")

@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
-from scipy.interpolate import BSpline
 
 from ...models.effects.measurements import SESSION, labels_of, unit_numbers
-from ...models.effects.unresolved import plays, wave
+from ...models.effects.unresolved import cubic_splines, plays, wave
 from ...models.gear import SUN
 from ...models.measurable import Column, Role
 from ...section import Array
@@ -144,9 +143,7 @@ def spline(values: Array, count: int) -> Array:
     inner = knots(values, count)
     if len(inner) < 3:
         return values[:, None].astype(float)
-    ends = np.r_[[inner[0]] * 3, inner, [inner[-1]] * 3]
-    matrix = BSpline.design_matrix(np.clip(values, inner[0], inner[-1]), ends, 3)
-    return np.asarray(matrix.toarray())
+    return cubic_splines(values, inner)
 
 
 def _smooth(column: Column, x: Array, sign: Array | None) -> list[tuple[Form, Array]]:
