@@ -187,6 +187,28 @@ def plays(measurements: Measurements, x: Array, radii: Sequence[float]) -> Array
     return off
 
 
+RADII = tuple(np.geomspace(0.005, 0.45, 24).tolist())
+"""Half-widths of the plays of a memory, in ranges of the driving column: a play of half the range rests.
+A form has every other one, a term the few that it needs."""
+MOST_PLAYS = 6
+"""Plays of a memory without a name, at most."""
+
+
+def fewest_plays(columns: Array, y: Array, price: float) -> tuple[float, list[int]]:
+    """The least score, squares and `price` for each, of non-negative weights of some columns (m, m) to y (m,),
+    and which ones these are: the least useful are left out one by one.
+    """
+    weights, off = scipy.optimize.nnls(columns, y)
+    kept, rss = np.flatnonzero(weights).tolist(), off**2
+    while len(kept) > 1:
+        fewer = [[k for k in kept if k != out] for out in kept]
+        least, smaller = min((float(scipy.optimize.nnls(columns[:, some], y)[1]) ** 2, some) for some in fewer)
+        if len(kept) <= MOST_PLAYS and least - rss > price:
+            break
+        rss, kept = least, smaller
+    return rss + price * len(kept), kept
+
+
 MOST_KNOTS = 60
 """Knots of a curve, at most."""
 EXACT = 1e-3

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.commands.gap_toy import PENALTY, N, directions, member, readings, settling, squares_left, toy
+from tests.commands.gap_toy import PENALTY, N, directions, member, squares_left, toy
+from tolevo.commands.gap import selection
 from tolevo.commands.gap.blocks import Improvement
 from tolevo.commands.gap.linear import join_groups
 from tolevo.commands.gap.scan import CHUNK, evidence, scan, strongest_evidence, thresholds
@@ -20,6 +21,7 @@ from tolevo.commands.gap.selection import (
     NO_FORM,
     TERM,
     UNITS,
+    VISITED,
     Other,
     concluding,
     correlation,
@@ -50,19 +52,17 @@ def test_names_are_the_best_of_all_subsets() -> None:
     assert np.isnan(found.steps[0].held_out_gain)
 
 
-def test_a_name_that_better_ones_make_needless_is_not_in_the_answer() -> None:
-    """c is nearest to a + b and comes first; beside a, b leaves nothing, and c has nothing left to explain."""
+def test_a_name_that_a_better_one_makes_needless_is_exchanged() -> None:
+    """c is nearest to a + b and comes first; beside a, b leaves nothing and c does."""
     a, b, d = directions(3).T
     c = 0.95 * (a + b) / np.sqrt(2.0) + np.sqrt(1.0 - 0.95**2) * d
-    data = readings(speed=np.random.default_rng(8).permutation(np.linspace(0.02, 1.0, N)))
-    columns = {"a": a, "b": b, "c": c}
-    search = settling([member(one) for one in "abc"], columns, 40.0 * a + 38.0 * b, data)
-    found = select(search.search)
+    search = toy([member(one) for one in "abc"], {"a": a, "b": b, "c": c}, 40.0 * a + 38.0 * b)
+    found = select(search)
     assert [(one.action, one.name) for one in found.steps] == [
-        ("start", ""), ("add", "c"), ("add", "a"), ("add", "b")
+        ("start", ""), ("add", "c"), ("add", "a"), ("swap", "c for b")
     ]  # fmt: skip
-    answer = search.settled(found.fit)
-    assert {*answer.names} == {"a", "b"} and answer.rss == pytest.approx(0.0, abs=1e-9)
+    assert found.steps[-1].names == ("a", "b") and found.steps[-1].accepted
+    assert found.identified == ("a", "b") and found.fit.rss == pytest.approx(0.0, abs=1e-9)
 
 
 def test_the_same_name_at_a_better_place_is_no_step() -> None:
@@ -105,7 +105,6 @@ def test_a_name_that_failed_is_passed_over() -> None:
     found = select(toy([member("spike")], columns, y))
     assert [(one.action, one.name) for one in found.steps] == [("start", ""), ("reject", "spike")]
     assert found.steps[1].gain > 1000.0 and found.steps[1].held_out_gain < 0.0
-    assert found.rejected == ("spike",)
 
 
 # ------------------------------------------------------------- names that show in pairs alone
@@ -309,3 +308,15 @@ def test_without_forms_there_is_no_evidence_and_without_a_gain_neither() -> None
     np.testing.assert_array_equal(strongest_evidence(none, np.zeros((0, 5))), np.zeros(5))
     groups = join_groups([directions(2), directions(1, 3)], [False, False], N)
     np.testing.assert_array_equal(evidence(groups, np.zeros(2)), np.zeros(2))
+
+
+def test_a_selection_that_reaches_ever_new_sets_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tests that turn every addition into another pair: 105 pairs of 15 effects, all of them new."""
+    names = [f"n{at}" for at in range(15)]
+    members = [member(one) for one in names]
+    columns = dict(zip(names, directions(15).T, strict=True))
+    search = toy(members, columns, directions(15) @ np.full(15, 20.0), limit=1.0)
+    pairs = combinations(members, 2)
+    monkeypatch.setattr(selection, "_retest_effects", lambda search, fit, *_: search.fitter.fit(next(pairs)))
+    found = select(search)
+    assert sum(step.action == "add" for step in found.steps) == VISITED * search.settings.effects_at_most

@@ -163,28 +163,26 @@ class Settling:
             answers.append(self.grown(self.search.fitter.refined(fit.without(*at)), names))
             if answers[1].score < answers[0].score - SCORE_MARGIN:
                 answers.reverse()
-        best = self._chosen(answers, frozenset())
-        return self._with_general_memory(best) or best
+        return self._with_general_memory(self._chosen(answers, frozenset()))
 
-    def _with_general_memory(self, fit: Fit) -> Fit | None:
-        """The answer in which plays replace all effects with a memory, where a fit has several or plays as well
-        and none of them alone explains nearly as much as plays do: none is the cause.
+    def _with_general_memory(self, fit: Fit) -> Fit:
+        """The answer in which plays replace all effects with a memory, where a fit has several or plays as well,
+        none of them alone explains nearly as much as plays do (none is the cause), and plays predict better.
         """
         plays = [k for k, member in enumerate(fit.members) if is_plays(member)]
-        kinds = {
-            m.name: (m.candidate.effect.family, m.candidate.effect.yields_to) for m in self.search.dictionary.members
-        }
-        names = frozenset(name for name, kind in kinds.items() if MEMORY in kind)
+        effects_tried = {m.candidate.effect for m in self.search.dictionary.members}
+        names = frozenset(e.name for e in effects_tried if MEMORY in (e.family, e.yields_to))
         effects = [k for k, name in enumerate(fit.names) if name in names]
         if not effects or len(plays) + len(effects) < 2:
-            return None
+            return fit
         others, fitter = fit.without(*plays, *effects), self.search.fitter
         answer = self.grown(fitter.refined(others), names)
         none = fitter.fit(others).rss
         general = fitter.fit((*others, *filter(is_plays, answer.members))).rss
         named = min(fitter.refined((*others, fit.members[k])).rss for k in effects)
         alike = none - named > SAME_CAUSE * (none - general)
-        return None if alike or not self.holds(answer) else self._chosen([answer], names)
+        answer = fit if alike else self._chosen([answer], names)
+        return answer if self.search.tested(answer).rss < self.search.tested(fit).rss else fit
 
     def again(self, fit: Fit, excluded: frozenset[str], more: Sequence[Member] = ()) -> Fit:
         """The answer without the effects in `excluded`, with more terms to begin with: effects are

@@ -447,22 +447,16 @@ def remainder_of(end: Ending) -> tuple[Remainder, ...]:
     remainders = (*(_term_remainders(end, members) for members in together.values()), *_form_remainders(end))
     pairs = zip(end.setup.data.outputs, floors(end), strict=True)
     floor_of = {output.name: max(level, 1e-300) for output, (level, _) in pairs}
-    against = {output.name: _telling_inputs(end, at) for at, output in enumerate(end.setup.data.outputs)}
-    parts = (replace(part, ratio=part.rms / floor_of[part.output]) for part in remainders)
-    return tuple(replace(part, against=_best_inputs(part.variables, against[part.output])) for part in parts)
+    return tuple(replace(r, ratio=r.rms / floor_of[r.output], against=_telling_inputs(end, r)) for r in remainders)
 
 
-def _telling_inputs(end: Ending, output: int) -> list[str]:
-    """The inputs, the one first over which the means explain most of the residual given the effects."""
-    data, rows = end.setup.data, end.setup.data.rows_of(output)
-    rest = end.setup.residual[rows] - end.after.fitted[rows] + unnamed_part(end, data, output)
-    names = (column.name for column in data.inputs)
-    return sorted(names, key=lambda name: -correlation_ratio(data.values(name), rest))
-
-
-def _best_inputs(variables: Sequence[str], inputs: Sequence[str]) -> tuple[str, ...]:
-    """Two inputs, those of a form first."""
-    return tuple(sorted(inputs, key=lambda name: name not in variables))[:2]
+def _telling_inputs(end: Ending, part: Remainder) -> tuple[str, ...]:
+    """Two inputs: those of a remainder, else those over which means explain most of what the effects leave."""
+    data = end.setup.data
+    at = [output.name for output in data.outputs].index(part.output)
+    rest = (end.setup.residual - end.after.fitted)[data.rows_of(at)] + unnamed_part(end, data, at)
+    ratio = {column.name: correlation_ratio(data.values(column.name), rest) for column in data.inputs}
+    return tuple(sorted(ratio, key=lambda name: (name not in part.variables, -ratio[name])))[:2]
 
 
 def correlation_ratio(values: Array, of: Array) -> float:

@@ -30,6 +30,9 @@ BELOW_PRACTICAL_LIMIT = "its contribution is below the practical limit"
 NO_FORM = "its form is not that of the data: it is not significant given the other terms"
 AS_WELL = "fits at least as well as any generic form, given the others"
 TERM = "held-out rows are predicted better, and no effect of the library has this form"
+VISITED = 6
+"""Number of sets that a selection visits, per effect that it may have; the longest of 240 records
+visited 10 sets in all."""
 SAME_CAUSE = 0.985
 """Fraction of what a form, or another effect, explains from which an effect that explains as much has
 the same cause: the rest is an error of its formula, 12 % of it in rms at most.
@@ -193,7 +196,6 @@ class Selection:
 
     fit: Fit
     steps: tuple[Step, ...]
-    rejected: tuple[str, ...] = ()
     accepted: tuple[tuple[Fit, HeldOut], ...] = ()
     identified: tuple[str, ...] = ()
 
@@ -202,17 +204,17 @@ def select(search: Search, quick: bool = False) -> Selection:
     """Effects that pass the threshold and the held-out test, added to the null fit one by one;
     `quick` does not try effects that are significant only in pairs.
 
-    Nothing is dropped or exchanged here: what is no longer significant given the others is removed in the
-    search for the final answer.
+    A turn that reaches no new set rejects one more effect or pair, and the number of sets is limited.
     """
     fit = search.fitter.fit(())
     steps: list[Step] = []
     rejected: set[frozenset[str]] = set()
     before = search.tested(fit)
     accepted = [(fit, before)]
+    visited = {frozenset(fit.names)}
     _note(steps, search, fit, before, "start", "", "the model as recalibrated")
     most = search.settings.effects_at_most
-    while len(fit.members) < most:
+    while len(fit.members) < most and len(visited) <= VISITED * most:
         alone = {name for names in rejected if len(names) == 1 for name in names}
         grown = next(search.additions(fit, alone, fit), None)
         if grown is None and not quick:
@@ -232,12 +234,16 @@ def select(search: Search, quick: bool = False) -> Selection:
             _note(steps, search, fit, after, "reject", name, NO_BETTER, gain, better)
             continue
         _note(steps, search, grown, after, "add", name, BOTH, gain, better)
-        fit, before = grown, after
+        fit = _retest_effects(search, grown, steps, accepted)
         accepted.append((grown, after))
-        rejected.clear()  # effects mask each other: one rejected before may pass now
+        if frozenset(fit.names) in visited:  # effects selected before: try another path from here
+            rejected.add(frozenset(new))
+        else:
+            rejected.clear()  # effects mask each other: one rejected before may pass now
+            visited.add(frozenset(fit.names))
+        before = search.tested(fit)
     fit = search.fitter.refined(fit.members)
-    rejected_names = sorted(name for names in rejected for name in names)
-    return Selection(fit, tuple(steps), tuple(rejected_names), tuple(accepted), fit.names)
+    return Selection(fit, tuple(steps), tuple(accepted), fit.names)
 
 
 def with_identified_by_likelihood(
@@ -294,6 +300,42 @@ def masked_pair(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit 
         return None
     alone = [search.fitter.fit(best.without(k)).rss - best.rss for k in range(len(fit.members), len(best.members))]
     return best if min(alone) > limit else None
+
+
+def _retest_effects(search: Search, fit: Fit, steps: list[Step], accepted: list[tuple[Fit, HeldOut]]) -> Fit:
+    """The fit after each effect was exchanged for every candidate, or dropped, if that is better."""
+    for _ in range(4):
+        better = _exchange_effect(search, fit) or _drop_effect(search, fit)
+        if better is None:
+            return fit
+        if sorted(better.names) == sorted(fit.names):  # the same names, fitted better
+            fit = better
+            continue
+        action = "drop" if len(better.members) < len(fit.members) else "swap"
+        dropped, added = _changes(fit.names, better.names)
+        text = f"{', '.join(dropped)} for {', '.join(added)}" if added else ", ".join(dropped)
+        why = "fits better given the others" if added else "no longer significant"
+        fit = better
+        accepted.append((fit, search.tested(fit)))
+        _note(steps, search, fit, accepted[-1][1], action, text, why)
+    return fit
+
+
+def _exchange_effect(search: Search, fit: Fit) -> Fit | None:
+    """A better fit with one effect exchanged; None where there is none."""
+    best = fit
+    for at in range(len(fit.members)):
+        other_members = fit.without(at)
+        for swapped in search.refined(other_members, search.open(other_members))[:1]:
+            if search.worse(best, swapped) > 1e-3:
+                best = swapped
+    return None if best is fit else best
+
+
+def _drop_effect(search: Search, fit: Fit) -> Fit | None:
+    """A fit without an effect that is not significant given the others; None where all are."""
+    smaller_fits = (search.fitter.fit(fit.without(at)) for at in range(len(fit.members) - 1))
+    return next((smaller for smaller in smaller_fits if smaller.rss - fit.rss < search.limit(fit)), None)
 
 
 def _note(

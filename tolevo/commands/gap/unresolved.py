@@ -8,21 +8,19 @@ from operator import itemgetter
 from typing import Any
 
 import numpy as np
-from scipy import linalg, optimize
+from scipy import linalg
 
 from ...models.effects.measurements import labels_of
-from ...models.effects.unresolved import Term, Unresolved
+from ...models.effects.unresolved import RADII, Term, Unresolved, fewest_plays
 from ...models.measurable import Column, Role
 from ...section import Array
 from .close import Corrected
 from .data import GapData
 from .fit import Fitter, Member, is_term
-from .generic import FROM_LEAST, LEVELS, ODD, RADII, STEP, SWING, Form, knots, origin, stretches
+from .generic import FROM_LEAST, LEVELS, ODD, STEP, SWING, Form, knots, origin, stretches
 from .library import Candidate
 from .linear import basis, project_out
 
-MOST_PLAYS = 6
-"""Plays of a memory without a name, at most."""
 WITHIN = 0.9
 """Fraction of an effect's column in the span of a form from which the form is taken without it; a
 form of one column is then the effect itself.
@@ -165,24 +163,9 @@ def _choose_plays(term: Term, data: GapData, fitter: Fitter, members: Sequence[M
     q = fitter.spanned(members)
     rotation, columns = np.linalg.qr(project_out(fitter.white(member_with(Unresolved(term), data)), q))
     y = rotation.T @ fitter.y
-    fits = [(*_fewest_plays(sense * columns, y, fitter.penalty), sense) for sense in (1.0, -1.0)]
+    fits = [(*fewest_plays(sense * columns, y, fitter.penalty), sense) for sense in (1.0, -1.0)]
     _, kept, sense = min(fits, key=itemgetter(0))
     return replace(term, scale=sense * term.scale, radii=tuple(term.radii[k] for k in kept))
-
-
-def _fewest_plays(columns: Array, y: Array, price: float) -> tuple[float, list[int]]:
-    """The least score, squares and `price` for each, of non-negative weights of some columns (m, m) to y (m,),
-    and which ones these are: the least useful are left out one by one.
-    """
-    weights, off = optimize.nnls(columns, y)
-    kept, rss = np.flatnonzero(weights).tolist(), off**2
-    while len(kept) > 1:
-        fewer = [[k for k in kept if k != out] for out in kept]
-        least, smaller = min((float(optimize.nnls(columns[:, some], y)[1]) ** 2, some) for some in fewer)
-        if len(kept) <= MOST_PLAYS and least - rss > price:
-            break
-        rss, kept = least, smaller
-    return rss + price * len(kept), kept
 
 
 def without_idle_plays(member: Member, coefficients: Array, data: GapData) -> Member:
