@@ -135,6 +135,8 @@ TRIED = 4
 SETTLE_ROUNDS = 40
 FORMS_MORE = 2
 """Number of forms that may be added although not significant, to predict as well as each step."""
+AS_WELL = 0.05
+"""Fraction by which the squared held-out error of plays alone may exceed that with effects of a memory."""
 MINOR = 0.1
 """Gain of all effects, as a fraction of the gain of the terms given the effects, below which the
 effects may only correct the terms: no form of one or two variables is the whole law.
@@ -167,11 +169,11 @@ class Settling:
 
     def _with_general_memory(self, fit: Fit) -> Fit:
         """The answer in which plays replace all effects with a memory, where a fit has several or plays as well,
-        none of them alone explains nearly as much as plays do (none is the cause), and plays predict better.
+        none of them alone explains nearly as much as plays do (none is the cause), and plays predict as well.
         """
         plays = [k for k, member in enumerate(fit.members) if is_plays(member)]
-        effects_tried = {m.candidate.effect for m in self.search.dictionary.members}
-        names = frozenset(e.name for e in effects_tried if MEMORY in (e.family, e.yields_to))
+        known = (member.candidate.effect for member in self.search.dictionary.members)
+        names = frozenset(effect.name for effect in known if MEMORY in (effect.family, effect.yields_to))
         effects = [k for k, name in enumerate(fit.names) if name in names]
         if not effects or len(plays) + len(effects) < 2:
             return fit
@@ -182,7 +184,8 @@ class Settling:
         named = min(fitter.refined((*others, fit.members[k])).rss for k in effects)
         alike = none - named > SAME_CAUSE * (none - general)
         answer = fit if alike else self._chosen([answer], names)
-        return answer if self.search.tested(answer).rss < self.search.tested(fit).rss else fit
+        before, after = (self.search.tested(each).rss for each in (fit, answer))
+        return answer if self.holds(answer) and after < (1.0 + AS_WELL) * before else fit
 
     def again(self, fit: Fit, excluded: frozenset[str], more: Sequence[Member] = ()) -> Fit:
         """The answer without the effects in `excluded`, with more terms to begin with: effects are
