@@ -11,6 +11,7 @@ from .commands.study.plan import Design, Factor
 from .models.costs import CostCurve
 from .models.effects.effect import Action, Effect, EffectParameter, Measurements, Target
 from .models.effects.shapes import OneColumn, Weight
+from .models.effects.unresolved import plays
 from .models.inputs import Distribution
 from .models.measurable import Changeable, Column, MeasurableModel, Role
 from .problems.declaration import Declaration
@@ -50,6 +51,7 @@ __all__ = [
     "Value",
     "Variable",
     "Weight",
+    "plays",
 ]
 
 _FORMER = frozenset(

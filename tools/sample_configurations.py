@@ -151,7 +151,7 @@ EFFECTS = {
     "unresolved": [
         {"output": "te_arcsec", "variable": "torque_Nm", "shape": "curve", "exponent": 1.0,
          "zero": 0.0, "scale": 1.0, "signed": True, "order": 1.0, "knots": [0.0, 1.0],
-         "heights": [0.0, 1.0], "labels": ["a"], "times": "torque_Nm", "times_exponent": 1.0,
+         "heights": [0.0, 1.0], "radii": [0.1], "labels": ["a"], "times": "torque_Nm", "times_exponent": 1.0,
          "times_zero": 0.0, "times_scale": 1.0, "times_magnitude": True, "turns": False,
          "coefficients": [1.0]},
     ],

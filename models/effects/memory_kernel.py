@@ -75,3 +75,18 @@ def stick_slip(x: Array, starts: Array, width: float, breakaway: float) -> Array
             y = x[i] + width
         off[i] = y - x[i]
     return off
+
+
+@_compile
+def behind_plays(x: Array, starts: Array, radii: Array) -> Array:
+    """Deviations p - x (n, k) of the outputs p of plays of half-widths `radii` (k,), driven along x (n,):
+    p_i = max(x_i - r, min(x_i + r, p_(i-1))), at rest (p = x) where a path begins. Reference: Visintin,
+    Differential Models of Hysteresis.
+    """
+    off = np.empty((x.size, radii.size))
+    for k in range(radii.size):
+        r, p = radii[k], 0.0
+        for i in range(x.size):
+            p = x[i] if starts[i] else max(x[i] - r, min(x[i] + r, p))
+            off[i, k] = p - x[i]
+    return off

@@ -11,9 +11,9 @@ import pytest
 
 from tolevo.commands.gap import gap
 from tolevo.commands.gap.configuration import read_gap
-from tolevo.commands.gap.generic import Curve, empirical
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.records import GapResult
+from tolevo.models.effects.empirical import Curve, empirical
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 

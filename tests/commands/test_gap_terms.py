@@ -14,12 +14,11 @@ from typer.testing import CliRunner
 
 from tolevo.cli import app
 from tolevo.commands.gap import gap
-from tolevo.commands.gap.analysis import _broken_line
 from tolevo.commands.gap.configuration import gap_plan, read_gap
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.records import GapResult
 from tolevo.models.effects.effect import Measurements
-from tolevo.models.effects.unresolved import Term
+from tolevo.models.effects.unresolved import Term, broken_line
 from tolevo.models.measurable import Role
 
 HEAD = (
@@ -98,9 +97,9 @@ def test_what_a_formula_leaves_of_its_own_mechanism_is_no_second_name(tmp_path: 
 
 def test_a_broken_line_goes_through_what_is_a_function_and_not_through_what_is_none() -> None:
     x = np.linspace(-1.0, 1.0, 501)
-    knots, heights, off = _broken_line(x, np.clip(x / 0.3, -1.0, 1.0))
+    knots, heights, off = broken_line(x, np.clip(x / 0.3, -1.0, 1.0))
     assert off < 1e-3 and len(knots) == len(heights) < 10
-    assert _broken_line(x, np.random.default_rng(0).normal(size=501))[2] > 0.5
+    assert broken_line(x, np.random.default_rng(0).normal(size=501))[2] > 0.5
 
 
 def test_lists_of_a_term_that_do_not_fit(tmp_path: Path) -> None:

@@ -247,7 +247,7 @@ def _distribution(section: Section, variable: Variable) -> Distribution | None:
 
 UNRESOLVED = "unresolved"
 TEXTS, FLAGS = ("output", "variable", "shape", "times"), ("signed", "turns", "times_magnitude")
-LISTS = ("knots", "heights", "coefficients", "labels")
+LISTS = ("knots", "heights", "radii", "coefficients", "labels")
 
 
 def read_unresolved(top: Section, model: ModelClass | MeasurableModel | None, name: str) -> tuple[Active, ...]:
@@ -280,6 +280,14 @@ def _term(section: Section) -> Active | None:
         term_table["shape"] == "curve"
     ):
         section.fault("heights", "must have as many numbers as a curve has knots, and none for another shape")
+        faulty = True
+    for key in ("scale", "times_scale"):
+        if term_table.get(key, 1.0) == 0.0:
+            section.fault(key, "must not be 0: values are divided by it")
+            faulty = True
+    radii, plays = term_table.get("radii", []), term_table.get("shape") == "plays"
+    if not faulty and (bool(radii) != plays or any(radius <= 0.0 for radius in radii)):
+        section.fault("radii", "must be positive numbers, one for each of the plays, and none for another shape")
         faulty = True
     section.finish()
     if faulty:

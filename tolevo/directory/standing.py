@@ -75,7 +75,10 @@ KINDS: Mapping[str, Kind] = {
             "page.json",
             "gap.json",
         ),
-        pages=(PAGE, *_figure_files("residuals_*", "spectrum_*", "distribution_*", "path", "next_measurement")),
+        pages=(
+            PAGE,
+            *_figure_files("residuals_*", "spectrum_*", "distribution_*", "remainder_*", "path", "next_measurement"),
+        ),
         saved="the search as it was saved last, and every replicate that had ended",
     ),
     "study": Kind(

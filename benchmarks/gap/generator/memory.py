@@ -115,8 +115,8 @@ def dead_zone(rng: np.random.Generator, at: Points) -> Injected:
 
 
 def slipping(rng: np.random.Generator, at: Points) -> Injected:
-    """Many friction elements along the travel, each with a limit of its own."""
-    limits = float(np.ptp(at.angle)) * rng.uniform(0.01, 0.4, 12)
+    """Friction elements along the travel, two to twelve, each with a limit of its own."""
+    limits = float(np.ptp(at.angle)) * rng.uniform(0.01, 0.4, int(rng.integers(2, 13)))
     force, before, found = np.zeros(len(limits)), float(at.angle[0]), np.empty(len(at))
     for row, here in enumerate(at.angle.tolist()):
         force = np.clip(force + (here - before), -limits, limits)

@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from tolevo import registry
 from tolevo.models.effects.effect import Effect, Target
 from tolevo.models.effects.measurements import measurements_of, target_from
+from tolevo.models.effects.unresolved import Term
 from tolevo.models.measurable import Column, Role
 from tolevo.section import Output
 from tolevo.testing import EffectContract
@@ -187,3 +188,29 @@ def test_each_session_begins_at_rest() -> None:
     apart = acted("dahl_friction", {"level_N": 1.0, "length_m": 0.002}, table | {"session": sessions})
     np.testing.assert_array_equal(apart[:half], both[:half])
     assert apart[half] == 0.0
+
+
+def test_plays_follow_a_loop_computed_by_hand() -> None:
+    """Plays of half-widths 1 and 3 along 0, 4, 2, -4, 0: outputs 0, 3, 3, -3, -1 and 0, 1, 1, -1, -1."""
+    x = np.array([0.0, 4.0, 2.0, -4.0, 0.0])
+    behind = np.array([[0.0, -1.0, 1.0, 1.0, -1.0], [0.0, -3.0, -1.0, 3.0, -1.0]]).T
+    columns = (Column("u", "V", "", True, role=Role.INPUT),)
+    rows = measurements_of(columns, {"u": 20.0 + 2.0 * x})
+    term = Term("error_um", "u", "plays", zero=20.0, scale=2.0, radii=(1.0, 3.0))
+    np.testing.assert_allclose(term.columns(rows), behind)
+    turned = Term("error_um", "u", "plays", zero=20.0, scale=-2.0, radii=(1.0, 3.0))
+    np.testing.assert_allclose(turned.columns(rows), -behind)
+
+
+def test_plays_keep_the_order_of_time_and_begin_each_session_at_rest() -> None:
+    table, half = motion(), N // 2
+    columns, term = COLUMNS, Term("error_um", "force_N", "plays", radii=(7.0, 30.0))
+    whole = term.columns(measurements_of(columns, table))
+    disorder = np.random.default_rng(2).permutation(N)
+    shuffled = {name: values[disorder] for name, values in table.items()}
+    np.testing.assert_allclose(term.columns(measurements_of(columns, shuffled)), whole[disorder])
+    sessions = table | {"session": np.repeat([1, 2], [half, N - half])}
+    apart = term.columns(measurements_of(columns, sessions))
+    np.testing.assert_array_equal(apart[:half], whole[:half])
+    second = {name: values[half:] for name, values in table.items()}
+    np.testing.assert_allclose(apart[half:], term.columns(measurements_of(columns, second)))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...models.effects.measurements import changes_of, effect_actions
-from ...models.effects.unresolved import Term, Unresolved
+from ...models.effects.unresolved import Term, Unresolved, broken_line
 from ...models.measurable import Role
 from ...section import Array
 from .blocks import HeldOut, improvement
@@ -39,6 +39,7 @@ from .population import Misfit, Scatter, misfit, scatter
 from .scan import GenericResidual, Remaining, dictionary, generic_residual
 from .selection import (
     MIN_EXTRA_FRACTION,
+    SAME_CAUSE,
     Other,
     Search,
     Selection,
@@ -50,12 +51,8 @@ from .selection import (
     with_identified_by_likelihood,
 )
 from .setup import Setup, move_setup
-from .unresolved import effect_of, label, member_of, member_with, term_of, whole_term
+from .unresolved import effect_of, is_plays, label, member_of, member_with, term_of, whole_term, without_idle_plays
 
-KNOTS = 60
-"""Knots of a curve, at most."""
-EXACT = 1e-3
-"""Deviation at which no more knots are added, as a fraction of the largest value."""
 NO_CURVE = 0.02
 """Deviation from which a contribution is no function of one variable, as a fraction of its rms."""
 
@@ -82,7 +79,7 @@ def as_curve(fitter: Fitter, fit: Fit, small: Sequence[int], large: Sequence[int
         return None
     y = part * np.asarray(data.measurements[Role.DIRECTION], dtype=float) if turns else part
     variable = next(iter(inputs))
-    knots, heights, off = _broken_line(data.values(variable), y)
+    knots, heights, off = broken_line(data.values(variable), y)
     if off > NO_CURVE:
         return None
     effect = Unresolved(
@@ -107,40 +104,22 @@ CURVED = ("spline", "power", "curve")
 def with_curves(fitter: Fitter, fit: Fit, data: GapData) -> Fit:
     """The fit in which the terms over a variable that effects act in are one curve, of which those
     effects can explain nothing: their parameters are those of their formulas alone, and the curve is
-    by how much these are off.
+    by how much these are off. Plays without a weight are left out.
     """
     groups: dict[tuple[str, frozenset[str], bool], list[int]] = {}
     for k, member in enumerate(fit.members):
         effect = member.candidate.effect
         if isinstance(effect, Unresolved) and effect.term.shape in CURVED:
             groups.setdefault((effect.term.output, *variables_of(member, data)), []).append(k)
-    members = dict(enumerate(fit.members))
+    pairs = zip(fit.members, fit.coefficients, strict=True)
+    members = {k: without_idle_plays(*pair, data) for k, pair in enumerate(pairs)}
     for (_, variables, turns), terms in groups.items():
         acting = [(k, *variables_of(fit.members[k], data)) for k in fit.identified]
         large = [k for k, inputs, opposite in acting if inputs <= variables and opposite == turns]
         curve = as_curve(fitter, fit, terms, large, data) if large else None
         if curve is not None:
             members = {k: member for k, member in members.items() if k not in terms} | {terms[0]: curve}
-    return fitter.fit([members[k] for k in sorted(members)]) if len(groups) else fit
-
-
-def _broken_line(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ...], float]:
-    """Knots and heights of a broken line through points (n,), of magnitude 1 at most, and its rms
-    error relative to the points. Knots are added one by one where the error is largest (Douglas and
-    Peucker, Cartographica 10, 1973).
-    """
-    order = np.argsort(x, kind="stable")
-    x, first = np.unique(x[order], return_index=True)
-    y = y[order][first] / max(float(np.abs(y).max()), 1e-300)
-    at = [0, len(x) - 1]
-    while True:
-        deviations = y - np.interp(x, x[at], y[at])
-        worst = int(np.argmax(np.abs(deviations)))
-        if abs(deviations[worst]) < EXACT or len(at) >= KNOTS:
-            break
-        at = sorted([*at, worst])
-    off = float(np.sqrt(np.mean(deviations**2) / max(float(np.mean(y**2)), 1e-300)))
-    return tuple(x[at].tolist()), tuple(y[at].tolist()), off
+    return fitter.fit([members[k] for k in sorted(members)]) if fit.terms else fit
 
 
 # The final answer: identified effects and generic terms, fitted together and tested together.
@@ -149,11 +128,15 @@ def _broken_line(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ..
 # the held-out error and fits no effect stays as a generic term, so that its omission does not bias
 # the parameters of the effects.
 
+MEMORY = "memory"
+"""The family of the effects that depend on the rows before."""
 TRIED = 4
 """Number of forms and effects that are tried at each step, the likeliest first."""
 SETTLE_ROUNDS = 40
 FORMS_MORE = 2
 """Number of forms that may be added although not significant, to predict as well as each step."""
+AS_WELL = 0.05
+"""Fraction by which the squared held-out error of plays alone may exceed that with effects of a memory."""
 MINOR = 0.1
 """Gain of all effects, as a fraction of the gain of the terms given the effects, below which the
 effects may only correct the terms: no form of one or two variables is the whole law.
@@ -182,7 +165,27 @@ class Settling:
             answers.append(self.grown(self.search.fitter.refined(fit.without(*at)), names))
             if answers[1].score < answers[0].score - SCORE_MARGIN:
                 answers.reverse()
-        return self._chosen(answers, frozenset())
+        return self._with_general_memory(self._chosen(answers, frozenset()))
+
+    def _with_general_memory(self, fit: Fit) -> Fit:
+        """The answer in which plays replace all effects with a memory, where a fit has several or plays as well,
+        none of them alone explains nearly as much as plays do (none is the cause), and plays predict as well.
+        """
+        plays = [k for k, member in enumerate(fit.members) if is_plays(member)]
+        known = (member.candidate.effect for member in self.search.dictionary.members)
+        names = frozenset(effect.name for effect in known if MEMORY in (effect.family, effect.yields_to))
+        effects = [k for k, name in enumerate(fit.names) if name in names]
+        if not effects or len(plays) + len(effects) < 2:
+            return fit
+        others, fitter = fit.without(*plays, *effects), self.search.fitter
+        answer = self.grown(fitter.refined(others), names)
+        none = fitter.fit(others).rss
+        general = fitter.fit((*others, *filter(is_plays, answer.members))).rss
+        named = min(fitter.refined((*others, fit.members[k])).rss for k in effects)
+        alike = none - named > SAME_CAUSE * (none - general)
+        answer = fit if alike else self._chosen([answer], names)
+        before, after = (self.search.tested(each).rss for each in (fit, answer))
+        return answer if self.holds(answer) and after < (1.0 + AS_WELL) * before else fit
 
     def again(self, fit: Fit, excluded: frozenset[str], more: Sequence[Member] = ()) -> Fit:
         """The answer without the effects in `excluded`, with more terms to begin with: effects are
@@ -268,7 +271,8 @@ class Settling:
         if at < 0:
             return None
         excluded.add(fit.names[at])
-        return fitter.refined(fit.without(at))
+        plays = (k for k, member in enumerate(fit.members) if is_plays(member))  # orthogonal to an effect, perhaps that
+        return fitter.refined(fit.without(at, *plays))
 
     def _explained_by_terms(self, fit: Fit) -> int:
         """The index of an effect whose contribution a term explains, with much more; else -1."""
@@ -337,7 +341,7 @@ class Settling:
             term = term_of(self.generic.forms[k], self.data, outputs[self.generic.outputs[k]].name)
             if term is None:
                 continue
-            member = member_of(term, self.data, self.search.fitter, fit.effects)
+            member = member_of(term, self.data, self.search.fitter, fit.members)
             if member is None or member.name in excluded or member.name in fit.names:
                 continue
             larger = self.search.fitter.fit((*fit.members, member))

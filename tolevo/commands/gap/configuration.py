@@ -38,7 +38,7 @@ from ...problems.settings import Labels
 from ...section import PLAIN, POSITIVE, Need, Output, Range, Section, completed, flat, shown
 from ...units import converted, split_unit
 from .drawing_configuration import Run, apply_drawing
-from .next_points import rows_in_range
+from .next_field import rows_in_range
 from .plan import GapPlan, GapSettings, NextPlan, Span
 
 

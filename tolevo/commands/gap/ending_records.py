@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...models.effects import EffectParameter
-from ...models.effects.unresolved import Term
+from ...models.effects.unresolved import Offer
 from ...section import Array
 from .analysis import Analysis, variables_of
 from .blocks import improvement
@@ -261,6 +261,7 @@ def residual_table(end: Ending, full: GapData) -> pd.DataFrame:
         frame[f"{name}_corrected"] = after[name]
         frame[f"{name}_before"] = measured - before[name]
         frame[f"{name}_after"] = measured - after[name]
+        frame[f"{name}_remainder"] = measured - after[name] + unnamed_part(end, full, at)
         for which, of, held in (("before", start.setup, end.before), ("after", setup, end.after)):
             part = (of.residual - held.fitted)[setup.data.rows_of(at)]
             frame[f"{name}_{which}_held_out"] = _spread_to_rows(part, used, len(full))
@@ -411,6 +412,8 @@ def _population_gaps(end: Ending, before: Array, after: Array) -> Gaps:
     return Gaps(_add_total(end, first), _add_total(end, last), _add_total(end, least), OF_UNITS)
 
 
+CELLS = 12
+"""Number of stretches of an input over which means are taken."""
 MAX_REMAINDERS = 3
 """Number of forms listed in addition to the terms."""
 
@@ -427,7 +430,7 @@ def terms_of(end: Ending) -> tuple[UnresolvedTerm, ...]:
         if is_term(member):
             term, table = effect_of(member).term, table_of(member, end.model)
             gain = end.analysis.search.fitter.fit(end.fit.without(at)).rss - end.fit.rss
-            terms.append(UnresolvedTerm(term.output, term.variables, shape(term), gain, table))
+            terms.append(UnresolvedTerm(term.output, term.variables, term.words, gain, table))
     return tuple(terms)
 
 
@@ -444,7 +447,41 @@ def remainder_of(end: Ending) -> tuple[Remainder, ...]:
     remainders = (*(_term_remainders(end, members) for members in together.values()), *_form_remainders(end))
     pairs = zip(end.setup.data.outputs, floors(end), strict=True)
     floor_of = {output.name: max(level, 1e-300) for output, (level, _) in pairs}
-    return tuple(replace(part, ratio=part.rms / floor_of[part.output]) for part in remainders)
+    return tuple(replace(r, ratio=r.rms / floor_of[r.output], against=_telling_inputs(end, r)) for r in remainders)
+
+
+def _telling_inputs(end: Ending, part: Remainder) -> tuple[str, ...]:
+    """Two inputs: those of a remainder, else those over which means explain most of what the effects leave."""
+    data = end.setup.data
+    at = [output.name for output in data.outputs].index(part.output)
+    rest = (end.setup.residual - end.after.fitted)[data.rows_of(at)] + unnamed_part(end, data, at)
+    ratio = {column.name: correlation_ratio(data.values(column.name), rest) for column in data.inputs}
+    return tuple(sorted(ratio, key=lambda name: (name not in part.variables, -ratio[name])))[:2]
+
+
+def correlation_ratio(values: Array, of: Array) -> float:
+    """Fraction of the variance of `of` (n,) explained by its means over stretches of values (n,)."""
+    edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, CELLS + 1)))
+    cell = np.searchsorted(edges[1:-1], values, side="right")
+    count = np.bincount(cell)
+    means = np.bincount(cell, of) / np.maximum(count, 1)
+    total = float(np.var(of))
+    between = float(count @ (means - of.mean()) ** 2) / len(of)
+    return between / total if total > 0.0 else 0.0
+
+
+def unnamed_part(end: Ending, data: GapData, output: int) -> Array:
+    """What the terms without a name add (n,) to an output at rows of a table."""
+    total, name = np.zeros(len(data)), end.setup.data.outputs[output].name
+    for member in end.fit.terms:
+        if effect_of(member).term.output == name:
+            total = total + effect_of(member).term.columns(data.measurements) @ _weights(end, member)
+    return total
+
+
+def _weights(end: Ending, member: Member) -> Array:
+    """The coefficients of a term."""
+    return effect_of(member).coefficients(end.model.effect(member.name))
 
 
 def _scatter_remainder(end: Ending) -> tuple[Remainder, ...]:
@@ -480,9 +517,11 @@ def _term_remainders(end: Ending, members: Sequence[Member]) -> Remainder:
     rms, unit = float(np.std(added)), setup.data.outputs[at].unit
     white = project_out(white, fitter.q)  # without the part that the zeros and free parameters span
     fraction = min(1.0, float(white @ white) / _excess_over_noise(end))
-    text = ", and ".join(dict.fromkeys(shape(term) for term in terms))
+    text = ", and ".join(dict.fromkeys(term.words for term in terms))
     turns = any(term.turns for term in terms)
-    return Remainder(first.output, first.variables, text, rms, unit, rms / _level(end, at), fraction, turns)
+    offer = Offer(terms, [_weights(end, member) for member in members], setup.data.target.columns, text)
+    texts = offer.formula(), offer.plugin()
+    return Remainder(first.output, first.variables, text, rms, unit, rms / _level(end, at), fraction, turns, (), *texts)
 
 
 def _level(end: Ending, output: int) -> float:
@@ -516,27 +555,3 @@ def _form_remainders(end: Ending) -> tuple[Remainder, ...]:
             bool(form.direction),
         )
     return tuple(remainders.values())
-
-
-def shape(term: Term) -> str:
-    """A term in words."""
-    names = " and ".join(term.variables)
-    kinds = {
-        "constant": "an offset",
-        "spline": f"a smooth curve over {term.variable}",
-        "power": f"{term.variable} to the power {term.exponent:.3g}",
-        "step": f"a step at {term.variable} = {term.zero:.4g}",
-        "wave": f"a wave of order {term.order:g}",
-        "swing": f"a swing of {term.order:g} cycles over {term.variable}",
-        "product": f"a product of {names}",
-        "curve": f"a curve over {term.variable}",
-        "levels": f"a separate level for each {term.variable}",
-    }
-    text = kinds[term.shape].removesuffix(" to the power 1")
-    if term.shape == "power":
-        signs = (term.exponent % 2 == 1) == term.signed
-        text += "" if signs or term.zero else ", odd" if term.signed else ", of the magnitude"
-    if term.times and term.shape != "product":
-        power = f"^{term.times_exponent:g}" if term.times_exponent != 1.0 else ""
-        text += f" times {term.times}{power}"
-    return text + (", opposite in the two directions" if term.turns else "")

@@ -155,7 +155,7 @@ def shape_records(end: Ending) -> tuple[Shape, ...]:
 
 def _formula(end: Ending, shape: Shape, fit: Fit) -> str:
     """A formula over the shape's variable; empty where a spline fits as well."""
-    from .generic import Curve, empirical
+    from ...models.effects.empirical import Curve, empirical
 
     setup = end.setup
     x, name, period = along(setup, shape.variable), shape.variable, 0.0

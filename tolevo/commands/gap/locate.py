@@ -152,6 +152,7 @@ def _text(form: Form, amplitude: float, unit: str, torque: str, near: tuple[str,
         "direction": "an offset that changes sign with the direction",
         "product": f"a product of {form.variable} and {', '.join(form.further_variables)}",
         "trend": f"a change along {form.variable}",
+        "memory": f"a memory of the path of {form.variable}",
     }.get(form.kind, f"a dependence on {form.variable}")
     parts = [f"{where}, amplitude {amplitude:.3g} {unit}".rstrip()]
     if form.kind == "power":

@@ -15,15 +15,17 @@ from scipy.special import chndtr, ndtr
 from ...models.effects.population import Law
 from ...models.measurable import Role
 from ...section import Array
-from .ending_records import MORE_UNITS_ADVICE, UNIMITATED
+from .ending_records import MORE_UNITS_ADVICE, UNIMITATED, correlation_ratio
 from .fit import Fit, Member
 from .next_field import (
     Ahead,
+    Axis,
     Chosen,
     Contest,
     Field,
     Points,
     Predictions,
+    add_label_columns,
     base_at,
     continue_record,
     distance,
@@ -33,7 +35,6 @@ from .next_field import (
     place_at_rows,
     predict_record,
 )
-from .next_points import Axis, add_label_columns
 from .noise import Noise
 from .plan import NextPlan
 from .population import BatchLikelihood, Scatter, exchanged_names
@@ -179,10 +180,6 @@ def sensitivity(end: Ending, sought: Sought, new: Ahead, alike: Ahead) -> Sensit
     )
 
 
-CELLS = 12
-"""Number of stretches of an input over which means are taken."""
-
-
 def decisive_inputs(field: Field, contest: Contest, chosen: Chosen) -> tuple[str, ...]:
     """The two inputs on which the difference of the explanations depends most: by the correlation
     ratio of it, or of its square, over all candidates.
@@ -193,21 +190,10 @@ def decisive_inputs(field: Field, contest: Contest, chosen: Chosen) -> tuple[str
 
     def strength(axis: Axis) -> float:
         values = field.data.values(axis.column.name)
-        return max(_ratio(values, signed), _ratio(values, signed**2))
+        return max(correlation_ratio(values, signed), correlation_ratio(values, signed**2))
 
     moving = [axis for axis in field.axes if axis.span.high > axis.span.low and axis.column.role is not Role.TIME]
     return tuple(axis.column.name for axis in sorted(moving, key=strength, reverse=True)[:2])
-
-
-def _ratio(values: Array, of: Array) -> float:
-    """Fraction of the variance of `of` (n,) explained by its means over stretches of values (n,)."""
-    edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, CELLS + 1)))
-    cell = np.searchsorted(edges[1:-1], values, side="right")
-    count = np.bincount(cell)
-    means = np.bincount(cell, of) / np.maximum(count, 1)
-    total = float(np.var(of))
-    between = float(count @ (means - of.mean()) ** 2) / len(of)
-    return between / total if total > 0.0 else 0.0
 
 
 MAX_FURTHER_UNITS = 10**6

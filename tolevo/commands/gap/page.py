@@ -24,7 +24,7 @@ from ...page.drawing import flags, label_with_unit, new_axes, new_figure, style_
 from ...page.page import summary_table
 from ...records import Axis
 from ...units import split_unit
-from .records import Attribution, Drawing, FoundEffect, GapResult, NextMeasurement, Region, Rival, Step
+from .records import Attribution, Drawing, FoundEffect, GapResult, NextMeasurement, Region, Remainder, Rival, Step
 
 __all__ = ["drawings", "figures", "gap_page"]
 
@@ -49,6 +49,8 @@ BEFORE = Mark("before", "#c4501b", "o", "--", "none")
 AFTER = Mark("after", "#1f5fa8", "x", "-", "#1f5fa8")
 TAKEN = Mark("taken away", "#2b7a3d", "+", "-.", "#2b7a3d")
 """What the correction does: before less after."""
+REMAINDER = Mark("remainder", "#7a3e9d", ".", "-", "#7a3e9d")
+"""What the named effects leave; the curves without a name take it away."""
 
 
 def words(name: str, unit: str) -> str:
@@ -184,6 +186,22 @@ def residuals_figure(result: GapResult, output: Axis) -> Figure | None:
     return figure
 
 
+def remainder_figure(result: GapResult, output: Axis) -> Figure | None:
+    """What the named effects leave, against the two inputs that show most of it; None where nothing is."""
+    best = next((part.against for part in result.remainder if part.output == output.name), ())
+    inputs = [axis for name in best for axis in result.inputs if axis.name == name]
+    if not inputs or f"{output.name}_{REMAINDER.word}" not in result.residuals:
+        return None
+    frame, figure = thin_rows(result.residuals), new_figure(height=3.0)
+    panels = figure.subplots(1, len(inputs), sharey=True, squeeze=False)[0]
+    for axes, axis in zip(panels, inputs, strict=True):
+        _panel(axes, frame, axis, output, REMAINDER, [])
+        style_axes(axes)
+    panels[0].set_ylabel(label_with_unit(REMAINDER.word, output.unit))
+    legend(figure, panels)
+    return figure
+
+
 def thin_rows(frame: pd.DataFrame) -> pd.DataFrame:
     """Every k-th row, at most DRAWN of them."""
     return frame.iloc[:: max(1, -(-len(frame) // DRAWN))]
@@ -195,7 +213,7 @@ def _panel(axes: Axes, frame: pd.DataFrame, axis: Axis, output: Axis, mark: Mark
     places, ticks = _places(frame[axis.name])
     outlier = _outliers(frame, output)
     rest = frame[f"{output.name}_{mark.word}"].to_numpy(dtype=float)
-    limit = _limit(frame, output)
+    limit = _limit(frame, output, MARKS if mark in MARKS else (mark,))
     axes.axhline(0.0, color="black", linewidth=0.8)
     axes.plot(
         places[~outlier],
@@ -228,10 +246,10 @@ def _outliers(frame: pd.DataFrame, output: Axis) -> NDArray[np.bool_]:
     return np.array(flags(frame, f"{output.name}_outlier"), dtype=bool)
 
 
-def _limit(frame: pd.DataFrame, output: Axis) -> float:
+def _limit(frame: pd.DataFrame, output: Axis, marks: Sequence[Mark] = MARKS) -> float:
     """Half the height of the panels, in which all measurements but the outliers lie."""
     good = frame[~_outliers(frame, output)]
-    both = good[[f"{output.name}_{mark.word}" for mark in MARKS]].to_numpy(dtype=float)
+    both = good[[f"{output.name}_{mark.word}" for mark in marks]].to_numpy(dtype=float)
     return 1.1 * float(np.nanmax(np.abs(both), initial=0.0)) or 1.0
 
 
@@ -523,6 +541,10 @@ VERDICTS = {
     "unnamed": "Unnamed: model and measurement disagree, and no effect of the library explains it.",
 }
 RMSE = "RMSE on held-out rows"
+FORMULA = (
+    "To have it fitted as an effect with a name, add this to the configuration, and give it the name of its cause:"
+)
+PLUGIN = "Or as a plugin, with the form that was found, in a package with an entry point in tolevo.effects:"
 CONFOUNDED = "Not detectable, because confounded with free parameters"
 CAPTIONS = {
     "residuals": "{0}: measured less predicted against every input: before (circles), after "
@@ -532,6 +554,8 @@ CAPTIONS = {
     "spectrum": "{0}: amplitude of every order of the residual, before in the upper and after in the lower panel. "
     "The dotted line is the largest amplitude of noise alone; peaks above it are labelled with their order. "
     "The gap is located at hatched orders, including waves that grow with the torque, which hardly show here.",
+    "remainder": "{0}: what the named effects leave, before any term without a name, against the two inputs that show "
+    "most of it. The black line is the mean of neighbouring measurements.",
     "distribution": "{0}. Left: fraction of units below a value; measured (solid), model before "
     "(dashed) and after (dash-dotted). Right: the distance of the measured units from both "
     "populations; 95 % of batches of that size, drawn from the corrected model, stay below the dotted line.",
@@ -570,7 +594,9 @@ def gap_page(result: GapResult, drawn: Sequence[Drawn] | None = None) -> str:
         "Orders": _pictures_of_kind(pictures, "spectrum"),
         "Steps": _pictures_of_kind(pictures, "path") + _steps(result),
         "Effects": "\n".join(map(_effect, result.effects)),
-        "Unexplained residual": _remainder(result) if result.remainder else "",
+        "Unexplained residual": _pictures_of_kind(pictures, "remainder") + _remainder(result)
+        if result.remainder
+        else "",
         "Rivals and the measurement that separates them": "\n".join(map(_rival, result.rivals)),
         "Inputs that may cause it": attribution_table(result),
         "The next measurement": _next(result, _pictures_of_kind(pictures, "next_measurement")),
@@ -620,7 +646,12 @@ def _before_after(result: GapResult, name: str) -> str:
 
 
 def _each_drawing(result: GapResult) -> Iterator[Drawn]:
-    kinds = (("residuals", residuals_figure), ("spectrum", spectrum_figure), ("distribution", distribution_figure))
+    kinds = (
+        ("residuals", residuals_figure),
+        ("spectrum", spectrum_figure),
+        ("distribution", distribution_figure),
+        ("remainder", remainder_figure),
+    )
     for output in result.outputs:
         for kind, draw in kinds:
             figure = draw(result, output)
@@ -706,7 +737,15 @@ def _remainder(result: GapResult) -> str:
     columns = "output, variables, shape, rms, unit, ratio: over the noise, share: fraction of the gap"
     rows = listed(result.remainder, columns)
     terms = [f"unexplained term of the corrected model: {term}" for term in result.unresolved]
-    return table(rows.assign(variables=rows["variables"].map(", ".join))) + bullets(terms)
+    offers = "\n".join(_offer(part) for part in result.remainder if part.plugin)
+    return table(rows.assign(variables=rows["variables"].map(", ".join))) + bullets(terms) + offers
+
+
+def _offer(part: Remainder) -> str:
+    """An effect of one's own with the form of a remainder, by a formula and by a plugin."""
+    formula = f"<p>{FORMULA}</p>\n<pre>{escape(part.formula)}</pre>" if part.formula else ""
+    body = f"{formula}\n<p>{PLUGIN}</p>\n<pre>{escape(part.plugin)}</pre>"
+    return folded_section(f"An effect of your own: {part.output} by {' and '.join(part.variables)}", body)
 
 
 def _next(result: GapResult, pictures: str) -> str:

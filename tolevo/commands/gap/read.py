@@ -32,12 +32,13 @@ from .data import (
     too_few_units_fault,
 )
 from .fit import Fit
-from .next_points import NO_POINT, RANGE, axes_of, candidates, rows_in_range
 from .plan import GapPlan, alike, column_messages, output_of
 
 
 def range_faults(plan: GapPlan, data: GapData, place: str) -> list[Fault]:
     """Faults of ranges of missing columns, of past times, and of ranges without a point."""
+    from .next_field import NO_POINT, RANGE, axes_of, candidates, rows_in_range  # it needs a setup, which reads
+
     wanted = plan.next_measurement
     if wanted is None:
         return []

@@ -546,7 +546,9 @@ class Remainder:
 
     `rms` is what the form explains, in the unit of the output, measured without it; `ratio` the
     same over the noise floor, `share` its fraction of the squared gap beyond the noise. It `turns` where
-    it is opposite in the two directions.
+    it is opposite in the two directions. `against` are the two inputs that it shows best against.
+    `formula` and `plugin` are the texts of an `[[effect]]` table and of a plugin with the form, for an
+    effect of one's own, empty where there is none.
     """
 
     output: str
@@ -557,6 +559,9 @@ class Remainder:
     ratio: float
     share: float
     turns: bool = False
+    against: tuple[str, ...] = ()
+    formula: str = ""
+    plugin: str = ""
 
     def __str__(self) -> str:
         fraction = f"{100 * self.share:.1f} %" if self.share >= 1e-3 else "under 0.1 %"
@@ -590,7 +595,8 @@ class GapResult:
     measurement in the order of measuring: the inputs; `block`; and for each output O its measured
     value `O`, whether it is an outlier (`O_outlier`), the recalibrated model `O_predicted` and with
     the effects `O_corrected`, the residuals (measured less predicted) `O_before` and `O_after`,
-    both on held-out rows (`O_before_held_out`, `O_after_held_out`), and the noise `O_noise`.
+    both on held-out rows (`O_before_held_out`, `O_after_held_out`), the residual given the named effects
+    alone (`O_remainder`), and the noise `O_noise`.
     `spectrum` has the columns output, order, before, after, threshold (amplitudes in the unit of
     the output). `units` holds the distributions of a batch (empty without one): output, share, and
     the value that this fraction of the units stays below, measured, and drawn from the model before

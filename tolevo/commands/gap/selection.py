@@ -196,7 +196,6 @@ class Selection:
 
     fit: Fit
     steps: tuple[Step, ...]
-    rejected: tuple[str, ...] = ()
     accepted: tuple[tuple[Fit, HeldOut], ...] = ()
     identified: tuple[str, ...] = ()
 
@@ -244,8 +243,7 @@ def select(search: Search, quick: bool = False) -> Selection:
             visited.add(frozenset(fit.names))
         before = search.tested(fit)
     fit = search.fitter.refined(fit.members)
-    rejected_names = sorted(name for names in rejected for name in names)
-    return Selection(fit, tuple(steps), tuple(rejected_names), tuple(accepted), fit.names)
+    return Selection(fit, tuple(steps), tuple(accepted), fit.names)
 
 
 def with_identified_by_likelihood(

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
 from scipy import linalg
 
 from ...models.effects.measurements import labels_of
-from ...models.effects.unresolved import Term, Unresolved
+from ...models.effects.unresolved import RADII, Term, Unresolved, fewest_plays
 from ...models.measurable import Column, Role
 from ...section import Array
 from .close import Corrected
 from .data import GapData
-from .fit import Fitter, Member
+from .fit import Fitter, Member, is_term
 from .generic import FROM_LEAST, LEVELS, ODD, STEP, SWING, Form, knots, origin, stretches
 from .library import Candidate
 from .linear import basis, project_out
@@ -31,6 +32,11 @@ def effect_of(member: Member) -> Unresolved:
     effect = member.candidate.effect
     assert isinstance(effect, Unresolved)
     return effect
+
+
+def is_plays(member: Member) -> bool:
+    """Whether a member of a fit is a memory without a name."""
+    return is_term(member) and effect_of(member).term.shape == "plays"
 
 
 def label(member: Member) -> str:
@@ -64,6 +70,8 @@ def term_of(form: Form, data: GapData, output: str) -> Term | None:
         return _product(base, form, data, columns)
     if form.kind == "power":
         return _power(base, form, x)
+    if form.kind == "memory":
+        return replace(base, shape="plays", scale=float(np.ptp(x)), radii=RADII)
     if form.shape == STEP:
         at = form.after
         later = bool((x[at:] > x[at - 1]).all() and (x[:at] < x[at]).all())  # not with own clocks
@@ -120,14 +128,23 @@ def _wave(base: Term, form: Form, data: GapData) -> Term:
     return replace(term, times=by, times_exponent=float(form.by_power), times_scale=size)
 
 
-def member_of(term: Term, data: GapData, fitter: Fitter, named: Sequence[Member]) -> Member | None:
-    """A term as a member of a fit, orthogonal to the `named` effects in its span, or None."""
+def member_of(term: Term, data: GapData, fitter: Fitter, members: Sequence[Member]) -> Member | None:
+    """A term as a member of a fit of `members`, orthogonal to the named effects in its span, or None."""
+    if term.shape == "plays":
+        known = [effect_of(member).term for member in members if is_plays(member)]
+        again = (term.variable, term.output) in [(other.variable, other.output) for other in known]
+        term = replace(term, radii=()) if again else _choose_plays(term, data, fitter, members)
+        if not term.radii:
+            return None
     form = project_out(fitter.white(member_with(Unresolved(term), data)), fitter.q)
     q, r, order = linalg.qr(form, mode="economic", pivoting=True)
     rank = int(np.sum(np.abs(np.diag(r)) > 1e-5 * max(float(np.abs(r[0, 0])), 1e-300)))
     q, r, kept = q[:, :rank], r[:rank, :rank], order[:rank]
+    named = (member for member in members if not is_term(member))
     columns = (column for member in named for column in project_out(fitter.white(member), fitter.q).T)
     inside = [q.T @ c for c in columns if float(np.sum((q.T @ c) ** 2)) > WITHIN * float(c @ c) > 0.0]
+    if term.shape == "plays" and not inside:
+        return member_with(Unresolved(term), data)
     if len(kept) == 1:
         return None if inside else _mix_term(term, data, np.eye(term.count)[:, kept])
     spanned = basis(np.column_stack(inside)) if inside else np.zeros((rank, 0))
@@ -137,6 +154,27 @@ def member_of(term: Term, data: GapData, fitter: Fitter, named: Sequence[Member]
     mix = np.zeros((term.count, rest.shape[1]))
     mix[kept] = np.linalg.solve(r, rest)
     return _mix_term(term, data, mix / np.abs(mix).max(axis=0))
+
+
+def _choose_plays(term: Term, data: GapData, fitter: Fitter, members: Sequence[Member]) -> Term:
+    """The term with the fewest plays, of either sense, that are each worth their price by non-negative least
+    squares given the members of a fit; at most MOST_PLAYS, perhaps none.
+    """
+    q = fitter.spanned(members)
+    rotation, columns = np.linalg.qr(project_out(fitter.white(member_with(Unresolved(term), data)), q))
+    y = rotation.T @ fitter.y
+    fits = [(*fewest_plays(sense * columns, y, fitter.penalty), sense) for sense in (1.0, -1.0)]
+    _, kept, sense = min(fits, key=itemgetter(0))
+    return replace(term, scale=sense * term.scale, radii=tuple(term.radii[k] for k in kept))
+
+
+def without_idle_plays(member: Member, coefficients: Array, data: GapData) -> Member:
+    """A term of plays without those that have no weight; any other member as it is."""
+    if not is_plays(member) or not (0.0 < np.mean(coefficients == 0.0) < 1.0):
+        return member
+    term = effect_of(member).term
+    radii = tuple(radius for radius, weight in zip(term.radii, coefficients, strict=True) if weight)
+    return member_with(Unresolved(replace(term, radii=radii)), data)
 
 
 def whole_term(member: Member, data: GapData) -> Member:

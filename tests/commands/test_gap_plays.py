@@ -1,0 +1,111 @@
+"""A memory that no effect has: plays over a driving column, from records made by a loop of their own."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.integrate import solve_ivp
+from typer.testing import CliRunner
+
+from tolevo.cli import app
+from tolevo.commands.gap import gap
+from tolevo.commands.gap.configuration import gap_plan, read_gap
+from tolevo.commands.gap.read import read_data
+from tolevo.commands.gap.records import GapResult
+
+HEAD = """model = "table"
+[columns]
+time_s = { role = "time", unit = "s" }
+voltage_V = { role = "input", unit = "V" }
+pos_um = { role = "measured", unit = "um" }
+pos_um_predicted = { role = "predicted", unit = "um" }
+"""
+N, SIGMA = 900, 0.05
+TIME = 0.05 * np.arange(N)
+
+
+def voltage(time: np.ndarray) -> np.ndarray:
+    """A voltage that turns back at many levels."""
+    return np.asarray(60.0 * np.sin(0.5 * time) * np.exp(-0.02 * time) + 25.0 * np.sin(1.7 * time + 1.0) + 70.0)
+
+
+def sum_of_plays(x: np.ndarray, widths: Sequence[float], weights: Sequence[float]) -> np.ndarray:
+    """A piston between two walls for each play, moved row by row."""
+    total = np.zeros(len(x))
+    for width, weight in zip(widths, weights, strict=True):
+        piston = x[0]
+        for row, here in enumerate(x):
+            if here - piston > width:
+                piston = here - width
+            if piston - here > width:
+                piston = here + width
+            total[row] += weight * piston
+    return total
+
+
+def analysed(folder: Path, measured: np.ndarray, predicted: np.ndarray) -> GapResult:
+    noise = np.random.default_rng(5).normal(0.0, SIGMA, N)
+    columns = {"time_s": TIME, "voltage_V": voltage(TIME), "pos_um": measured + noise, "pos_um_predicted": predicted}
+    pd.DataFrame(columns).to_csv(folder / "piezo.csv", index=False)
+    (folder / "gap.toml").write_text(HEAD + "[settings]\nsimulations = 300\n", "utf-8")
+    plan = read_gap(folder / "gap.toml")
+    return gap.analysis_result(plan, read_data(plan, folder / "piezo.csv"))
+
+
+def test_four_plays_are_a_memory_without_a_name_that_simulate_repeats(tmp_path: Path) -> None:
+    """The half-widths are on no grid. The weights add up to 0.1 um/V, the slope of the prediction."""
+    drive, weights = voltage(TIME), [0.02, 0.03, 0.03, 0.02]
+    result = analysed(tmp_path, sum_of_plays(drive, [3.0, 9.0, 20.0, 40.0], weights), 0.1 * drive)
+    assert result.verdict == "unnamed" and result.effects == ()
+    remainder, *smaller = result.remainder
+    assert all(part.ratio < 0.3 for part in smaller)  # the half-widths of the term are on a grid
+    assert remainder.shape.startswith("a memory of ") and remainder.shape.endswith("over voltage_V, without a name")
+    (term,) = tomllib.loads(result.corrected)["unresolved"]
+    assert f"a memory of {len(term['radii'])} plays" in remainder.shape and len(term["radii"]) <= 6
+    assert min(term["coefficients"]) > 0.0 and term["scale"] > 0.0
+    assert result.gap_after["pos_um"] < 1.1 * SIGMA < 0.05 * result.gap_before["pos_um"]
+    # stiffness of the loop right after a reversal and far from one: no play moves, all do
+    assert sum(term["coefficients"]) / term["scale"] == pytest.approx(sum(weights), rel=0.1)
+    (tmp_path / "corrected.toml").write_text(result.corrected, encoding="utf-8")
+    arguments = ["simulate", str(tmp_path / "corrected.toml"), str(tmp_path / "piezo.csv"), "--quiet"]
+    ran = CliRunner().invoke(app, [*arguments, "--out", str(tmp_path / "again.csv")])
+    assert ran.exit_code == 0, ran.output
+    left = pd.read_csv(tmp_path / "piezo.csv")["pos_um"] - pd.read_csv(tmp_path / "again.csv")["pos_um"]
+    assert left.std() == pytest.approx(SIGMA, rel=0.1)  # four standard errors of 900 rows
+
+
+def test_a_memory_that_the_library_has_keeps_its_name(tmp_path: Path) -> None:
+    drive = voltage(TIME)
+
+    def slope(time: float, z: np.ndarray) -> np.ndarray:
+        rate = (voltage(np.array([time + 1e-6])) - voltage(np.array([time - 1e-6]))) / 2e-6
+        return np.asarray(rate / 15.0 * (1.0 - (0.6 * np.sign(rate * z) + 0.4) * np.abs(z) ** 2))
+
+    loop = solve_ivp(slope, (0.0, TIME[-1]), [0.0], t_eval=TIME, rtol=1e-7, atol=1e-8, max_step=0.02).y[0]
+    result = analysed(tmp_path, 0.1 * drive - 1.5 * loop, 0.1 * drive)
+    assert result.names == ("bouc_wen_hysteresis",)
+    (size,) = (number for number in result.effects[0].parameters if number.name.startswith("amplitude"))
+    assert size.low <= -1.5 <= size.high
+
+
+@pytest.mark.parametrize(
+    ("keys", "place", "text"),
+    [
+        ('shape = "plays"\ncoefficients = [1.0]', "radii", "positive numbers, one for each"),
+        ('shape = "plays"\nradii = [-1.0]\ncoefficients = [1.0]', "radii", "positive numbers"),
+        ('shape = "power"\nradii = [1.0]\ncoefficients = [1.0]', "radii", "none for another shape"),
+        ('shape = "plays"\nradii = [1.0, 2.0]\ncoefficients = [1.0]', "coefficients", "a plays like this has 2"),
+        ('shape = "plays"\nradii = ["a"]\ncoefficients = [1.0]', "radii", "must be a list of numbers"),
+        ('shape = "plays"\nscale = 0.0\nradii = [1.0]\ncoefficients = [1.0]', "scale", "must not be 0"),
+    ],
+)
+def test_plays_that_cannot_be(keys: str, place: str, text: str, tmp_path: Path) -> None:
+    term = f'[[unresolved]]\noutput = "pos_um"\nvariable = "voltage_V"\n{keys}\n'
+    (tmp_path / "gap.toml").write_text(HEAD + term, encoding="utf-8")
+    faults = {fault.place: fault.message for fault in gap_plan(tmp_path / "gap.toml")[1]}
+    assert text in faults[f"unresolved[0].{place}"]
