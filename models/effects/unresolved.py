@@ -182,7 +182,7 @@ def plays(measurements: Measurements, x: Array, radii: Sequence[float]) -> Array
 
     order = measurements.in_order
     along = behind_plays(np.ascontiguousarray(x[order]), path_starts(measurements), np.array(radii, dtype=float))
-    off = np.empty_like(along)
+    off: Array = np.empty_like(along)
     off[order] = along
     return off
 
@@ -199,7 +199,7 @@ def fewest_plays(columns: Array, y: Array, price: float) -> tuple[float, list[in
     and which ones these are: the least useful are left out one by one.
     """
     weights, off = scipy.optimize.nnls(columns, y)
-    kept, rss = np.flatnonzero(weights).tolist(), off**2
+    kept, rss = np.flatnonzero(weights).tolist(), float(off) ** 2
     while len(kept) > 1:
         fewer = [[k for k in kept if k != out] for out in kept]
         least, smaller = min((float(scipy.optimize.nnls(columns[:, some], y)[1]) ** 2, some) for some in fewer)

@@ -84,7 +84,7 @@ class EvenPieces(Even):
         exponent = np.maximum(self._falls[piece] * flat_way, -1.0 + 1e-15)
         safe = np.where(np.abs(exponent) < 1e-12, 1.0, exponent)
         way = np.where(safe == exponent, flat_way * np.log1p(safe) / safe, flat_way)
-        return np.sign(probability - 0.5) * np.minimum(np.array(self.knots)[piece] + way, self.reach)
+        return np.asarray(np.sign(probability - 0.5) * np.minimum(np.array(self.knots)[piece] + way, self.reach))
 
     def quantile(self, probability: float) -> float:
         return float(self.quantiles(np.array([probability]))[0])

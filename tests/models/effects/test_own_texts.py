@@ -76,7 +76,7 @@ def test_texts_have_the_form_of_the_term(term: Term) -> None:
         assert offer.formula() == ""
         return
     (table,) = tomllib.loads(offer.formula())["effect"]
-    value = np.broadcast_to(Formula(table["formula"]).value(TABLE | {"a": 2.0}), N)
+    value = np.broadcast_to(Formula(table["formula"]).value(TABLE | {"a": np.array(2.0)}), N)
     np.testing.assert_allclose(value, 2.0 * wanted, atol=(2e-5 if exact else 0.05) * np.abs(wanted).max())
 
 
