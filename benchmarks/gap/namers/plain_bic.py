@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.gap.generator.records import Record
 from benchmarks.gap.generator.tables import Array
-from benchmarks.gap.namers.seen import said_as_fitted, seen
+from benchmarks.gap.namers.seen import Seen, said_as_fitted, seen
 from benchmarks.gap.scoring.held_out import fitted
 from benchmarks.gap.scoring.rival import Rival
 from benchmarks.gap.scoring.rivals import least_left, without
@@ -19,11 +19,10 @@ MOST = 4
 """Effects that it may add."""
 
 
-def plain_bic(record: Record) -> dict[str, Any]:
-    """Adds the name that lowers n ln(RSS) + k ln(n) most, as long as one does; its nonlinear
-    parameters are fitted.
+def selected(found: Seen) -> list[tuple[Rival, Array]]:
+    """Names with their nonlinear parameters: that which lowers n ln(RSS) + k ln(n) most is added, as long
+    as one does.
     """
-    found = seen(record)
     n, free = len(found), found.free
     named: list[tuple[Rival, Array]] = []
     left = float((without(free, found.left) ** 2).sum())
@@ -36,6 +35,13 @@ def plain_bic(record: Record) -> dict[str, Any]:
         left, p, rival = fits[best]
         named.append((rival, p))
         free = np.hstack([free, rival.columns(found.points, p)])
+    return named
+
+
+def plain_bic(record: Record) -> dict[str, Any]:
+    """The names that are selected, and the error of rows that a fit of them never saw."""
+    found = seen(record)
+    named = selected(found)
     names = [rival.name for rival, _ in named]
     columns_of = partial(fitted, named, found.points, found.free, found.left)
     return said_as_fitted(found, names, columns_of)

@@ -30,17 +30,17 @@ FAR = 5.0
 def held_out(columns_of: Callable[[Rows], Array], what: Array) -> float:
     """RMSE of what (n,) without outliers; `columns_of` rows are those of a fit to them (n, m)."""
     every = np.arange(len(what))
-    inside = what - _predicted(columns_of(every), what, every)
+    inside = what - predicted(columns_of(every), what, every)
     size = TO_SIGMA * np.median(np.abs(inside - np.median(inside)))
     good = np.abs(inside - np.median(inside)) <= FAR * size
     errors = np.empty(len(what))
     for rows in np.array_split(every, STRETCHES):
         rest = np.delete(every, rows)
-        errors[rows] = (what - _predicted(columns_of(rest), what, rest))[rows]
+        errors[rows] = (what - predicted(columns_of(rest), what, rest))[rows]
     return float(np.sqrt(np.mean(errors[good] ** 2)))
 
 
-def _predicted(columns: Array, what: Array, rows: Rows) -> Array:
+def predicted(columns: Array, what: Array, rows: Rows) -> Array:
     """What a fit of columns (n, m) to some rows says of all of them."""
     scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     return np.asarray(scaled @ np.linalg.lstsq(scaled[rows], what[rows], rcond=1e-9)[0])
