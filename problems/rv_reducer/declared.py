@@ -562,7 +562,15 @@ GEAR_DEVIATIONS = (
 )
 STIFFNESS = ("normal_stiffness_N_per_mm", "series_stiffness_Nm_per_arcmin")
 TORQUES = ("rated_torque_Nm", "momentary_torque_Nm")
-OF_THE_STAGE = ("reduction_ratio", "sun_pitch_radius_mm", "pressure_angle_deg", *GEAR_DEVIATIONS, "involute_grade")
+OF_THE_STAGE = (
+    "reduction_ratio",
+    "sun_pitch_radius_mm",
+    "pressure_angle_deg",
+    "involute_cosine",
+    "planet_share",
+    *GEAR_DEVIATIONS,
+    "involute_grade",
+)
 """What means nothing without an involute stage."""
 DEFAULTS = {p.name: p.default for p in PARAMETERS}
 

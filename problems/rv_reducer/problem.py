@@ -23,7 +23,7 @@ from ...models.rv_reducer.geometry import RvGeometry
 from ...models.rv_reducer.population.errors import nearest_prime
 from ...models.rv_reducer.population.units import GEARS, Involute, stem
 from ...records import UnitsShown
-from ...section import Array, Section, Value, Variable, number
+from ...section import Array, Assumption, Section, Value, Variable, number
 from ...units import ARCMIN, MM, UM
 from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..machined import Machined
@@ -41,6 +41,7 @@ from .declared import (
     FLANK_CLEARANCE,
     HOLD_INTERFERENCE,
     OF_SORTING,
+    OF_THE_STAGE,
     OUTPUTS,
     PARAMETERS,
     REFERENCES,
@@ -406,6 +407,13 @@ class RvReducer(PromisingUnits, Machined):
         ratio = {"reduction_ratio": number(settings.parameters["cycloid_teeth"])}
         costs = {name: curve for name, curve in settings.costs.items() if name != "involute_grade"}
         return replace(settings, parameters={**settings.parameters, **ratio}, costs=costs)
+
+    def assumptions(self) -> tuple[Assumption, ...]:
+        """Of a reducer without an involute stage, nothing of that stage is assumed."""
+        every = super().assumptions()
+        if self.settings.parameters["involute_stage"]:
+            return every
+        return tuple(one for one in every if not {*one.name.split(".")} & {*OF_THE_STAGE})
 
     def _variable(self, variable: Variable, given: VariableSetting | None) -> VariableSetting:
         fixed = DISC_TO_DISC.get(variable.name)

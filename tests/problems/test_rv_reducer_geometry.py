@@ -181,3 +181,35 @@ def test_shipped_configurations_find_units_that_conform(name: str) -> None:
     assert np.all(found["interference_probability"] <= 0.05)
     assert np.all(np.diff(found["backlash_max_arcmin"]) > 0.0)
     assert np.any(np.all(problem.violations(starts, found) <= 1e-9, axis=1))
+
+
+# ---------------------------------------------------------------- what is said without an involute stage
+
+
+def assumed(path: Path, overrides: Sequence[str] = ()) -> dict[str, str]:
+    return {one.name: one.reason for one in problem_of(path, overrides).assumptions()}
+
+
+def test_nothing_of_an_involute_stage_is_assumed_where_there_is_none(config: Path) -> None:
+    of_the_stage = {"parameters.gear_runout_um", "parameters.planet_share", "parameters.involute_cosine",
+                    "parameters.pressure_angle_deg", "variables.involute_grade.distribution"}  # fmt: skip
+    overrides = ["parameters.discs=1", "parameters.eccentricity_mm=1.2"]
+    with_stage, without = assumed(config, overrides), assumed(config, [*overrides, *PLAIN])
+    assert of_the_stage <= with_stage.keys()
+    left = of_the_stage | {name for name in with_stage if name.endswith("deviation_um")}
+    assert not left & without.keys()
+    assert {"parameters.centre_distance_mm", "parameters.discs"} <= without.keys()  # the circle of the cranks
+
+
+def test_the_bound_names_the_grade_only_where_it_is_searched(config: Path) -> None:
+    searched = ["variables.involute_grade.low=4", "variables.involute_grade.high=6"]
+    for overrides, named in ((searched, True), (["variables.involute_grade.value=5"], False), (PLAIN, False)):
+        assert ("the grade" in problem_of(config, overrides).cost_bound().statement) is named
+
+
+def test_who_set_an_assumption_stands_under_a_heading_that_holds_for_both(config: Path) -> None:
+    result = CliRunner().invoke(app, ["check", str(config), "--set", "parameters.discs=1"])
+    assert result.exit_code == 0, result.output
+    assert "parameters.discs = 1 (configuration)" in result.stdout
+    assert "parameters.cranks = 2 (default)" in result.stdout
+    assert "not stated" not in result.stdout
