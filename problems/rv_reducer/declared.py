@@ -655,7 +655,7 @@ REFERENCES: dict[str, dict[str, float]] = {
     "least cost at 1 arcmin by document B's closed form": _design(
         1.423, 1.275, 1.092, 0.469, 2.430, 1.454, 4.683, 0.618, 0.882, 0.839, 4, 0.0, -0.0474, -0.0863
     ),
-    "the same by its genetic algorithm, staggered": _design(
+    "document B's closed form by its genetic algorithm, staggered": _design(
         1.427, 1.123, 1.080, 0.496, 2.566, 1.505, 4.849, 0.665, 0.939, 0.834, 4, 0.3922, -0.03874, -0.0814
     ),
 }

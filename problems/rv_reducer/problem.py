@@ -680,6 +680,13 @@ class RvReducer(PromisingUnits, Machined):
             ends[:, self.names.index("involute_grade")] = grades
             least, most = self._flank_clearance(ends)[output]
             return float(least), float(most)
+        whole = self.model.geometry.nominal.k1 < 1.0  # else the profile has loops, and is refused
+        if whole and output in ("radial_gap_mm", "modification_backlash_arcmin"):  # linear in both modifications
+            ends = np.repeat(self.corner(tight=True)[None, :], 4, axis=0)
+            for name, order in (("dr_rp_mm", [0, 0, 1, 1]), ("dr_p_mm", [0, 1, 0, 1])):
+                ends[:, self.names.index(name)] = np.array(super().interval(name))[order]
+            values = self.profile(ends)[output]
+            return float(values.min()), float(values.max())
         return super().interval(output)
 
     @property
