@@ -190,9 +190,13 @@ class Sentences:
         conditions = f", with {', '.join(limits)}" if limits else ", without limits"
         tolerances = sum(v.tolerance for v in self.problem.free)
         others = len(self.problem.free) - tolerances
-        more = f" and {others} other variable{'s' if others > 1 else ''}" if others else ""
+        variables = f"variable{'' if others == 1 else 's'}"
         searched = f"{tolerances} tolerance{'' if tolerances == 1 else 's'} searched"
-        return f"{goal}{conditions}; {searched}{more}."
+        if not tolerances:
+            searched = f"{others} {variables} searched"
+        elif others:
+            searched += f" and {others} other {variables}"
+        return f"{goal}{conditions}; {searched}."
 
     def limit(self, limit: Limit) -> str:
         unit = f" {limit.unit}".rstrip()
@@ -213,7 +217,8 @@ class Sentences:
         )
         choices = self.result.choices
         rule = "" if choices is None or choices.empty else str(choices["choice"].iloc[0])
-        return f"Found: {len(front)} allocations, {ends}; the {words(rule)} has {self.row(row)}."
+        named = words(rule) if rule.startswith("knee") else f"choice by {words(rule)}" if rule else "chosen one"
+        return f"Found: {len(front)} allocations, {ends}; the {named} has {self.row(row)}."
 
     def published(self) -> str:
         printed = [str(label) for label in self.problem.references()]
@@ -283,7 +288,8 @@ class Sentences:
         if unknown:
             plural = ("limit of", "binds", "it") if len(unknown) == 1 else ("limits of", "bind", "them")
             what = f"{self._here} the {plural[0]} {join_with_and(unknown)} {plural[1]}"
-            saved[""] = f"{what}; what loosening {plural[2]} would save is not known."
+            priced = self.priced in self.result.front
+            saved[""] = f"{what}; what loosening {plural[2]} would save is not known." if priced else f"{what}."
         return " ".join(filter(None, saved.values()))
 
     @property
