@@ -198,7 +198,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         "thermal_expansion_per_K",
         11.5e-6,
         "1/K",
-        "thermal expansion of disc and housing; used by effects only",
+        "thermal expansion of disc and housing; used where their temperature is stated",
         "bearing steel",
         assumed=True,
         low=0.0,

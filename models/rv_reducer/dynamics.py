@@ -558,8 +558,6 @@ POINTS_PER_WAVE = 16
 """Samples over a wave at the resonance that the differences in Newton's step need."""
 ELEMENTS = 2_000_000
 """Samples of all points together in one block, to bound the memory."""
-EXCITED = 0.02
-"""An order is excited where its static amplitude is this fraction of the largest (without 0)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -619,40 +617,6 @@ def samples_needed(samples: int, points: Oscillator) -> NDArray[np.int64]:
     needed = POINTS_PER_WAVE * points.resonance
     doublings = np.ceil(np.log2(np.maximum(needed / samples, 1.0))).astype(np.int64)
     return np.asarray(np.where(points.resonance > 0.51 * samples, samples, samples << doublings))
-
-
-def sweep_warnings(
-    mesh: AnyMesh, train: Train, torque: float, speed: Array, momentary: float = 2058.0
-) -> tuple[str, ...]:
-    """Warnings for a sweep over `speed` [rad/s] at one torque [N m]."""
-    messages = []
-    if abs(torque) > momentary:
-        messages.append(f"torque {torque:g} N m is beyond the momentary {momentary:g} N m")
-    speeds = np.unique(speed)
-    points = Oscillator.of(mesh, train, np.asarray(torque), speeds)
-    line = spectrum(mesh.equilibrium(np.asarray(torque))).amplitude[1:]
-    excited = 1 + np.flatnonzero(np.abs(line) >= EXCITED * np.abs(line).max(initial=0.0))
-    unresolved = sorted(
-        {int(k) for k in excited if np.abs(line[k - 1]) > 0.0 and _skips_resonance(points, train, float(k))}
-    )
-    if unresolved:
-        orders = ", ".join(str(k) for k in unresolved[:5]) + (", ..." if len(unresolved) > 5 else "")
-        width = float(np.max(2.0 * np.asarray(train.damping_ratio)))
-        messages.append(
-            f"the speeds do not resolve the resonance with order {orders}: near it their"
-            f" steps must be below {100.0 * width:g} % (half-power width)"
-        )
-    return tuple(messages)
-
-
-def _skips_resonance(points: Oscillator, train: Train, order: float) -> bool:
-    """Whether the step over the resonance with `order` is wider than its half-power width."""
-    resonant_speed = points.speed * points.resonance / order
-    beyond = np.searchsorted(points.speed, resonant_speed.mean())
-    if beyond in (0, len(points.speed)):
-        return False
-    width = float(np.max(2.0 * np.asarray(train.damping_ratio)) * resonant_speed.mean())
-    return bool(points.speed[beyond] - points.speed[beyond - 1] > width)
 
 
 # Dynamic twist at any measurements: a steady state for each of their operating points.

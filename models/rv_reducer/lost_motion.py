@@ -64,7 +64,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         58.5,
         "",
         "stiffness [N m/arcmin] between a disc and the carrier",
-        "gives the unit the catalogue's 108 N m/arcmin",
+        "gives the RV-40E-121 its catalogue's 108 N m/arcmin",
         1e6,
     ),
     _error("sharing_percent", "percent", "series stiffness of disc 1 above the mean, disc 2 below", 90.0),

@@ -285,8 +285,10 @@ def blocking_joints(chain: Chain, reached: Reached, low: Array, high: Array) -> 
             names = " and ".join(map(str, stopped + 1))
             ends = ", ".join(f"{np.degrees(q[joint]):.4g} deg" for joint in stopped)
             reasons[at] = f"joint {names} is at the end of its range ({ends})"
-        else:
+        elif stretched[row] >= 0:
             reasons[at] = f"joint {stretched[row] + 1} is stretched or folded"
+        else:
+            reasons[at] = "no joint moves the tool closer to it"
     return reasons
 
 
@@ -294,7 +296,8 @@ def _stretched_joint(chain: Chain, now: Frames) -> NDArray[np.int64]:
     """The joint (n,) whose rotation changes the distance of the tool from the joint before it most
     over a turn, but not at this pose: that distance is at its maximum, or its minimum.
 
-    It is constant + 2 r s cos(theta + ...) of the distances r and s of both from the axis.
+    It is constant + 2 r s cos(theta + ...) of the distances r and s of both from the axis. -1 where
+    there is no such joint: the arm has one only, or the pose lies off the surface that it reaches.
     """
     axis, size = now.axes[:, 1:], reach(chain)
     ends = now.tool[:, None, :] - now.origin[:, 1:-1], now.origin[:, :-2] - now.origin[:, 1:-1]
@@ -302,7 +305,10 @@ def _stretched_joint(chain: Chain, now: Frames) -> NDArray[np.int64]:
     swing = np.prod([np.linalg.norm(lever, axis=2) for lever in levers], axis=0)
     slope = np.abs(np.sum(levers[0] * (ends[0] - ends[1]), axis=2))
     aligned = slope <= ALIGNED * swing + 1e-9 * size**2
-    return np.asarray(np.argmax(np.where(aligned, swing, 0.0), axis=1) + 1)
+    swing = np.where(aligned & (swing > 1e-9 * size**2), swing, 0.0)
+    swing = np.concatenate([np.zeros((len(swing), 1)), swing], axis=1)  # joint 1: no joint before it
+    most = np.argmax(swing, axis=1)
+    return np.asarray(np.where(most > 0, most, -1))
 
 
 def singular_joints(chain: Chain, now: Frames) -> list[str]:

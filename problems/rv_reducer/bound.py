@@ -311,8 +311,9 @@ class CommonErrorBound:
         used = {"cost", *FREE, *(name for pair in self._pairs for name in pair)}
         asked = (*self.problem.objectives, *(limit.name for limit in self.problem.limits if limit.count))
         left_out = [name for name in dict.fromkeys(asked) if name not in used]
+        grade = " and the grade" if any(variable.name == "involute_grade" for variable in self.problem.free) else ""
         text = (
-            f"least cost of {', '.join(error.variable for error in errors)} and the grade at which enough units can "
+            f"least cost of {', '.join(error.variable for error in errors)}{grade} at which enough units can "
             f"keep backlash and interference, {THEOREM}: the backlash counts as even over the turn, all other "
             "tolerances as their widest, the modification as free; for the units as a whole, of which the values of a "
             "point are a sample"

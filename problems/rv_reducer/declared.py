@@ -573,7 +573,15 @@ GEAR_DEVIATIONS = (
 )
 STIFFNESS = ("normal_stiffness_N_per_mm", "series_stiffness_Nm_per_arcmin")
 TORQUES = ("rated_torque_Nm", "momentary_torque_Nm")
-OF_THE_STAGE = ("reduction_ratio", "sun_pitch_radius_mm", "pressure_angle_deg", *GEAR_DEVIATIONS, "involute_grade")
+OF_THE_STAGE = (
+    "reduction_ratio",
+    "sun_pitch_radius_mm",
+    "pressure_angle_deg",
+    "involute_cosine",
+    "planet_share",
+    *GEAR_DEVIATIONS,
+    "involute_grade",
+)
 """What means nothing without an involute stage."""
 DEFAULTS = {p.name: p.default for p in PARAMETERS}
 
@@ -658,7 +666,7 @@ REFERENCES: dict[str, dict[str, float]] = {
     "least cost at 1 arcmin by document B's closed form": _design(
         1.423, 1.275, 1.092, 0.469, 2.430, 1.454, 4.683, 0.618, 0.882, 0.839, 4, 0.0, -0.0474, -0.0863
     ),
-    "the same by its genetic algorithm, staggered": _design(
+    "document B's closed form by its genetic algorithm, staggered": _design(
         1.427, 1.123, 1.080, 0.496, 2.566, 1.505, 4.849, 0.665, 0.939, 0.834, 4, 0.3922, -0.03874, -0.0814
     ),
 }

@@ -23,7 +23,7 @@ from ...models.rv_reducer.geometry import RvGeometry
 from ...models.rv_reducer.population.errors import nearest_prime
 from ...models.rv_reducer.population.units import GEARS, Involute, stem
 from ...records import UnitsShown
-from ...section import Array, Section, Value, Variable, number
+from ...section import Array, Assumption, Section, Value, Variable, number
 from ...units import ARCMIN, MM, UM
 from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..machined import Machined
@@ -42,6 +42,7 @@ from .declared import (
     FLANK_CLEARANCE,
     HOLD_INTERFERENCE,
     OF_SORTING,
+    OF_THE_STAGE,
     OUTPUTS,
     PARAMETERS,
     REFERENCES,
@@ -408,6 +409,13 @@ class RvReducer(PromisingUnits, Machined):
         costs = {name: curve for name, curve in settings.costs.items() if name != "involute_grade"}
         return replace(settings, parameters={**settings.parameters, **ratio}, costs=costs)
 
+    def assumptions(self) -> tuple[Assumption, ...]:
+        """Of a reducer without an involute stage, nothing of that stage is assumed."""
+        every = super().assumptions()
+        if self.settings.parameters["involute_stage"]:
+            return every
+        return tuple(one for one in every if not {*one.name.split(".")} & {*OF_THE_STAGE})
+
     def _variable(self, variable: Variable, given: VariableSetting | None) -> VariableSetting:
         fixed = DISC_TO_DISC.get(variable.name)
         if variable.name == "involute_grade" and not self.given.parameters.get("involute_stage", True):
@@ -673,6 +681,13 @@ class RvReducer(PromisingUnits, Machined):
             ends[:, self.names.index("involute_grade")] = grades
             least, most = self._flank_clearance(ends)[output]
             return float(least), float(most)
+        whole = self.model.geometry.nominal.k1 < 1.0  # else the profile has loops, and is refused
+        if whole and output in ("radial_gap_mm", "modification_backlash_arcmin"):  # linear in both modifications
+            ends = np.repeat(self.corner(tight=True)[None, :], 4, axis=0)
+            for name, order in (("dr_rp_mm", [0, 0, 1, 1]), ("dr_p_mm", [0, 1, 0, 1])):
+                ends[:, self.names.index(name)] = np.array(super().interval(name))[order]
+            values = self.profile(ends)[output]
+            return float(values.min()), float(values.max())
         return super().interval(output)
 
     @property

@@ -194,7 +194,8 @@ class SerialArmAllocation(RobotProblem):
             for at, text in enumerate(why)
             if text
         ]
-        return self._at_poses(messages, "move or shrink the cell, or widen range_deg")
+        stopped = any("end of its range" in text for text in why)
+        return self._at_poses(messages, f"move or shrink the cell{', or widen range_deg' if stopped else ''}")
 
     def _singular(self) -> list[Fault]:
         joints = enumerate(singular_joints(self.machine.chain, self.machine.frames))

@@ -73,6 +73,18 @@ def test_one_optimum_in_sentences(tmp_path: Path) -> None:
     assert (tmp_path / "r" / "drawing.html").is_file()
 
 
+def test_without_tolerances_and_costs_nothing_is_said_of_either(tmp_path: Path) -> None:
+    """Tooth modification: two nominal values are searched, and nothing has a price."""
+    path = tmp_path / "c.toml"
+    text = 'problem = "tooth_modification"\nseed = 5\n[algorithm]\nname = "nsga2"\npopulation = 12\ngenerations = 3\n'
+    path.write_text(text, encoding="utf-8")
+    told = CliRunner().invoke(app, ["run", str(path), "--out", str(tmp_path / "r"), "--quiet"])
+    assert told.exit_code == 0, told.stderr
+    assert "; 2 variables searched." in told.stdout
+    assert "tolerances searched" not in told.stdout
+    assert "would save" not in told.stdout
+
+
 def test_a_least_cost_lies_above_or_below_a_published_one() -> None:
     """With cost alone there is nothing that could be equal; with a second objective there is."""
     one: Any = SimpleNamespace(names=["cost"])

@@ -137,7 +137,7 @@ def test_standard_error_is_the_scatter_of_fresh_samples() -> None:
 # default, phi_1/cos(alpha), 16,384 units give 77.9 and 39.5 %; its equal without stagger 98.4 %.
 VERDICTS = {
     "document B": (77.9, 0.19),
-    "the same by its genetic algorithm, staggered": (39.5, 0.0),
+    "document B's closed form by its genetic algorithm, staggered": (39.5, 0.0),
     "least cost at 1 arcmin by document B's closed form": (98.4, 0.001),
 }
 

@@ -181,3 +181,79 @@ def test_shipped_configurations_find_units_that_conform(name: str) -> None:
     assert np.all(found["interference_probability"] <= 0.05)
     assert np.all(np.diff(found["backlash_max_arcmin"]) > 0.0)
     assert np.any(np.all(problem.violations(starts, found) <= 1e-9, axis=1))
+
+
+# ---------------------------------------------------------------- what is said without an involute stage
+
+
+def assumed(path: Path, overrides: Sequence[str] = ()) -> dict[str, str]:
+    return {one.name: one.reason for one in problem_of(path, overrides).assumptions()}
+
+
+def test_nothing_of_an_involute_stage_is_assumed_where_there_is_none(config: Path) -> None:
+    of_the_stage = {"parameters.gear_runout_um", "parameters.planet_share", "parameters.involute_cosine",
+                    "parameters.pressure_angle_deg", "variables.involute_grade.distribution"}  # fmt: skip
+    overrides = ["parameters.discs=1", "parameters.eccentricity_mm=1.2"]
+    with_stage, without = assumed(config, overrides), assumed(config, [*overrides, *PLAIN])
+    assert of_the_stage <= with_stage.keys()
+    left = of_the_stage | {name for name in with_stage if name.endswith("deviation_um")}
+    assert not left & without.keys()
+    assert {"parameters.centre_distance_mm", "parameters.discs"} <= without.keys()  # the circle of the cranks
+
+
+def test_the_bound_names_the_grade_only_where_it_is_searched(config: Path) -> None:
+    searched = ["variables.involute_grade.low=4", "variables.involute_grade.high=6"]
+    for overrides, named in ((searched, True), (["variables.involute_grade.value=5"], False), (PLAIN, False)):
+        assert ("the grade" in problem_of(config, overrides).cost_bound().statement) is named
+
+
+def test_who_set_an_assumption_stands_under_a_heading_that_holds_for_both(config: Path) -> None:
+    result = CliRunner().invoke(app, ["check", str(config), "--set", "parameters.discs=1"])
+    assert result.exit_code == 0, result.output
+    assert "parameters.discs = 1 (configuration)" in result.stdout
+    assert "parameters.cranks = 2 (default)" in result.stdout
+    assert "not stated" not in result.stdout
+
+
+# ---------------------------------------------------------------- a modification that is fixed
+
+
+def test_interval_of_a_modification_holds_every_design_of_its_ranges(config: Path) -> None:
+    problem = problem_of(config, ["variables.dr_p_mm.low=-0.09", "variables.dr_p_mm.high=-0.01"])
+    rng = np.random.default_rng(4)
+    ends = np.array([problem.interval(variable.name) for variable in problem.free]).T
+    designs = problem.complete(rng.uniform(*ends, (500, len(problem.free))))
+    values = problem.profile(designs)
+    for name in ("radial_gap_mm", "modification_backlash_arcmin"):
+        low, high = problem.interval(name)
+        assert low <= values[name].min() < values[name].max() <= high
+    assert problem.interval("radial_gap_mm") == pytest.approx((-0.07, 0.09))  # dr_rp - dr_p
+
+
+def test_a_fixed_modification_is_judged_at_once(config: Path) -> None:
+    fixed = ["variables.dr_rp_mm.value=-0.01"]
+    (fault,) = faults_of(config, [*fixed, "variables.dr_p_mm.value=-0.035"])
+    assert fault.startswith("limits.radial_gap_mm: at least 0.03 mm cannot be met")
+    met = problem_of(config, [*fixed, "variables.dr_p_mm.value=-0.04"])
+    assert met.interval("radial_gap_mm") == pytest.approx((0.03, 0.03))
+
+
+def test_a_limit_that_nothing_searched_moves_is_not_said_to_cost_an_unknown_amount(
+    config: Path, tmp_path: Path
+) -> None:
+    """All but the clearance of the crank bearings is fixed, the radial gap at its limit of 0.03 mm."""
+    values = {"pin_circle_radius_um": 2, "pin_position_um": 2, "pin_hole_radius_um": 2, "pin_radius_um": 1,
+              "pitch_um": 5, "runout_um": 2, "eccentricity_um": 2, "equidistance_um": 1, "shift_um": 1,
+              "involute_grade": 4, "stagger_arcmin": 0.0, "dr_rp_mm": -0.04, "dr_p_mm": -0.07}  # fmt: skip
+    small = ["parameters.search_units=64", "parameters.report_units=64", "parameters.positions=31"]
+    given = [*small, "objectives.minimise=['cost']", "limits.backlash_max_arcmin=1.3",
+             *(f"variables.{name}.value={value}" for name, value in values.items())]  # fmt: skip
+    overrides = [word for one in given for word in ("--set", one)]
+    told = CliRunner().invoke(app, ["run", str(config), "--out", str(tmp_path / "r"), "--quiet", *overrides])
+    assert told.exit_code == 0, told.output
+    assert "1 tolerance searched" in told.stdout
+    assert (
+        "What is fixed meets the limit of radial gap at least 0.03 mm exactly: no allocation moves it." in told.stdout
+    )
+    assert "the limit of backlash max at most 1.3 arcmin binds" in told.stdout
+    assert "is not known" not in told.stdout

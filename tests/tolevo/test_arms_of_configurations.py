@@ -177,6 +177,19 @@ class TestBadInput:
         far = faults(changed(cell={**table()["cell"], "side_mm": 1600}))
         assert "more poses of 125 have such faults" in "".join(far.values())
 
+    @pytest.mark.parametrize("joints", [1, 2, 3])
+    def test_pose_off_the_plane_of_an_arm_is_no_matter_of_a_stretched_joint(self, joints: int) -> None:
+        """Parallel vertical axes move the tool at a height of 0 only, 50 mm below the poses."""
+        row = {"d_mm": 0, "a_mm": 300, "alpha_deg": 0, "range_deg": [-170, 170], "mass_kg": 9, "reducer": "none",
+               "centre_of_mass_mm": [-80, 0, 0]}  # fmt: skip
+        found = faults({"problem": "serial_arm", "joint": [dict(row) for _ in range(joints)],
+                        "cell": {"poses": [[200 + 10 * joints, 100, 50]]}})  # fmt: skip
+        message = found["cell.poses[0]"]
+        assert "no joint moves the tool closer to it" in message
+        assert "range_deg" not in message
+        if joints > 1:
+            assert "by 50 mm" in message
+
     def test_end_of_the_range_of_a_joint(self) -> None:
         found = faults(changed(joint=rows(joint_3={"range_deg": [-15, 158]})))
         assert all("joint 3 is at the end of its range (-15 deg)" in one

@@ -185,12 +185,13 @@ def corpus() -> dict[str, str]:
 
 
 def blocks() -> dict[str, str]:
-    """The TOML of the documents, where they are there, by page and number, without sketches."""
+    """The TOML of the documents and the files they show, where they are there, without sketches."""
     root = Path(__file__).parents[2]
-    found = {}
+    shown = sorted((root / "docs").glob("*/*.toml"))
+    found = {f"{one.parent.name} {one.stem}": one.read_text("utf-8") for one in shown}
     for page in [root / "README.md", *sorted((root / "docs").glob("*.md"))]:
         text = page.read_text("utf-8") if page.is_file() else ""
-        for at, block in enumerate(re.findall(r"```toml\n(.*?)```", text, re.DOTALL)):
+        for at, block in enumerate(re.findall(r"^```toml\b[^\n]*\n(.*?)^```", text, re.DOTALL | re.MULTILINE)):
             with suppress(tomllib.TOMLDecodeError):
                 if tomllib.loads(block):
                     found[f"{page.stem} {at}"] = block
@@ -306,6 +307,14 @@ def folder(tmp_path: Path) -> Path:
     for one in shipped.glob("*.toml"):
         (tmp_path / one.name).write_text(one.read_text("utf-8"), encoding="utf-8")
     return tmp_path
+
+
+def test_blocks_with_titles_and_files_that_pages_show_are_mutated() -> None:
+    if not (root := Path(__file__).parents[2] / "docs").is_dir():
+        pytest.skip("the documents are not there")
+    names = set(blocks())
+    assert {one.stem for one in (root / "examples").glob("*.toml")} <= {name.split(" ")[1] for name in names}
+    assert {"rv_reducer 0", "conventions 0", "robot_joint 0"} <= names
 
 
 def test_what_is_mutated_is_valid(folder: Path) -> None:

@@ -33,7 +33,7 @@ def describe(configuration: Configuration) -> str:
     lines += ["Variables", *(_variable(v, settings[v.name]) for v in problem.variables)]
     lines += [
         "",
-        "Assumptions (values in use that are not stated)",
+        "Assumptions (with who set each)",
         *_assumptions(problem.assumptions()),
         *_assumptions(roughness_assumptions(problem, configuration.choice)),
     ]

@@ -191,8 +191,13 @@ class Sentences:
         conditions = f", with {', '.join(limits)}" if limits else ", without limits"
         tolerances = sum(v.tolerance for v in self.problem.free)
         others = len(self.problem.free) - tolerances
-        more = f" and {others} other variable{'s' if others > 1 else ''}" if others else ""
-        return f"{goal}{conditions}; {tolerances} tolerances searched{more}."
+        variables = f"variable{'' if others == 1 else 's'}"
+        searched = f"{tolerances} tolerance{'' if tolerances == 1 else 's'} searched"
+        if not tolerances:
+            searched = f"{others} {variables} searched"
+        elif others:
+            searched += f" and {others} other {variables}"
+        return f"{goal}{conditions}; {searched}."
 
     def limit(self, limit: Limit) -> str:
         unit = f" {limit.unit}".rstrip()
@@ -213,7 +218,8 @@ class Sentences:
         )
         choices = self.result.choices
         rule = "" if choices is None or choices.empty else str(choices["choice"].iloc[0])
-        return f"Found: {len(front)} allocations, {ends}; the {words(rule)} has {self.row(row)}."
+        named = words(rule) if rule.startswith("knee") else f"choice by {words(rule)}" if rule else "chosen one"
+        return f"Found: {len(front)} allocations, {ends}; the {named} has {self.row(row)}."
 
     def published(self) -> str:
         printed = [str(label) for label in self.problem.references()]
@@ -269,14 +275,22 @@ class Sentences:
                 return f"{self._here} the limit of {self.limit(cost)} {how}."
             return "No limits are set in addition to the objectives."
         held = [o for o in limits if points_at_limit(o, row)[0]]
-        if not held:
-            return f"{self._here} every limit is kept with a margin{self._held_back([o.name for o in limits])}."
-        saved = {limit.name: self._cost_of(limit) for limit in held}
+        unmoved = [o for o in held if len(set(self.problem.interval(o.name))) == 1]
+        exactly = "What is fixed meets the limit of {} exactly: no allocation moves it."
+        saved = {o.name: exactly.format(self.limit(o)) for o in unmoved}
+        if held == unmoved:
+            moved = [o.name for o in limits if o not in unmoved]
+            which = "every other limit" if unmoved else "every limit"
+            margin = f"{self._here} {which} is kept with a margin{self._held_back(moved)}." if moved else ""
+            return " ".join(filter(None, (margin, *saved.values())))
+        held = [o for o in held if o not in unmoved]
+        saved |= {limit.name: self._cost_of(limit) for limit in held}
         unknown = [self.limit(limit) for limit in held if not saved[limit.name]]
         if unknown:
             plural = ("limit of", "binds", "it") if len(unknown) == 1 else ("limits of", "bind", "them")
             what = f"{self._here} the {plural[0]} {join_with_and(unknown)} {plural[1]}"
-            saved[""] = f"{what}; what loosening {plural[2]} would save is not known."
+            priced = self.priced in self.result.front
+            saved[""] = f"{what}; what loosening {plural[2]} would save is not known." if priced else f"{what}."
         return " ".join(filter(None, saved.values()))
 
     @property
