@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from tolevo.algorithms.exact import bounds as between
-from tolevo.commands.gap import gap as write
+from tolevo.commands.gap import page
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -22,5 +22,5 @@ def few_points_are_solved() -> Iterator[None]:
 def without_figures() -> Iterator[None]:
     """A gap analysis draws no figures, which take most of the time of a short one."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(write, "drawings", lambda result: ())
+        patch.setattr(page, "drawings", lambda result: ())
         yield

@@ -221,12 +221,12 @@ def test_who_set_an_assumption_stands_under_a_heading_that_holds_for_both(config
 def test_interval_of_a_modification_holds_every_design_of_its_ranges(config: Path) -> None:
     problem = problem_of(config, ["variables.dr_p_mm.low=-0.09", "variables.dr_p_mm.high=-0.01"])
     rng = np.random.default_rng(4)
-    ends = np.array([problem.interval(variable.name) for variable in problem.free]).T
-    designs = problem.complete(rng.uniform(*ends, (500, len(problem.free))))
+    low, high = np.array([problem.interval(variable.name) for variable in problem.free]).T
+    designs = problem.complete(rng.uniform(low, high, (500, len(problem.free))))
     values = problem.profile(designs)
     for name in ("radial_gap_mm", "modification_backlash_arcmin"):
-        low, high = problem.interval(name)
-        assert low <= values[name].min() < values[name].max() <= high
+        least, most = problem.interval(name)
+        assert least <= values[name].min() < values[name].max() <= most
     assert problem.interval("radial_gap_mm") == pytest.approx((-0.07, 0.09))  # dr_rp - dr_p
 
 
