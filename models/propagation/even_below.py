@@ -122,6 +122,8 @@ PLACES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.88, 0.94, 0.975, 0.992,
 """Fractions of the units above the centre up to which a density is taken over."""
 LOST, COMPARED = 1e-7, 6000
 """Fraction of the units at either end of a law that are not compared, and the number of levels at which others are."""
+NARROW = 1e-3
+"""Half-width of a law below all units, as a fraction of their range."""
 ROUNDING = 1e-9
 """Error of quantiles, as a fraction of their range."""
 COUNTS = 0.5
@@ -141,6 +143,9 @@ def even_law_below(law: Distribution, side: float = 1.0) -> tuple[float, EvenPie
     known = known - ROUNDING * size
     density = np.gradient(levels) / np.maximum(np.gradient(known), ROUNDING * size)
     tried = [_law_about(float(known[at]), levels, known, density) for at in _places_of_centres(levels)]
+    # where many units are alike, no law about a level is below all others: one below the least of them is
+    narrow = NARROW * max(size, 1e-9)
+    tried.append((float(known[0]) - narrow, EvenPieces.over(np.array([0.0, narrow]), np.ones(2))))
     return max((pair for pair in tried if pair is not None), key=lambda pair: pair[0] + COUNTS * pair[1].std)
 
 

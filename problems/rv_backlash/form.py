@@ -413,8 +413,8 @@ class Part:
 class Sum:
     """The parts of the backlash, the constant of phi_2 (`cycloid`) and what is added to all.
 
-    `skewed` are the tolerances whose deviations even laws below them stand for, `lost` is a fraction of the units in
-    which such a law, or that of the grade, may lie above them.
+    `skewed` are the tolerances whose deviations even laws below them stand for, `lost` the fractions of the units in
+    which such laws may lie above those of phi_2 and, with that of the grade, of the backlash.
     """
 
     parts: tuple[Part, ...]
@@ -422,7 +422,7 @@ class Sum:
     cycloid: float
     effective_change: float
     skewed: tuple[str, ...]
-    lost: float
+    lost: tuple[float, float]
     unknown: float = 0.0
     """Standard deviation [arcmin] of phi_2 by the measurement of matched parts."""
     sorting_price: float = 0.0
@@ -450,7 +450,8 @@ def sum_of(problem: RvBacklash, tied: bool = False) -> Sum | str:
     parts += [_linear_feature(problem, BEARING, bearing, clipped=False), _grades(problem)]
     linear = {name: term for name, term in (terms | {BEARING: bearing}).items() if term.quadratic is None}
     skewed = tuple(name for name, term in linear.items() if even_law(term.distribution) is None)
-    lost = LOST * (len(skewed) + (even_law(grades_of(problem)[1].distribution) is None))
+    grades = even_law(grades_of(problem)[1].distribution) is None
+    lost = LOST * len(set(skewed) - {BEARING}), LOST * (len(skewed) + grades)
     unknown = 0.0 if problem.matching is None else _spread_of_matching(problem)
     effective = problem.change.effective / ARCMIN
     return Sum(tuple(parts), shift, cycloid, effective, skewed, lost, unknown, base_of(problem))

@@ -131,7 +131,12 @@ def quantile_form(problem: RvBacklash, tied: bool | None = None) -> Form | str:
         return total
     if total.skewed and promised is not None:
         return f"the deviations of {', '.join(total.skewed)} are skewed or have poles"
-    main = [row if row.kind == "promise" else replace(row, probability=row.probability - total.lost) for row in main]
+    main = [
+        row
+        if row.kind == "promise"
+        else replace(row, probability=row.probability - total.lost[0 if row.clipped else 1])
+        for row in main
+    ]
     if any(row.kind != "promise" and row.probability < 0.5 for row in main):
         return "a yield or coverage of one half leaves no room for what a skewed law loses"
     relaxed = _relaxed_limits(problem, total.shift, main)

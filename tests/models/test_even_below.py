@@ -5,13 +5,24 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tolevo.models.inputs import Beta, Distribution, Exponential, Rayleigh, SkewNormal, Triangular, Uniform
+from tolevo.models.inputs import (
+    Beta,
+    Distribution,
+    Empirical,
+    Exponential,
+    Mixture,
+    Rayleigh,
+    SkewNormal,
+    Triangular,
+    Uniform,
+)
 from tolevo.models.propagation.even_below import LOST, even_law_below
 from tolevo.models.rv_reducer.tighter_planet import TighterPlanet
 
 LAWS = (
     TighterPlanet(), TighterPlanet(3, 0.2), Beta(2.0, 5.0), Beta(5.0, 2.0), Beta(0.5, 0.5), Rayleigh(),
     Exponential(), SkewNormal(3.0), Triangular(mode=0.7), Uniform(),
+    Empirical((0.5, -1.0, 0.5)), Empirical((0.1, 0.2, 0.9)), Mixture((-0.5, 0.2), (0.1, 0.2)),
 )  # fmt: skip
 
 
