@@ -18,7 +18,6 @@ import argparse
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -77,7 +76,7 @@ def by_plain_bic(found: Record, rows: Marks, output: str) -> Array:
     """The same of the names that plain BIC selects in these rows, all numbers fitted to them."""
     whole, at = seen(found), np.flatnonzero(rows)
     named = selected(seen(replace(found, table=found.table[rows])))
-    columns = partial(fitted, named, whole.points, whole.free, whole.left)(at)
+    columns = fitted(named, whole.points, whole.free, whole.left, at)
     simulated = found.table[f"{output}_predicted"].to_numpy(dtype=np.float64)
     return simulated + predicted(columns, whole.left, at)
 

@@ -376,15 +376,16 @@ class RvBacklash(Promising, Machined):
         return super().cost_of(designs) + (0.0 if self.matching is None else self.matching.price)
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
-        return self._propagated(designs, self._searching if searching else self._reporting)
+        outputs = self._propagated(designs, self._searching if searching else self._reporting)
+        return outputs | self._matched(designs, outputs, searching)
 
     def needed(self, designs: Array) -> dict[str, Array]:
         """Every output as reported, the errors of propagation at NaN: a third of the work is theirs."""
         outputs = self._propagated(designs, self._method(Convolution(errors=False)))
-        return outputs | self._further(designs, searching=False)
+        return outputs | self._matched(designs, outputs, searching=False) | self._further(designs, searching=False)
 
     def _propagated(self, designs: Array, method: Propagation) -> dict[str, Array]:
-        """Every output (n,) of full designs by a method of propagation."""
+        """Outputs (n,) of full designs by a method of propagation, without those of matched parts."""
         total = self.total(designs)
         coverage = self.settings.propagation.coverage
         spread = self.change.propagate(method, total, coverage, self.limit * ARCMIN)
@@ -392,12 +393,17 @@ class RvBacklash(Promising, Machined):
         outputs = {f"{name}_arcmin": value / ARCMIN for name, value in means}
         geometric = spread.geometric_mean + deviations(self) * spread.geometric_std
         outputs["backlash_geometric_arcmin"] = geometric / ARCMIN
-        outputs = {"cost": self.cost_of(designs)} | outputs | _spread(spread) | self.profile(designs)
-        return outputs if self.matching is None else outputs | self._matched(designs, outputs)
+        return {"cost": self.cost_of(designs)} | outputs | _spread(spread) | self.profile(designs)
 
-    def _matched(self, designs: Array, outputs: Mapping[str, Array]) -> dict[str, Array]:
-        """Pins and holes left over, and the cost of a good unit that pays for them, each (n,)."""
-        assert self.matching is not None
+    def _matched(self, designs: Array, outputs: Mapping[str, Array], searching: bool) -> dict[str, Array]:
+        """Pins and holes left over, and the cost of a good unit that pays for them, each (n,); NaN where a search does
+        not need them: they take three times as long as all others.
+        """
+        if self.matching is None:
+            return {}
+        names = LEFT_OVER, PER_GOOD_UNIT
+        if searching and self.required_outputs.isdisjoint(names):
+            return dict.fromkeys(names, np.full(len(designs), np.nan))
         t = {name: self.column(designs, name) for name in (HOLE, PIN)}
         left = self.matching.left_over(np.stack(list(t.values()), axis=1))
         parts = sum(self.settings.costs[name].cost(zone) for name, zone in t.items() if name in self.settings.costs)

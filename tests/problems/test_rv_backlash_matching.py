@@ -81,6 +81,16 @@ def test_units_are_those_that_are_drawn_sorted_and_matched(
     assert outputs["interference_probability"][0] == pytest.approx(np.mean(phi_2 < 0.0), abs=0.003)
 
 
+def test_a_search_counts_parts_left_over_only_where_they_are_asked_for() -> None:
+    plain = sorting()
+    asked = RvBacklash(Settings(plain.given.parameters, limits=LIMITS | {"pins_left_over_percent": Bound(high=20.0)}))
+    design = row(plain, **{HOLE: 2.0, PIN: 1.2})
+    reported = plain.outputs_of(design)["pins_left_over_percent"]
+    assert 0.0 <= reported[0] <= 20.0
+    assert np.isnan(plain.outputs_of(design, searching=True)["pins_left_over_percent"])
+    assert asked.outputs_of(design, searching=True)["pins_left_over_percent"] == reported
+
+
 def test_equal_zones_leave_a_class_of_each_part() -> None:
     """Var(hole - pin) = 2 t^2/(3 k^2), where both are uniform and measured without error; unsorted 2 t^2/3."""
     plain, matched = RvBacklash(Settings()), sorting(pin_classes=4, pin_match_um=0.0)

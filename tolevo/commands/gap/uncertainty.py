@@ -82,7 +82,7 @@ class Replicates:
 
     def save_steps(self) -> None:
         """Keep the steps so far, once the analysis has begun."""
-        if self._steps is not None and self.path is not None and self.path.is_file():
+        if self._steps is not None and self._steps.open:
             self._steps.write()
 
     def recall_steps(self, old: Identity) -> None:
