@@ -36,6 +36,36 @@ class CostBound(Protocol):
         """Bounds (points,) at the limits and at values (points,) of the objectives; inf where no design keeps them."""
         ...
 
+    def estimate(self, values: Mapping[str, float]) -> SampledNeed | None:
+        """What a sample shows to be needed at the limits and values of the objectives, None where it shows nothing."""
+        ...
+
+
+class SampledNeed(Protocol):
+    """A share of units that allocations need, estimated from a sample."""
+
+    @property
+    def needed(self) -> float:
+        """The share."""
+        ...
+
+    @property
+    def units(self) -> int:
+        """Units of the sample."""
+        ...
+
+    def margins(self, design: Array) -> tuple[Array, Array]:
+        """What a full design (variables,) has beyond the needed share, and beyond limits that need no sample (m,), 0 or
+        more where it keeps them, and the derivatives (m, variables) by what is not an integer.
+        """
+        ...
+
+    def share(self, design: Array, searching: bool = True) -> tuple[float, Array]:
+        """The share at a full design (variables,), and its derivatives (variables,) by what is not an integer; on the
+        units that points are reported on where not `searching`.
+        """
+        ...
+
 
 @dataclass(frozen=True, slots=True)
 class Way:

@@ -15,7 +15,9 @@ interference of at most 5 % therefore need
 
     P(phi_1 + 2 |sum c_j z_j| <= L) >= 0.9973 - 0.05,
 
-and the least cost of tolerances that keep this is a bound of the cost.
+and the least cost of tolerances that keep this is a bound of the cost. What it leaves out is the ripple of a unit,
+max y - mean y > 0, by which w is smaller. With the ripples of a sample (`RippleEstimate`) the least cost lies closer to
+the best allocations, but is an estimate: neither their expectation nor the least cost is proven.
 """
 
 from __future__ import annotations
@@ -38,6 +40,7 @@ from ...section import Array, Integers
 from ...units import ARCMIN, MM, UM
 from ..limits import loosened, narrow_range
 from ..settings import YIELD
+from .evaluation import by_variable
 
 if TYPE_CHECKING:
     from .problem import RvReducer
@@ -273,7 +276,9 @@ MAX, MEAN = "backlash_max_arcmin", "backlash_mean_arcmin"
 PROBABILITY, SHARE_OF_TURN, OVERLAP = "interference_probability", "interference_share_of_turn", "overlap_p95_arcmin"
 OVERLAP_SHARE = 0.95
 """Fraction of the units that `OVERLAP` is the quantile at."""
-FREE = ("dr_rp_mm", "dr_p_mm", "stagger_arcmin", "radial_gap_mm", "modification_backlash_arcmin")
+MODIFICATION = ("radial_gap_mm", "modification_backlash_arcmin")
+"""Outputs of the modification alone."""
+FREE = ("dr_rp_mm", "dr_p_mm", "stagger_arcmin", *MODIFICATION)
 """Nominal values, and outputs of them alone: the theorem holds at all of them."""
 THEOREM = "by the theorem of de Bruijn, Tengbergen and Kruyswijk on chains"
 
@@ -391,6 +396,20 @@ class CommonErrorBound:
                 bounds[at % points] = np.fmax(bounds[at % points], least)
         return bounds
 
+    def estimate(self, values: Mapping[str, float]) -> RippleEstimate | None:
+        """What the ripple of sampled units needs at the limits and at values of the objectives; None where no pair of
+        outputs holds both the largest backlash and the mean over the turn.
+        """
+        if self.missing:
+            return None
+        columns, conditions = {name: np.array([value]) for name, value in values.items()}, self.problem.model.conditions
+        for kept, missed in self._pairs:
+            share, limit, gap = self._needed((kept, missed), columns, 1)[0].tolist()
+            of_the_mean = missed == OVERLAP or (missed == PROBABILITY and conditions.interference != "share_of_turn")
+            if kept != MEAN and of_the_mean and np.all(np.isfinite([share, limit, gap])):
+                return RippleEstimate(self.problem, self._errors[0], self._grades, share, limit, gap)
+        return None
+
     def _spare(self, limit: float, gap: float, share: float) -> float:
         """What the tightest tolerances leave of units beyond a share, at the best grade."""
         tightest = [steps._replace(t=steps.t[:1], cost=steps.cost[:1]) for steps in self._tolerances]
@@ -411,3 +430,86 @@ class CommonErrorBound:
                     "widen the ranges",
                 )
         return list(faults.values())
+
+
+# The same with the ripple of units over the turn, as a sample shows it.
+
+
+WAVES, PLACES = 128, 96
+"""Terms of the series of the density of |sum c_j z_j|, and places at which it is integrated."""
+COSINES = np.cos(np.outer((np.arange(PLACES) + 0.5) * np.pi / (2 * PLACES), np.arange(WAVES + 1)))
+COSINES[:, 1:] *= 2.0
+SHARES = 0.05
+"""Share of the units that counts as much as the range of a variable."""
+TINY = 1e-3
+"""Least size of a limit on the modification [mm, arcmin] that its margin is compared with."""
+STEP = 1e-4
+"""Step, relative to a tolerance, of the differences of a characteristic function by it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RippleEstimate:
+    """The share of units that can be good where the ripple max y - mean y of each is that of the search's sample.
+
+    E P(phi_1 <= min(limit, limit + gap - ripple - 2 |sum c_j z_j|)) has to reach the share that is `needed`.
+    """
+
+    problem: RvReducer
+    errors: list[CommonError]
+    grades: list[Grade]
+    needed: float
+    limit: float
+    gap: float
+
+    @property
+    def units(self) -> int:
+        """Units of the sample."""
+        return self.problem.populations(searching=True).rigid.units
+
+    def margins(self, design: Array) -> tuple[Array, Array]:
+        """What the share at a full design (variables,) exceeds the needed one by, and what limits on the modification
+        leave, relative to their size (m,), and the derivatives (m, variables) by all but the grade.
+        """
+        share, slopes = self.share(design)
+        margins, rows = [(share - self.needed) / SHARES], [slopes / SHARES]
+        values = self.problem.profile(design[None, :])
+        by_variable = self.problem.plain_slopes(design[None, :])
+        for limit in self.problem.limits:
+            for end, sign in ((limit.low, 1.0), (limit.high, -1.0)) if limit.name in MODIFICATION else ():
+                if np.isfinite(end):
+                    margins.append(sign * (float(values[limit.name][0]) - end) / max(abs(end), TINY))
+                    rows.append(sign * by_variable[limit.name][0] / max(abs(end), TINY))
+        return np.array(margins), np.array(rows)
+
+    def _involute(self, design: Array) -> Involute:
+        low = np.rint(self.problem.interval("involute_grade")[0])
+        place = int(np.rint(design[self.problem.names.index("involute_grade")]) - low)
+        return self.grades[place if len(self.grades) > 1 else 0].involute
+
+    def share(self, design: Array, searching: bool = True) -> tuple[float, Array]:
+        """The share at a full design (variables,), and its derivatives (variables,) by all but the grade.
+
+        Ripples are those of the search's units, or of the units that points are reported on.
+        """
+        problem, involute = self.problem, self._involute(design)
+        turn = problem.evaluation(design, searching).turn
+        play, unit = turn.play, np.arange(turn.play.shape[1])
+        at = play.argmax(axis=0)
+        ripple = play[at, unit] - play.mean(axis=0, dtype=np.float64)
+        period = max(self.limit + self.gap - involute.ends()[0], SHORTEST)
+        w, place = np.arange(WAVES + 1) * np.pi / period, (np.arange(PLACES) + 0.5) * period / PLACES
+        within = np.minimum(self.limit, self.limit + self.gap - place - ripple[:, None])
+        below = involute.cdf(within).mean(axis=0)
+        t = [design[problem.names.index(error.variable)] for error in self.errors]
+        waves = [error.characteristic(error.slope * size * w) for error, size in zip(self.errors, t, strict=True)]
+        density = COSINES @ reduce(np.multiply, waves) / (2 * PLACES)
+        by_ripple = -(involute.density(within) * (within < self.limit)) @ density / len(unit)
+        weight = np.tile(-by_ripple / len(play), (len(play), 1))
+        weight[at, unit] += by_ripple
+        slopes = by_variable(turn.slopes(weight))
+        for j, (error, size) in enumerate(zip(self.errors, t, strict=True)):
+            step = STEP * max(size, STEP)
+            higher, lower = (error.characteristic(error.slope * (size + move) * w) for move in (step, -step))
+            others = reduce(np.multiply, [*waves[:j], *waves[j + 1 :], 0.5 * (higher - lower) / step])
+            slopes[error.variable] += float(below @ (COSINES @ others)) / (2 * PLACES)
+        return float(below @ density), np.array([slopes.get(name, 0.0) for name in problem.names])

@@ -187,6 +187,11 @@ class Populations:
         return self.draw(*self.sizes[2])
 
 
+def by_variable(slopes: Array) -> dict[str, float]:
+    """Derivatives by `NAMES`, by the variable of each."""
+    return {VARIABLE.get(error, f"{error}_um"): float(slope) for error, slope in zip(NAMES, slopes, strict=True)}
+
+
 class Evaluation:
     """One design on populations; each statistic is computed when it is first asked for.
 
@@ -302,9 +307,7 @@ class Evaluation:
         else:
             measure, drawn = self.measures[MEASURES[name]], self.drawn.rigid
             slopes = measure.slopes(self.turn, drawn.alike if alike else drawn.slopes)
-        return {
-            VARIABLE.get(error, f"{error}_um"): float(slope) for error, slope in zip(NAMES, scale * slopes, strict=True)
-        }
+        return by_variable(scale * slopes)
 
     # ---------------------------------------------------------------- statistics
 

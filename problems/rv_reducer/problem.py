@@ -587,10 +587,10 @@ class RvReducer(PromisingUnits, Machined):
                 for tolerance, slope in evaluation.by_mean(name).items():
                     by_mean[name][tolerance][at] = slope
         self.add_promised_slopes(designs, gradients, by_mean)
-        return self.by_limits(designs, gradients, by_mean) | self._plain_slopes(designs)
+        return self.by_limits(designs, gradients, by_mean) | self.plain_slopes(designs)
 
-    def _plain_slopes(self, designs: Array) -> dict[str, Array]:
-        """Derivatives of cost, profile and flank clearance."""
+    def plain_slopes(self, designs: Array) -> dict[str, Array]:
+        """Derivatives (n, variables) of cost, profile and flank clearance, at full designs (n, variables)."""
         names = ("radial_gap_mm", "modification_backlash_arcmin")
         slopes = {name: np.zeros_like(designs) for name in names}
         nominal = self.model.geometry.nominal

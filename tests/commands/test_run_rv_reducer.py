@@ -62,6 +62,17 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "a"
 
 
+def test_a_front_carries_the_estimated_bound_of_some_points(finished: Path) -> None:
+    front = pd.read_csv(finished / "front.csv")
+    statement = json.loads((finished / "summary.json").read_text())["bound_estimate"]
+    tried = front[front["bound_estimate"].notna()]
+    assert 1 <= len(tried) <= 3
+    assert np.all(tried["bound_estimate"] >= 0.99 * tried["bound"]) and np.all(tried["bound_estimate"] < tried["cost"])
+    below = 100.0 * (1.0 - tried["bound_estimate"] / tried["cost"])
+    assert statement.startswith("estimated, not proven") and "32 units" in statement
+    assert f"lies {below.min():.2g} to {below.max():.2g} % below the points ({len(tried)} of {len(front)}" in statement
+
+
 def test_another_solver_stands_beside_both_ends_at_their_backlash(finished: Path) -> None:
     front, others = (pd.read_csv(finished / f"{one}.csv") for one in ("front", "overlays"))
     assert set(others["label"]) == {"multi-start"}

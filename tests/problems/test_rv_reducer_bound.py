@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tolevo.algorithms.exact.bounds import proof
+from tolevo.algorithms.exact.conditional import Asked, estimated_optimum
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.models.inputs import Beta, Distribution, Normal, Triangular, Uniform
@@ -16,7 +17,7 @@ from tolevo.models.rv_reducer.contact.contact import LoadedContact, backlash, tu
 from tolevo.models.rv_reducer.contact.geometry import PartErrors
 from tolevo.models.rv_reducer.population.errors import modified_geometry
 from tolevo.problems.rv_reducer import RvReducer
-from tolevo.problems.rv_reducer.bound import CommonErrorBound, Level
+from tolevo.problems.rv_reducer.bound import CommonErrorBound, Level, RippleEstimate
 from tolevo.problems.settings import Bound, Settings, VariableSetting
 from tolevo.units import ARCMIN, UM
 
@@ -127,6 +128,89 @@ def test_no_design_has_more_good_units_than_the_theorem_allows() -> None:
                     missing.append(allowed - float(np.mean(within * (play.mean(axis=0) >= 0.0))))
     assert min(missing) > -0.004  # the scatter of 4096 units
     assert min(missing) < 0.05
+
+
+# ---------------------------------------------------------------- with the ripple that a sample shows
+
+
+SMALL = {"report_units": 4096, "search_units": 256, "positions": 31}
+
+
+def estimate_of(problem: RvReducer, limit: float) -> RippleEstimate:
+    need = problem.cost_bound().estimate({"backlash_max_arcmin": limit})
+    assert need is not None
+    return need
+
+
+def test_the_share_with_ripple_is_that_of_a_count_and_has_its_derivatives() -> None:
+    problem = problem_of(SMALL)
+    need, design, rng = estimate_of(problem, 1.0), problem.starts()[2], np.random.default_rng(4)
+    share, slopes = need.share(design)
+    units, count = problem.evaluation(design, searching=True), 4000
+    play = units.turn.play.astype(float)
+    ripple = np.repeat(play.max(axis=0) - play.mean(axis=0), count)
+    s = np.zeros(len(ripple))
+    for error, parts in zip(need.errors, (1, 2, 2, 4), strict=True):
+        z = rng.uniform(-1.0, 1.0, (parts, len(ripple)))
+        mean = 0.5 * (2.0 - np.ptp(z, axis=0)) * rng.uniform(-1.0, 1.0, len(ripple))
+        s += error.slope * design[problem.names.index(error.variable)] * mean
+    phi_1 = units.involute.middle + units.involute.half * problem.model.tightest(rng.normal(size=(3, len(ripple))))
+    good = float(np.mean(phi_1 + ripple + 2.0 * np.abs(s) <= 1.0))
+    assert 0.2 < good < 0.999
+    assert share == pytest.approx(good, abs=4.0 * np.sqrt(good * (1.0 - good) / len(s)) + 2e-4)
+    for at, name in enumerate(problem.names):
+        step = 1e-3 * max(abs(design[at]), 0.01) if name != "involute_grade" else 0.0
+        higher, lower = design.copy(), design.copy()
+        higher[at], lower[at] = higher[at] + step, lower[at] - step
+        by_difference = (need.share(higher)[0] - need.share(lower)[0]) / (2.0 * step) if step else 0.0
+        assert slopes[at] == pytest.approx(by_difference, rel=0.05, abs=2e-4), name  # single precision, and kinks
+
+
+def test_the_share_with_ripple_lies_between_that_without_and_that_of_a_design() -> None:
+    """Of 30 designs near the starts of a search, at any modification, no more units are good than the sample lets."""
+    problem = problem_of(SMALL)
+    need, rng, room = estimate_of(problem, 1.0), np.random.default_rng(6), []
+    for design in problem.starts()[rng.integers(4, size=30)]:
+        for name in (v.name for v in problem.free if v.tolerance and not v.integer):
+            low, high = problem.interval(name)
+            at = problem.names.index(name)
+            design[at] = np.clip(design[at] * np.exp(rng.normal(0.0, 0.4)), low, high)
+        design[problem.names.index("dr_rp_mm")] += rng.normal(0.0, 0.002)
+        units = problem.evaluation(design, searching=False)
+        play = units.turn.play
+        within = units.involute.cdf(1.0 - np.maximum(play.max(axis=0), 0.0))
+        good = float(np.mean(within * (play.mean(axis=0) >= 0.0)))
+        room.append(need.share(design, searching=False)[0] - good)
+    assert min(room) > -0.01  # the scatter of 4096 units
+    assert max(room) > 0.05
+
+
+def test_the_estimate_lies_above_the_bound_and_is_the_least_from_other_starts() -> None:
+    """At three levels: 10.9, 14.0 and 7.2 by an independent computation with other positions and units."""
+    problem, starts = problem_of({**SMALL, "positions": 61, "search_units": 512}), problem_of().starts()
+    for limit, known in ((1.0, 10.90), (0.81, 13.97), (1.48, 7.24)):
+        costs = [estimated_optimum(problem, Asked({"backlash_max_arcmin": limit}, start))[0] for start in starts[1:3]]
+        np.testing.assert_allclose(costs, known, rtol=0.03)
+        assert costs[0] == pytest.approx(costs[1], rel=3e-3)
+        assert min(costs) > bound_at(problem, limit) * 1.2
+
+
+@pytest.mark.parametrize(
+    ("parameters", "settings"),
+    [
+        ({}, {"objectives": ("cost", "backlash_mean_arcmin")}),
+        ({"interference": "share_of_turn"}, {}),
+        ({}, {"limits": {"interference_share_of_turn": Bound(high=0.05)}}),
+    ],
+)
+def test_no_ripple_is_estimated_where_the_theorem_has_no_use_for_it(
+    parameters: dict[str, Any], settings: dict[str, Any]
+) -> None:
+    problem = problem_of(parameters, **settings)
+    assert problem.cost_bound().estimate(dict.fromkeys(problem.objectives, 1.0)) is None
+    assert np.all(
+        np.isnan(estimated_optimum(problem, Asked(dict.fromkeys(problem.objectives, 1.0), problem.starts()[0])))
+    )
 
 
 # ---------------------------------------------------------------- least costs

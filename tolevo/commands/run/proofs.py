@@ -13,12 +13,12 @@ from ...algorithms.archive import hypervolume
 from ...algorithms.exact.bounds import Proof, convex_pieces, least_bounds, proof, reason, restrict_form, row_limits
 from ...algorithms.exact.choices import least_cost, search_vector
 from ...algorithms.exact.combination import Ascent, Combination, Optimum, within
-from ...algorithms.exact.conditional import convexity
+from ...algorithms.exact.conditional import Asked, convexity, estimated_optimum
 from ...algorithms.exact.epsilon import integer_faults, scale_of
 from ...algorithms.exact.local import GAINED, Branch
 from ...algorithms.exact.programme import Programme
 from ...algorithms.exact.solver import Exact, closed_form, exact_vectors
-from ...algorithms.run import Run, Shared
+from ...algorithms.run import Run, Shared, recalled_results
 from ...algorithms.search import SearchResult
 from ...algorithms.settings import AlgorithmSettings, Budget
 from ...errors import Fault, ModelError, raise_all
@@ -46,6 +46,8 @@ INFORMATIVE = 25.0
 """Median gap [percent] beyond which a bound that leaves limits out is not informative."""
 DEFECT = 2.0
 """How far a function may lie below its tangent plane, in units of what it exceeds the middle of a chord by."""
+ESTIMATED = (0.25, 0.75)
+"""Places along a front, besides the chosen point, at which the least cost is estimated."""
 CLOSED = 1e-7
 """Relative gap up to which a front counts as exact."""
 
@@ -270,6 +272,41 @@ def add_conditional_bounds(result: RunResult, plan: RunPlan, shared: Shared) -> 
     marked = front.copy()
     marked.insert(list(front).index("gap_percent") + 1, "bound_conditional", bound)
     summary = {**result.summary, "bound_conditional": statement, "notes": [*result.summary["notes"], statement]}
+    return replace(result, front=marked, summary=summary, notes=(*result.notes, statement))
+
+
+def add_estimated_bounds(result: RunResult, plan: RunPlan, shared: Shared) -> RunResult:
+    """The result with `bound_estimate` [cost] of a few points that `exact` found on a sample, where a sample shows what
+    an allocation needs (`CostBound.estimate`). `shared` computes in other processes.
+    """
+    problem, front = plan.problem, result.front
+    known = problem.cost_bound() if problem.priced == "cost" and not problem.held_costs else None
+    if known is None or not isinstance(plan.algorithm, Exact) or front.empty or known.missing:
+        return result
+    places = [round(part * (len(front) - 1)) for part in ESTIMATED]
+    points = [int(at) for at in np.unique([chosen_point(result), *places])]
+    designs = designs_of(problem, front)
+    asked = [Asked({name: float(front[name].iloc[at]) for name in problem.objectives}, designs[at]) for at in points]
+    needs = [known.estimate(one.values) for one in asked]
+    inputs = (designs[points], np.array([list(one.values.values()) for one in asked]))
+    solved = recalled_results(shared, estimated_optimum, asked, inputs) if all(needs) else np.empty((0, 2))
+    estimate = np.full(len(front), np.nan)
+    estimate[points[: len(solved)]] = solved[:, 0]
+    if not np.any(np.isfinite(estimate)):
+        return result
+    below, need = 100.0 * (1.0 - estimate / front["cost"].to_numpy(dtype=float)), needs[0]
+    assert need is not None
+    off = max(abs(share - one.needed) for share, one in zip(solved[:, 1], needs, strict=True) if one and share == share)
+    least, most = (f"{float(end):.2g}" for end in (np.nanmin(below), np.nanmax(below)))
+    statement = (
+        f"estimated, not proven: with the ripple of the backlash over the turn as {need.units} units show it, the "
+        f"least cost at which enough units can be good lies {least} to {most} % "
+        f"below the points ({np.count_nonzero(np.isfinite(below))} of {len(front)} tried, column bound_estimate); on "
+        f"fresh units the share that is needed, {percent(100.0 * need.needed)}, is met to within {percent(100.0 * off)}"
+    )
+    marked = front.copy()
+    marked.insert(list(front).index("gap_percent") + 1, "bound_estimate", estimate)
+    summary = {**result.summary, "bound_estimate": statement, "notes": [*result.summary["notes"], statement]}
     return replace(result, front=marked, summary=summary, notes=(*result.notes, statement))
 
 

@@ -66,6 +66,7 @@ from .proofs import (
     ProvenFront,
     add_bounds,
     add_conditional_bounds,
+    add_estimated_bounds,
     add_requirements,
     end_notes,
     exact_front,
@@ -419,7 +420,7 @@ def _conclude_run(
     looser = label_fronts(relaxed)
     looser = None if looser is None or looser.empty else looser
     result = replace(add_choices(result, decisions, plan, exact), overlays=overlays, relaxed=looser)
-    result = add_conditional_bounds(result, plan, shared)
+    result = add_estimated_bounds(add_conditional_bounds(result, plan, shared), plan, shared)
     result = replace(result, summary={**result.summary, "answers": answers(result, plan.problem, front_proof)})
     result = add_requirements(
         add_units(add_capability(add_promise(result, plan.problem), plan.problem), plan.problem), plan.problem
