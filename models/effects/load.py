@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from math import inf
+
 import numpy as np
 
 from ...section import Array
@@ -100,7 +103,9 @@ class FrictionHysteresis(Shape):
         if target.model == LOCKED:
             return (loop,)
         either = target.model == TABLE and Load.role(target) is not None
-        return (MOVING, loop) if either else (MOVING,)
+        along = all(kind_of(output.unit) == "length" for output in target.outputs)
+        moving = replace(MOVING, low=-inf) if along else MOVING  # ISO 230-2: a reversal error has either sign
+        return (moving, loop) if either else (moving,)
 
     def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         if all(weight.stem != LOOP for weight in self.weights(target)):

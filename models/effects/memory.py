@@ -8,6 +8,7 @@ the angle. A path begins at rest, unloaded, in each session.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import inf
 from typing import ClassVar
 
@@ -152,6 +153,10 @@ class BoucWen(Memory, OneColumn):
     mistaken_for = ("dahl_friction", "friction_hysteresis", "delay")
     reference = "Wen, J. Eng. Mech. Div. ASCE 102, 1976"
     weight = Weight("amplitude", "a, half of the loop when it has slipped", low=-inf)
+
+    def weights(self, target: Target) -> tuple[Weight, ...]:
+        opposes = all(kind_of(output.unit) in FORCES for output in target.outputs)
+        return (replace(self.weight, low=0.0) if opposes else self.weight,)  # friction opposes the motion
 
     def driven_by(self, target: Target) -> Role | None:
         """The travel where a force is measured."""
