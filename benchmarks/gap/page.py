@@ -14,7 +14,9 @@ from benchmarks.gap.scoring.breakdown import Level, hidden, levels, misses, nois
 from benchmarks.gap.scoring.dominant import GROUP, best_of, dominant_figures
 from benchmarks.gap.scoring.scorer import Figure, Scored, clopper_pearson, falsely_named, figures
 
-BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
+MEASURED, NEWER = "measured", "newer"
+"""Parts of the page that tables are written to: those of most groups, and of the groups in `NEWER_GROUPS` alone."""
+NEWER_GROUPS = frozenset(["approximate", "rows", "memory", "plays"])
 NOTES = {"plain BIC": "11 to 24 %", "LassoCV": "33 %", "thresholded least squares": "100 %"}
 """Clean records that are given a name, by the project's notes."""
 HERTZ = "97 to 100 %"
@@ -71,7 +73,7 @@ def cell(one: Figure, name: str) -> str:
 def figure_table(answers: Answers) -> str:
     """Figures by namers, or by families; some are of one family alone."""
     columns = {name: {one.name: one for one in figures(found)} for name, found in answers.items()}
-    every = {name: one for column in columns.values() for name, one in column.items()}
+    every = {name: one for column in columns.values() for name, one in column.items() if one.count}
     lines = [
         [name, goal(one.must, one), goal(one.aim, one),
          *(cell(column[name], by) if name in column else "-" for by, column in columns.items())]
@@ -209,28 +211,34 @@ def details(answers: Answers) -> str:
 
 def page(answers: Answers, seconds: Mapping[str, Sequence[float]], command: str) -> str:
     """All tables, under the command that made them."""
-    parts = [f"By `{command}`. In brackets the 95 % interval (of the first line, 90 %: its upper "
-             "end is the bound that is judged), then of how many records, or of how many effects "
-             "given; of the baselines the value alone.", *of_bench(answers)]  # fmt: skip
+    parts = [f"By `{command}`. In brackets the 95 % interval (of clean records 90 %: its upper end is the bound that "
+             "is judged), then of how many records, or of how many effects given; of the baselines the value alone.",
+             *of_bench(answers)]  # fmt: skip
     for name, found in answers.items():
         parts += of_models(name, found)
     return "\n\n".join([*parts, "### Time", "CPU seconds per record.", time_table(seconds)])
 
 
-def parts_of(path: Path) -> tuple[str, str]:
-    """What a page has before and after its tables.
+def ends_of(part: str) -> tuple[str, str]:
+    """The lines between which a part of a page is."""
+    return f"<!-- {part}: begin -->", f"<!-- {part}: end -->"
+
+
+def parts_of(path: Path, part: str = MEASURED) -> tuple[str, str]:
+    """What a page has before and after the tables of a part.
 
     Raises ValueError where it has no place for them, OSError where it cannot be read.
     """
-    text = path.read_text(encoding="utf-8")
-    before, begin, rest = text.partition(BEGIN)
-    _, end, after = rest.partition(END)
+    text, (first, last) = path.read_text(encoding="utf-8"), ends_of(part)
+    before, begin, rest = text.partition(first)
+    _, end, after = rest.partition(last)
     if not begin or not end:
-        raise ValueError(f"{path}: needs a line {BEGIN} and after it a line {END}")
+        raise ValueError(f"{path}: needs a line {first} and after it a line {last}")
     return before, after
 
 
-def written(path: Path, measured: str) -> None:
-    """Puts the tables between the markers of a page; raises what `parts_of` does."""
-    before, after = parts_of(path)
-    path.write_text(f"{before}{BEGIN}\n\n{measured}\n\n{END}{after}", encoding="utf-8")
+def written(path: Path, tables: str, part: str = MEASURED) -> None:
+    """Puts tables between the lines of a part of a page; raises what `parts_of` does."""
+    before, after = parts_of(path, part)
+    first, last = ends_of(part)
+    path.write_text(f"{before}{first}\n\n{tables}\n\n{last}{after}", encoding="utf-8")
