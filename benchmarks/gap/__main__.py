@@ -25,7 +25,7 @@ from benchmarks.gap.answers import Asked, Key, as_text, kept, missing
 from benchmarks.gap.asked import asked, count
 from benchmarks.gap.generator.records import BENCH_GROUPS, GROUPS
 from benchmarks.gap.namers.baselines import BASELINES
-from benchmarks.gap.page import MEASURED, NEWER, NEWER_GROUPS, details, families, page, parts_of, written
+from benchmarks.gap.page import MEASURED, NEWER, NEWER_GROUPS, details, families, newer_page, page, parts_of, written
 from benchmarks.gap.scoring.scorer import figures
 from benchmarks.gap.trial import NAMERS, lines, namer_of, printed, scored
 
@@ -137,7 +137,8 @@ def main(argv: Sequence[str]) -> int:
         kinds = {name: [one["group"] in groups for one in by[name]] for name in answers}
         some = {name: list(compress(found, kinds[name])) for name, found in answers.items() if any(kinds[name])}
         seconds = {name: [float(one["seconds"]) for one in compress(by[name], kinds[name])] for name in some}
-        written(given.write, page(some, seconds, command), part)
+        tables = newer_page(some, command) if part == NEWER else page(some, seconds, command)
+        written(given.write, tables, part)
     for name, found in answers.items():
         bench = [one for one in found if one.truth.group in BENCH_GROUPS]
         for family, own in ({"tables": bench} | families(found)).items():

@@ -35,7 +35,7 @@ from benchmarks.gap.namers.baselines import BASELINES
 from benchmarks.gap.namers.peers import PEERS
 from benchmarks.gap.namers.plain_bic import selected
 from benchmarks.gap.namers.seen import Marks, middle, seen
-from benchmarks.gap.page import parts_of, table, written
+from benchmarks.gap.page import abbreviated, made_by, parts_of, table, written
 from benchmarks.gap.scoring.held_out import FAR, fitted, predicted
 from benchmarks.gap.scoring.scorer import verdict
 from benchmarks.gap.scoring.told import told
@@ -196,9 +196,17 @@ def tables(found: Answers) -> list[str]:
         ])  # fmt: skip
         if name not in (WORKFLOW, NOTHING):
             places = lost(of, name)
-            losses.append([name, f"{len(places)} of {len(of)}", ", ".join(places)])
-    head = ["", "records", "hidden effects named", "wrong names", "error over plain BIC's: median", "95 %",
-            *(f"median, {group}" for group in FROM), "error over the noise: median"]  # fmt: skip
+            losses.append([name, f"{len(places)} of {len(of)}", abbreviated(places)])
+    head = [
+        "error over plain BIC's",
+        "records",
+        "effects named",
+        "wrong names",
+        "median",
+        "95 %",
+        *FROM,
+        "over the noise",
+    ]
     return [table(["predicts better than tolevo by over 5 %", "records", "which"], losses), table(head, lines)]
 
 
@@ -234,7 +242,7 @@ def main(argv: Sequence[str]) -> int:
         absent = f" Not installed: {', '.join(missing)}." if missing else ""
         own = [one for at, one in enumerate(argv) if not {one, argv[at - 1]} & {"--out", "--workers"} or at == 0]
         command = shlex.join(["python", "-m", "benchmarks.gap.elsewhere", *own])
-        written(given.write, "\n\n".join([f"By `{command}`.{absent}", *parts]), MARK)
+        written(given.write, "\n\n".join([made_by(command, absent), *parts]), MARK)
     ratio = errors_of(found, WORKFLOW) / errors_of(found, BIC)
     median, most = np.quantile(ratio, [0.5, 0.95])
     return int(median > MOST["median"] or most > MOST["95 %"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from math import isnan
 from pathlib import Path
+from textwrap import fill
 
 import numpy as np
 
@@ -131,15 +132,17 @@ def level_table(found: Sequence[Level]) -> str:
     return table(["by", "", "share"], lines)
 
 
+def abbreviated(places: Sequence[str]) -> str:
+    """The first records of a list, and how many more."""
+    more = f" and {len(places) - SHOWN} more" if len(places) > SHOWN else ""
+    return ", ".join(places[:SHOWN]) + more
+
+
 def miss_table(found: Sequence[Scored]) -> str:
     lines = []
     for one in misses(found):
         places = [f"{group} {k}" for group, k in one.records]
-        more = f" and {len(places) - SHOWN} more" if len(places) > SHOWN else ""
-        lines.append([
-            ", ".join(one.hidden) or "nothing", one.said, str(len(places)),
-            ", ".join(places[:SHOWN]) + more,
-        ])  # fmt: skip
+        lines.append([", ".join(one.hidden) or "nothing", one.said, str(len(places)), abbreviated(places)])
     return table(["hidden", "said", "times", "records"], lines)
 
 
@@ -211,12 +214,22 @@ def details(answers: Answers) -> str:
 
 def page(answers: Answers, seconds: Mapping[str, Sequence[float]], command: str) -> str:
     """All tables, under the command that made them."""
-    parts = [f"By `{command}`. In brackets the 95 % interval (of clean records 90 %: its upper end is the bound that "
-             "is judged), then of how many records, or of how many effects given; of the baselines the value alone.",
-             *of_bench(answers)]  # fmt: skip
+    more = (" In brackets the 95 % interval (of clean records 90 %: its upper end is the bound that is judged), then "
+            "of how many records, or of how many effects given; of the baselines the value alone.")  # fmt: skip
+    parts = [made_by(command, more), *of_bench(answers)]
     for name, found in answers.items():
         parts += of_models(name, found)
     return "\n\n".join([*parts, "### Time", "CPU seconds per record.", time_table(seconds)])
+
+
+def newer_page(answers: Answers, command: str) -> str:
+    """The figures of the newer groups, under the command that made them; the rest of the page says what they mean."""
+    return f"{made_by(command)}\n\n{figure_table(answers)}"
+
+
+def made_by(command: str, more: str = "") -> str:
+    """The command that made tables, in lines of the documentation's width."""
+    return fill(f"By `{command}`.{more}", 120, break_long_words=False, break_on_hyphens=False)
 
 
 def ends_of(part: str) -> tuple[str, str]:
