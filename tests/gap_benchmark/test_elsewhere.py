@@ -49,11 +49,12 @@ def test_losses_come_first_and_a_method_counts_in_the_records_that_it_was_asked(
     ]
     found[0]["said"]["ADCD"] = said(9.0)  # type: ignore[index]
     assert lost(found, BIC) == ["outside 2", "outside 3"]  # 1.09 and 1.18 times the rival's error
-    losses, every = tables(found)
-    assert f"| {BIC} | 2 of 4 | outside 2, outside 3 |" in losses
+    every, losses = tables(found)
+    assert losses == f"{BIC} is better in outside 2, outside 3."
     line = next(one for one in every.splitlines() if one.startswith(f"| {WORKFLOW} |"))
     median = np.median([1.0, 1.1, 1.2, 1.3]) / 1.1
-    assert line.startswith(f"| {WORKFLOW} | 4 | 4 of 4 | 8 | {median:.3f} |")
+    assert line.startswith(f"| {WORKFLOW} | - of 4 | 4 of 4 | 8 | {median:.3f} |")
+    assert f"| {BIC} | 2 of 4 | 4 of 4 | 8 | 1.000 |" in every and "| ADCD | 0 of 1 | 1 of 1 | 2 |" in every
 
 
 def test_pysindy_keeps_what_its_algorithm_written_again_keeps() -> None:
