@@ -180,10 +180,8 @@ def tables(found: Answers) -> list[str]:
     the records that are lost.
     """
     lines, losses = [], []
-    for name in METHODS:
+    for name in dict.fromkeys(name for one in found for name in one["said"]):
         of = [one for one in found if name in one["said"]]
-        if not of:
-            continue
         own, places = [one["said"][name] for one in of], lost(of, name)
         ratio = errors_of(of, name) / errors_of(of, BIC)
         groups = [ratio[[one["group"] == group for one in of]] for group in FROM]
