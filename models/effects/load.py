@@ -86,7 +86,7 @@ class FrictionHysteresis(Shape):
 
     name = "friction_hysteresis"
     family = "load"
-    cause = "Dry friction retains part of the twist until the motion, or the load, reverses."
+    cause = "Dry friction, along an axis also play, changes its side where the motion, or the load, reverses."
     formula = "a d; input locked: c (play(T, w) - T) along the path"
     needs = (Role.DIRECTION,)
     mistaken_for = ("lost_motion", "viscous_friction", "wear")

@@ -242,6 +242,7 @@ class DoubleLoadCreep(LoadCreep):
     cause = "Two parts under the load yield with different time constants."
     formula = "a u1 + b u2, du_i/dt = (T - u_i)/t_i"
     mistaken_for = ("load_creep", "creep", "delay", "torsional_compliance")
+    together = 2
     stems: ClassVar[Mapping[str, str]] = {"fast_time": "t1, of the fast part", "slow_time": "t2, of the slow part"}
 
 

@@ -115,6 +115,14 @@ def test_effects_that_cancel_are_found_by_their_variance_inflation() -> None:
     assert len(search.fitter.y) == N
 
 
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_parts_that_deflect_against_each_other_cancel(sense: float) -> None:
+    a, b = directions(2).T
+    two = member("creep", linear=2, together=2)
+    search = toy([two], {"creep": np.column_stack([a, b])}, 30.0 * a + sense * 20.0 * b)
+    assert search.cancelling(search.fitter.fit([two])) == (() if sense > 0.0 else (0,))
+
+
 @pytest.mark.parametrize(("there", "cancels"), [(5.5, True), (5.6, False)])
 def test_an_effect_whose_size_is_no_coefficient_may_cancel_too(there: float, cancels: bool) -> None:
     """A size of 10 where s is there contributes 10 and takes away s^2 - (10 - s)^2: 3 times as much at s = 5.56."""
