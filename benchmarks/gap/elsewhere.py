@@ -20,6 +20,7 @@ import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -32,7 +33,7 @@ from benchmarks.gap.asked import asked, count
 from benchmarks.gap.generator.records import Record, Truth, record
 from benchmarks.gap.generator.tables import Array
 from benchmarks.gap.namers.baselines import BASELINES
-from benchmarks.gap.namers.peers import PEERS
+from benchmarks.gap.namers.peers import PEERS, Peer
 from benchmarks.gap.namers.plain_bic import selected
 from benchmarks.gap.namers.seen import Marks, middle, seen
 from benchmarks.gap.page import abbreviated, made_by, parts_of, table, written
@@ -105,6 +106,11 @@ def _by_columns(found: Record, rows: Marks, names: Sequence[str], columns: Array
     return Said(tuple(names), simulated(found) + change)
 
 
+def by_peer(peer: Peer, found: Record, rows: Marks) -> Said:
+    """The same of a rival of another package."""
+    return _by_columns(found, rows, *peer(found, rows))
+
+
 def recalibrated(found: Record, rows: Marks) -> Said:
     """The simulation, its zero by the median of these rows."""
     away = found.table[output_of(found)].to_numpy(dtype=np.float64) - simulated(found)
@@ -114,11 +120,8 @@ def recalibrated(found: Record, rows: Marks) -> Said:
 METHODS: Mapping[str, Callable[[Record, Marks], Said]] = {
     WORKFLOW: by_tolevo,
     BIC: by_plain_bic,
-    "LassoCV": lambda found, rows: by_baseline("LassoCV", found, rows),
-    **{
-        name: lambda found, rows, peer=peer: _by_columns(found, rows, *peer(found, rows))
-        for name, peer in PEERS.items()
-    },
+    "LassoCV": partial(by_baseline, "LassoCV"),
+    **{name: partial(by_peer, peer) for name, peer in PEERS.items()},
     NOTHING: recalibrated,
 }
 
