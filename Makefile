@@ -93,8 +93,9 @@ bench: $(PEERS) $(READY)  ## optimisers side by side and the speeds that are pro
 	$(BIN)/python -m benchmarks.scaling $(if $(QUICK),--quick,--write docs)
 	$(BIN)/python -m benchmarks.wide $(if $(QUICK),--designs 2000)
 
-bench-gap: $(READY)  ## the benchmark of naming, about 20 minutes on two cores; goes on where it was stopped
+bench-gap: $(PEERS) $(READY)  ## the benchmark of naming, about 35 minutes on two cores; goes on where it was stopped
 	$(BIN)/python -m benchmarks.gap --write docs/gap_benchmark.md
+	$(BENCH)/python -m benchmarks.gap.elsewhere --write docs/gap_benchmark.md
 
 lock: $(READY)  ## renews requirements.lock and benchmarks/requirements.lock
 	$(BIN)/pip install --quiet uv

@@ -18,13 +18,14 @@ import shlex
 import sys
 import time
 from collections.abc import Sequence
+from itertools import compress
 from pathlib import Path
 
 from benchmarks.gap.answers import Asked, Key, as_text, kept, missing
 from benchmarks.gap.asked import asked, count
 from benchmarks.gap.generator.records import BENCH_GROUPS, GROUPS
 from benchmarks.gap.namers.baselines import BASELINES
-from benchmarks.gap.page import details, families, page, parts_of, written
+from benchmarks.gap.page import MEASURED, NEWER, NEWER_GROUPS, details, families, newer_page, page, parts_of, written
 from benchmarks.gap.scoring.scorer import figures
 from benchmarks.gap.trial import NAMERS, lines, namer_of, printed, scored
 
@@ -64,11 +65,18 @@ def arguments(argv: Sequence[str]) -> argparse.Namespace:
     try:
         for name in given.namers:
             namer_of(name)
-        if given.write:
-            parts_of(given.write)
+        for part in split(given.groups) if given.write else ():
+            parts_of(given.write, part)
     except (ValueError, OSError) as error:
         parser.error(str(error))
     return given
+
+
+def split(groups: Sequence[str]) -> dict[str, list[str]]:
+    """The groups of each part of the page that has any."""
+    newer = [name for name in groups if name in NEWER_GROUPS]
+    rest = [name for name in groups if name not in NEWER_GROUPS]
+    return {part: of for part, of in ((NEWER, newer), (MEASURED, rest)) if of}
 
 
 def wanted(given: argparse.Namespace) -> list[Key]:
@@ -124,10 +132,13 @@ def main(argv: Sequence[str]) -> int:
     there = kept(given.out)
     by = {name: [there[one] for one in keys if one[0] == name] for name in given.namers}
     answers = {name: [scored(one) for one in found] for name, found in by.items() if found}
-    seconds = {name: [float(one["seconds"]) for one in by[name]] for name in answers}
     command = shlex.join(["python", "-m", "benchmarks.gap", *_repeatable(argv)])
-    if given.write:
-        written(given.write, page(answers, seconds, command))
+    for part, groups in split(given.groups).items() if given.write else ():
+        kinds = {name: [one["group"] in groups for one in by[name]] for name in answers}
+        some = {name: list(compress(found, kinds[name])) for name, found in answers.items() if any(kinds[name])}
+        seconds = {name: [float(one["seconds"]) for one in compress(by[name], kinds[name])] for name in some}
+        tables = newer_page(some, command) if part == NEWER else page(some, seconds, command)
+        written(given.write, tables, part)
     for name, found in answers.items():
         bench = [one for one in found if one.truth.group in BENCH_GROUPS]
         for family, own in ({"tables": bench} | families(found)).items():

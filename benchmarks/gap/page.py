@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from math import isnan
 from pathlib import Path
+from textwrap import fill
 
 import numpy as np
 
@@ -14,7 +15,9 @@ from benchmarks.gap.scoring.breakdown import Level, hidden, levels, misses, nois
 from benchmarks.gap.scoring.dominant import GROUP, best_of, dominant_figures
 from benchmarks.gap.scoring.scorer import Figure, Scored, clopper_pearson, falsely_named, figures
 
-BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
+MEASURED, NEWER = "measured", "newer"
+"""Parts of the page that tables are written to: those of most groups, and of the groups in `NEWER_GROUPS` alone."""
+NEWER_GROUPS = frozenset(["approximate", "rows", "memory", "plays"])
 NOTES = {"plain BIC": "11 to 24 %", "LassoCV": "33 %", "thresholded least squares": "100 %"}
 """Clean records that are given a name, by the project's notes."""
 HERTZ = "97 to 100 %"
@@ -71,7 +74,7 @@ def cell(one: Figure, name: str) -> str:
 def figure_table(answers: Answers) -> str:
     """Figures by namers, or by families; some are of one family alone."""
     columns = {name: {one.name: one for one in figures(found)} for name, found in answers.items()}
-    every = {name: one for column in columns.values() for name, one in column.items()}
+    every = {name: one for column in columns.values() for name, one in column.items() if one.count}
     lines = [
         [name, goal(one.must, one), goal(one.aim, one),
          *(cell(column[name], by) if name in column else "-" for by, column in columns.items())]
@@ -129,15 +132,17 @@ def level_table(found: Sequence[Level]) -> str:
     return table(["by", "", "share"], lines)
 
 
+def abbreviated(places: Sequence[str]) -> str:
+    """The first records of a list, and how many more."""
+    more = f" and {len(places) - SHOWN} more" if len(places) > SHOWN else ""
+    return ", ".join(places[:SHOWN]) + more
+
+
 def miss_table(found: Sequence[Scored]) -> str:
     lines = []
     for one in misses(found):
         places = [f"{group} {k}" for group, k in one.records]
-        more = f" and {len(places) - SHOWN} more" if len(places) > SHOWN else ""
-        lines.append([
-            ", ".join(one.hidden) or "nothing", one.said, str(len(places)),
-            ", ".join(places[:SHOWN]) + more,
-        ])  # fmt: skip
+        lines.append([", ".join(one.hidden) or "nothing", one.said, str(len(places)), abbreviated(places)])
     return table(["hidden", "said", "times", "records"], lines)
 
 
@@ -209,28 +214,44 @@ def details(answers: Answers) -> str:
 
 def page(answers: Answers, seconds: Mapping[str, Sequence[float]], command: str) -> str:
     """All tables, under the command that made them."""
-    parts = [f"By `{command}`. In brackets the 95 % interval (of the first line, 90 %: its upper "
-             "end is the bound that is judged), then of how many records, or of how many effects "
-             "given; of the baselines the value alone.", *of_bench(answers)]  # fmt: skip
+    more = (" In brackets the 95 % interval (of clean records 90 %: its upper end is the bound that is judged), then "
+            "of how many records, or of how many effects given; of the baselines the value alone.")  # fmt: skip
+    parts = [made_by(command, more), *of_bench(answers)]
     for name, found in answers.items():
         parts += of_models(name, found)
     return "\n\n".join([*parts, "### Time", "CPU seconds per record.", time_table(seconds)])
 
 
-def parts_of(path: Path) -> tuple[str, str]:
-    """What a page has before and after its tables.
+def newer_page(answers: Answers, command: str) -> str:
+    """The figures of the newer groups, under the command that made them; the rest of the page says what they mean."""
+    return f"{made_by(command)}\n\n{figure_table(answers)}"
+
+
+def made_by(command: str, more: str = "") -> str:
+    """The command that made tables, in lines of the documentation's width."""
+    return fill(f"By `{command}`.{more}", 120, break_long_words=False, break_on_hyphens=False)
+
+
+def ends_of(part: str) -> tuple[str, str]:
+    """The lines between which a part of a page is."""
+    return f"<!-- {part}: begin -->", f"<!-- {part}: end -->"
+
+
+def parts_of(path: Path, part: str = MEASURED) -> tuple[str, str]:
+    """What a page has before and after the tables of a part.
 
     Raises ValueError where it has no place for them, OSError where it cannot be read.
     """
-    text = path.read_text(encoding="utf-8")
-    before, begin, rest = text.partition(BEGIN)
-    _, end, after = rest.partition(END)
+    text, (first, last) = path.read_text(encoding="utf-8"), ends_of(part)
+    before, begin, rest = text.partition(first)
+    _, end, after = rest.partition(last)
     if not begin or not end:
-        raise ValueError(f"{path}: needs a line {BEGIN} and after it a line {END}")
+        raise ValueError(f"{path}: needs a line {first} and after it a line {last}")
     return before, after
 
 
-def written(path: Path, measured: str) -> None:
-    """Puts the tables between the markers of a page; raises what `parts_of` does."""
-    before, after = parts_of(path)
-    path.write_text(f"{before}{BEGIN}\n\n{measured}\n\n{END}{after}", encoding="utf-8")
+def written(path: Path, tables: str, part: str = MEASURED) -> None:
+    """Puts tables between the lines of a part of a page; raises what `parts_of` does."""
+    before, after = parts_of(path, part)
+    first, last = ends_of(part)
+    path.write_text(f"{before}{first}\n\n{tables}\n\n{last}{after}", encoding="utf-8")

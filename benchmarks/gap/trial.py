@@ -82,5 +82,6 @@ def printed(figures: Sequence[Figure]) -> str:
         f"{'<=' if one.at_most else '>='} {one.must:5.3f} {'<=' if one.at_most else '>='} "
         f"{one.aim:5.3f} {one.word}"
         for one in figures
+        if one.count
     ]
     return "\n".join([head, *rows])

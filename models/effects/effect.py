@@ -227,6 +227,8 @@ class Effect(ABC):
     reference: ClassVar[str] = ""
     along_units: ClassVar[bool] = False
     """Whether it grows from unit to unit, as tool wear does."""
+    together: ClassVar[int] = 1
+    """How many of its linear parameters of an output, one after the other, have one sign, whichever it is."""
     of_rows: ClassVar[bool] = False
     """Whether it acts on single measurements only, not on the units of a population."""
     of_stiffness: ClassVar[bool] = False

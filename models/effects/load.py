@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from math import inf
+
 import numpy as np
 
 from ...section import Array
@@ -83,7 +86,7 @@ class FrictionHysteresis(Shape):
 
     name = "friction_hysteresis"
     family = "load"
-    cause = "Dry friction retains part of the twist until the motion, or the load, reverses."
+    cause = "Dry friction, along an axis also play, changes its side where the motion, or the load, reverses."
     formula = "a d; input locked: c (play(T, w) - T) along the path"
     needs = (Role.DIRECTION,)
     mistaken_for = ("lost_motion", "viscous_friction", "wear")
@@ -100,7 +103,9 @@ class FrictionHysteresis(Shape):
         if target.model == LOCKED:
             return (loop,)
         either = target.model == TABLE and Load.role(target) is not None
-        return (MOVING, loop) if either else (MOVING,)
+        along = all(kind_of(output.unit) == "length" for output in target.outputs)
+        moving = replace(MOVING, low=-inf) if along else MOVING  # ISO 230-2: a reversal error has either sign
+        return (moving, loop) if either else (moving,)
 
     def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         if all(weight.stem != LOOP for weight in self.weights(target)):

@@ -227,12 +227,11 @@ def _split_signed_speed(by_role: dict[Role, NDArray[Any]]) -> None:
 
 
 def _derive_roles(roles: set[Role], measurements: Measurements | None) -> frozenset[Role]:
-    """Roles that follow from another column: the direction from a speed of both signs."""
+    """Roles that follow from another column: the direction from the sign of a speed."""
     if Role.SPEED not in roles or Role.DIRECTION in roles:
         return frozenset()
-    if measurements is not None and np.ptp(measurements[Role.DIRECTION]) == 0.0:
-        return frozenset()
-    return frozenset([Role.DIRECTION])
+    moves = measurements is None or np.any(measurements[Role.DIRECTION])
+    return frozenset([Role.DIRECTION] if moves else [])
 
 
 def target_of(model: MeasurableModel | type[MeasurableModel], name: str, table: Table | None = None) -> Target:

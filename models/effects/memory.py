@@ -8,6 +8,7 @@ the angle. A path begins at rest, unloaded, in each session.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import inf
 from typing import ClassVar
 
@@ -153,6 +154,10 @@ class BoucWen(Memory, OneColumn):
     reference = "Wen, J. Eng. Mech. Div. ASCE 102, 1976"
     weight = Weight("amplitude", "a, half of the loop when it has slipped", low=-inf)
 
+    def weights(self, target: Target) -> tuple[Weight, ...]:
+        opposes = all(kind_of(output.unit) in FORCES for output in target.outputs)
+        return (replace(self.weight, low=0.0) if opposes else self.weight,)  # friction opposes the motion
+
     def driven_by(self, target: Target) -> Role | None:
         """The travel where a force is measured."""
         role = super().driven_by(target)
@@ -237,6 +242,7 @@ class DoubleLoadCreep(LoadCreep):
     cause = "Two parts under the load yield with different time constants."
     formula = "a u1 + b u2, du_i/dt = (T - u_i)/t_i"
     mistaken_for = ("load_creep", "creep", "delay", "torsional_compliance")
+    together = 2
     stems: ClassVar[Mapping[str, str]] = {"fast_time": "t1, of the fast part", "slow_time": "t2, of the slow part"}
 
 

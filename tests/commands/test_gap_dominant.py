@@ -8,10 +8,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import tolevo
 from tests.commands.gap_toy import N, directions, member, toy
 from tolevo.commands.gap import gap
 from tolevo.commands.gap.blocks import coarsest_split
 from tolevo.commands.gap.configuration import read_gap
+from tolevo.commands.gap.generic import generic
 from tolevo.commands.gap.library import candidates
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.records import GapResult
@@ -21,6 +23,10 @@ ROLES = {
     "force": '{ role = "measured", unit = "N" }', "force_sim": '{ role = "predicted", unit = "N" }',
     "angle": '{ role = "angle", unit = "deg" }', "torque": '{ role = "torque", unit = "N m" }',
     "te": '{ role = "measured", unit = "arcsec" }', "te_sim": '{ role = "predicted", unit = "arcsec" }',
+    "x": '{ role = "angle", unit = "mm" }', "n": '{ role = "speed", unit = "rpm" }',
+    "pos": '{ role = "measured", unit = "mm" }', "pos_sim": '{ role = "predicted", unit = "mm" }',
+    "oil": '{ role = "temperature", unit = "degC" }',
+    "M": '{ role = "measured", unit = "N m" }', "M_sim": '{ role = "predicted", unit = "N m" }',
 }  # fmt: skip
 
 
@@ -109,6 +115,23 @@ def test_effects_that_cancel_are_found_by_their_variance_inflation() -> None:
     assert len(search.fitter.y) == N
 
 
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_parts_that_deflect_against_each_other_cancel(sense: float) -> None:
+    a, b = directions(2).T
+    two = member("creep", linear=2, together=2)
+    search = toy([two], {"creep": np.column_stack([a, b])}, 30.0 * a + sense * 20.0 * b)
+    assert search.cancelling(search.fitter.fit([two])) == (() if sense > 0.0 else (0,))
+
+
+@pytest.mark.parametrize(("there", "cancels"), [(5.5, True), (5.6, False)])
+def test_an_effect_whose_size_is_no_coefficient_may_cancel_too(there: float, cancels: bool) -> None:
+    """A size of 10 where s is there contributes 10 and takes away s^2 - (10 - s)^2: 3 times as much at s = 5.56."""
+    (a,) = directions(1).T
+    search = toy([member("late", linear=0, shape={"delay": 1.0})], {"late": 10.0 * a}, there * a)
+    fit = search.fitter.fit(search.dictionary.members)
+    assert bool(search.fitter.cancelling(fit, search.thresholds.library)) == cancels
+
+
 def test_a_gap_within_a_stated_floor_is_none(tmp_path: Path) -> None:
     """A clear parabola of 0.1 arcsec under a stated noise of 0.5."""
     torque = np.linspace(-400.0, 400.0, 300)
@@ -160,3 +183,51 @@ def test_less_than_half_a_wave_is_not_nameable(tmp_path: Path, turn: float, name
     plan = read_gap((paths := files(tmp_path, table))[0])
     names = {candidate.name for candidate in candidates(plan.library, read_data(plan, paths[1]))}
     assert ("output_eccentricity" in names) == named
+    orders = [form.order for form in generic(read_data(plan, paths[1]))[0] if form.kind == "order"]
+    assert min(orders) * 2.0 * np.pi * turn >= np.pi
+
+
+def test_a_reversal_error_of_an_axis_has_either_sign(tmp_path: Path) -> None:
+    """A screw in cycles of ISO 230-2 that lags by 14 um, more towards one end, with a pitch error and a
+    screw that warms: the lag is the half difference of the two directions' means.
+    """
+    way = np.linspace(-200.0, 200.0, 17)
+    x, d = np.tile(np.r_[way, way[::-1]], 6), np.tile(np.repeat([1, -1], 17), 6)
+    t = 0.4 * 60.0 * np.arange(len(x))
+    grown = 1.15e-5 * 2.8 * -np.expm1(-t / 1500.0) * (x + 250.0)
+    error = 0.006 * np.sin(2.0 * np.pi * x / 310.0 + 0.4) + grown - 0.007 * d * (1.0 + 0.2 * x / 200.0)
+    pos = x + error + np.random.default_rng(109).normal(0.0, 0.0006, len(x))
+    result = analysed(tmp_path, pd.DataFrame({"t": t, "x": x, "d": d, "pos": pos, "pos_sim": x}))
+    (lag,) = (p for one in result.effects if one.name == "friction_hysteresis" for p in one.parameters)
+    apart = pos - x - grown
+    assert lag.low <= 0.5 * (apart[d > 0].mean() - apart[d < 0].mean()) <= lag.high < 0.0
+    assert lag.value == pytest.approx(-0.007, rel=0.1)
+    assert not any("order" in part.shape for part in result.remainder)  # 0.4 m hold no wave of a turn
+
+
+def drag(rows: int) -> pd.DataFrame:
+    """A drag in one direction, with the speed to the power 1.7, which falls as the oil warms."""
+    rng, t = np.random.default_rng(106), 4.0 * np.arange(rows)
+    n = rng.choice([100.0, 300.0, 600.0, 1000.0, 1500.0, 2200.0, 3000.0], rows)
+    oil = 35.0 - 35.0 * np.expm1(-t / 900.0) + rng.normal(0.0, 0.4, rows)
+    drag = churned(n, oil) + rng.normal(0.0, 0.03, rows)
+    return pd.DataFrame({"t": t, "n": n, "oil": oil, "M": drag, "M_sim": np.zeros(rows)})
+
+
+def churned(n: np.ndarray, oil: np.ndarray) -> np.ndarray:
+    return np.asarray(0.9 * (n / 1000.0) ** 1.7 * np.exp(-0.004 * (oil - 35.0)) + 0.05)
+
+
+def test_a_drag_in_one_direction_is_named_and_stays_one_beyond_the_record(tmp_path: Path) -> None:
+    """At three times the largest speed the correction is flagged, and off by less than a half."""
+    result = analysed(tmp_path, drag(700))
+    assert result.effects[0].name in ("windage", "viscous_friction")
+    assert result.effects[0].explains_percent > 90.0 and "gauge_bias" not in result.names
+    assert "n is never negative, and there is no direction: all rows count as motion in +" in result.notes
+    (tmp_path / "corrected.toml").write_text(result.corrected, "utf-8")
+    n, oil = np.array([50.0, 2000.0, 4500.0, 9000.0]), np.full(4, 60.0)
+    asked = pd.DataFrame({"t": np.linspace(0.0, 2700.0, 4), "n": n, "oil": oil, "M_sim": np.zeros(4)})
+    said = tolevo.simulate(tmp_path / "corrected.toml", asked)
+    assert said["outside_record"].fillna("").tolist() == ["n", "", "n", "n"]
+    away, true = said["M"].to_numpy() - churned(n, oil), churned(n, oil)
+    assert (np.abs(away) < np.maximum(0.5 * true, 0.05)).all()

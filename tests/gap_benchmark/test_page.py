@@ -18,13 +18,14 @@ from benchmarks.gap.generator.outside import OUTSIDE
 from benchmarks.gap.generator.records import BENCH_GROUPS, Hidden, Record, Truth, orthogonal, record
 from benchmarks.gap.generator.tables import POOR
 from benchmarks.gap.namers.baselines import BASELINES
-from benchmarks.gap.page import BEGIN, END, figure_table, parts_of, written
+from benchmarks.gap.page import MEASURED, NEWER, ends_of, figure_table, parts_of, written
 from benchmarks.gap.scoring.breakdown import SINGLE, design, levels, misses, of_single, rows, signal, signal_to_noise
 from benchmarks.gap.scoring.scorer import Scored, rightly, verdict
 from benchmarks.gap.scoring.told import Told
 from benchmarks.gap.trial import lines
 
 pytestmark = pytest.mark.source_tree
+BEGIN, END = ends_of(MEASURED)
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "gap_benchmark.md"
 NAMERS = ("always compliance", "best correlation")
 ASKED = ("--records", "2", "--first", "7", "--groups", "good", "clean", "--workers", "1")
@@ -91,6 +92,18 @@ def test_somebody_s_own_namer(tmp_path: Path) -> None:
     assert run(tmp_path, name) == 0
     found = kept(tmp_path / "kept.jsonl")
     assert {one["said"]["verdict"] for key, one in found.items() if key[0] == name} == {"unnamed"}
+
+
+def test_newer_groups_have_a_part_of_their_own(tmp_path: Path) -> None:
+    """A run of one part leaves the other as it is; a run of both writes each."""
+    page, (first, last) = page_in(tmp_path), ends_of(NEWER)
+    page.write_text(f"{first}\nolder\n{last}\n{page.read_text(encoding='utf-8')}", encoding="utf-8")
+    assert run(tmp_path, "--write", str(page)) == 0
+    assert "older" in page.read_text(encoding="utf-8")
+    assert run(tmp_path, "--groups", "good", "memory", "--write", str(page)) == 0
+    newer, rest = page.read_text(encoding="utf-8").split(last)
+    assert "memory: called a delay" in newer and "memory: called a delay" not in rest
+    assert "single named rightly" in rest and "single named rightly" not in newer and "older" not in newer
 
 
 @pytest.mark.parametrize("name", ["nobody", "no_module:there", "math:nothing"])

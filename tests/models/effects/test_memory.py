@@ -110,6 +110,14 @@ def test_bouc_wen_is_that_of_an_integrator(exponent: float) -> None:
     np.testing.assert_allclose(found, exact, atol=5e-3)
 
 
+def test_bouc_wen_opposes_the_motion_where_it_is_a_force() -> None:
+    """A deflection may follow its load with either sign, friction is never negative."""
+    effect = registry.load("effects", "bouc_wen_hysteresis")()
+    for output, low in ((FRICTION, 0.0), (DEFLECTION, -np.inf)):
+        first, *_ = effect.parameters(target_from("table", (output,), COLUMNS, motion()))
+        assert first.name.startswith("amplitude") and first.low == low
+
+
 def test_bouc_wen_with_the_share_of_the_sense_alone_is_dahl() -> None:
     table = motion()
     z = acted("bouc_wen_hysteresis", {"amplitude_um": 1.0, "length_N": 30.0, "share": 1.0, "exponent": 1.0}, table)

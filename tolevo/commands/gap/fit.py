@@ -242,7 +242,14 @@ class Fitter:
         inverse = np.linalg.inv(columns.T @ columns + GONE * np.eye(len(owners)))
         large = (numbers[numbers != 0.0][moving] * size[moving]) ** 2 > least
         bad = large & (np.diag(inverse) > MAX_CONTRIBUTION**2)
-        return tuple(dict.fromkeys(int(k) for k in owners[bad]))
+        sized = [k for k in effects if fit.members[k].candidate.is_nonlinear and self._takes_too_little(fit, k, least)]
+        return tuple(dict.fromkeys([*(int(k) for k in owners[bad]), *sized]))
+
+    def _takes_too_little(self, fit: Fit, at: int, least: float) -> bool:
+        """The same of an effect whose size is no coefficient, hence not the best one beside these others."""
+        contributed = float(np.sum(self.contribution(fit, at) ** 2))
+        taken = self.fit(fit.without(at)).rss - fit.rss
+        return contributed > max(least, MAX_CONTRIBUTION**2 * taken)
 
     def disagreeing(self, fit: Fit) -> tuple[int, ...]:
         """The index of the effect that contributes most, where its size is another one in some kind of rows

@@ -280,11 +280,11 @@ def _memories(data: GapData) -> list[tuple[Form, Array]]:
 def order_grid(data: GapData) -> Array:
     """The orders of the periodogram, in steps of a quarter."""
     angle = data.measurements[Role.ANGLE]
-    least = 0.25 * np.ceil(4.0 * 2 * np.pi / max(float(np.ptp(angle)), 1e-9))
+    least = 0.25 * np.ceil(4.0 * np.pi / max(float(np.ptp(angle)), 1e-9))  # less than half a wave is a slope
     highest = OVER_A_WORKSPACE if Role.POSITION in data.measurements else HIGHEST
     if data.target.gear is not None:
         highest = min(max(highest, data.target.gear.waves[-1] + ORDERS_BEYOND_GEAR), MAX_ORDER)
-    return np.arange(max(0.25, min(least, 1.0)), highest + 0.1, 0.25)
+    return np.arange(max(0.25, least), highest + 0.1, 0.25)
 
 
 def _orders(data: GapData) -> list[tuple[Form, Array]]:
@@ -316,7 +316,7 @@ def usual_orders(data: GapData) -> tuple[float, ...]:
 def _modulated_waves(data: GapData, column: Column, angle: Array) -> list[tuple[Form, Array]]:
     """Waves of the usual orders that grow with another input, or with its square."""
     forms = []
-    for order in usual_orders(data):
+    for order in (order for order in usual_orders(data) if order * np.ptp(angle) >= np.pi):
         columns = wave(order * angle)
         for second in (c for c in data.inputs if c.role in (*SMOOTH, Role.DIRECTION)):
             x = data.values(second.name)

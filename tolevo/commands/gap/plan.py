@@ -175,10 +175,14 @@ def column_messages(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[st
     numbers = [c.name for c in columns if not c.text and c.role is not Role.REPEAT]
     moving = [name for name in numbers if np.ptp(frame[name].to_numpy(dtype=float))]
     notes = [
-        f"{name} is the same in every row: effects that depend on it cannot be detected"
+        f"{name} is the same in every row: how the gap depends on it is not in the record"
         for name in numbers
         if name not in moving
     ]
+    if Role.DIRECTION not in {c.role for c in columns}:
+        speeds = [c.name for c in columns if c.role is Role.SPEED and (frame[c.name] >= 0.0).all()]
+        one_way = "is never negative, and there is no direction: all rows count as motion in +"
+        notes += [f"{name} {one_way}" for name in speeds]
     if len(moving) < 2:
         return notes
     values = np.argsort(np.argsort(frame[moving].to_numpy(dtype=float), axis=0), axis=0)
