@@ -12,7 +12,7 @@ from scipy.special import ndtr
 from ...errors import Fault, InputError
 from ...models.assembly import model
 from ...models.assembly.assemble import Departures, normals, quantile_over, radius_quantile, response, sample_quantile
-from ...models.assembly.process import Process, gains, space_process, terminal_weight
+from ...models.assembly.process import Process, space_process
 from ...models.assembly.transmission import Influence, Transmission, Turned, influence
 from ...models.effects.effect import Target
 from ...models.effects.measurements import Active, measurements_of, target_from
@@ -251,7 +251,7 @@ class RvTransmissionError(ToleranceProblem):
     @cached_property
     def process(self) -> Process:
         """The assembly process in space. Raises InputError."""
-        return model.process_of(self.settings.parameters, space_process)
+        return space_process(model.process_of(self.settings.parameters))
 
     @cached_property
     def influence(self) -> Influence:
@@ -319,8 +319,7 @@ class RvTransmissionError(ToleranceProblem):
         return Residual(linear.state * sources[:, None, :], linear.effort(self.process, sources))
 
     def _gains(self, precision: Array) -> Array:
-        reading = str(self.settings.parameters["reading"])
-        return gains(self.process, terminal_weight(self.process, precision, reading))
+        return model.gains_of(self.process, self.settings.parameters, precision)
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
         residual = self.residual(designs)
@@ -427,7 +426,7 @@ class RvTransmissionError(ToleranceProblem):
     def faults(self) -> list[Fault]:
         process_faults: list[Fault] = []
         try:
-            model.process_of(self.settings.parameters, space_process)
+            model.process_of(self.settings.parameters)
         except InputError as error:
             process_faults += error.faults
         for name, law in self._laws.items():

@@ -21,6 +21,7 @@ from tolevo.problems.rv_transmission_error import RvTransmissionError, declared
 from tolevo.problems.rv_transmission_error import form as implied
 from tolevo.problems.rv_transmission_error.form import least_ratio
 from tolevo.problems.settings import Bound, PropagationSetting, Settings, VariableSetting
+from tolevo.section import Value
 from tolevo.testing import ProblemContract
 from tolevo.units import ARCSEC, MRAD
 
@@ -75,8 +76,37 @@ def test_angles_without_adjustment_add_in_squares() -> None:
     assert found["adjustment_effort"][0] == 0.0
 
 
-@pytest.mark.parametrize("parameters", [{}, {"insertion": "after", "reading": "consistent"}, {"springback": 0.3}])
-def test_spread_and_effort_against_drawn_assemblies(parameters: dict[str, str | float]) -> None:
+GENERAL: dict[str, Value] = {
+    "transition_2": (1.0, 0.2, 0.0, 0.0, 0.0, 0.8, 0.1, 0.0, 0.0, 0.0, 1.0, 0.0, 0.3, 0.0, 0.0, 1.0),
+    "transition_4": (0.9, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.4, 0.0, 0.0, 1.1, 0.0, 0.0, 0.0, 0.2, 1.0),
+    "error_flow": (1.0, 0.0, 0.0, 0.1, 0.5, 1.0, 0.0, 0.0, 0.0, 0.2, 1.0, 0.0, 0.0, 0.0, 0.7, 1.0),
+    "final_weights": (2.0, 0.0, 1.0, 3.0),
+}
+"""A(k), F and the diagonal of Q that follow from no datum flow chain."""
+
+
+def test_general_matrices_against_single_assemblies() -> None:
+    """Final angles about z of each part's error alone, taken through the steps one by one."""
+    problem = RvTransmissionError(Settings(parameters=GENERAL))
+    control = problem._gains(np.array([5.0]))[0]
+    a = [np.array(GENERAL.get(f"transition_{k}", np.eye(4).ravel())).reshape(4, 4) for k in range(1, 5)]
+    f = np.array(GENERAL["error_flow"]).reshape(4, 4)
+    b = np.array([[1.0, 0, 0, 0], [1, 1, 0, 0], [0, 0, 1, 0], [0, 0, 1, 1]])
+    variance = np.zeros(4)
+    for part in range(4):
+        x = np.zeros(4)
+        for k in range(4):
+            x = (a[k] - b @ control[k, 2::3, 2::3]) @ x + f[:, part] * (part == k)
+        variance += (x * DOCUMENT[3 * part + 2] / 3.0) ** 2
+    found = searched(problem, design(5.0))
+    std = [found[f"kc_{at}_z_std_mrad"][0] for at in (1, 2, 3, 4)]
+    np.testing.assert_allclose(std, np.sqrt(variance), rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    "parameters", [{}, {"insertion": "after", "reading": "consistent"}, {"springback": 0.3}, GENERAL]
+)
+def test_spread_and_effort_against_drawn_assemblies(parameters: dict[str, Value]) -> None:
     """50,000 assemblies drawn step by step, within 5 standard errors."""
     problem, count = RvTransmissionError(Settings(parameters=parameters)), 50_000
     given = problem.settings.parameters
@@ -229,6 +259,8 @@ def test_least_cost_is_asked_at_the_documents_accuracy() -> None:
         (Settings(parameters={"adjustment_weights_2": (10.0, 5.0, 5.0, 1000.0)}),
          "parameters.adjustment_weights_2[2]"),
         (Settings(parameters={"hangs_on": (0.0, 2.0, 0.0, 3.0)}), "parameters.hangs_on[1]"),
+        (Settings(parameters={"transition_3": (1.0, 0.0)}), "parameters.transition_3"),
+        (Settings(parameters={"final_weights": (0.0, 0.0, 0.0, 0.0)}), "parameters.final_weights"),
         (Settings(variables={"gear_1_x_mrad": VariableSetting(distribution=Normal(shift=0.2))}),
          "variables.gear_1_x_mrad.distribution"),
         (Settings(limits={"te_amplitude_arcsec": Bound(high=0.01)}), "limits.te_amplitude_arcsec"),
@@ -260,15 +292,15 @@ def form_values(form: Form, designs: Array) -> Array:
     return np.asarray(form.offset + np.sqrt(form.constant + designs[:, :12] ** 2 @ spread**2))
 
 
-def fixed(precision: float, **parameters: float) -> RvTransmissionError:
+def fixed(precision: float, **parameters: Value) -> RvTransmissionError:
     setting = {"precision_weight": VariableSetting(value=precision)}
     pair = ("cost", "te_amplitude_arcsec")
     return RvTransmissionError(Settings(parameters, setting, objectives=pair))
 
 
-@pytest.mark.parametrize("precision", [0.0, 5.0])
-def test_form_bounds_the_transmission_error_from_below(precision: float) -> None:
-    problem = fixed(precision, measurement_std_mrad=0.2)
+@pytest.mark.parametrize(("precision", "parameters"), [(0.0, {}), (5.0, {}), (5.0, GENERAL)])
+def test_form_bounds_the_transmission_error_from_below(precision: float, parameters: dict[str, Value]) -> None:
+    problem = fixed(precision, measurement_std_mrad=0.2, **parameters)
     form = problem.form()
     assert form is not None
     designs = problem.complete(np.random.default_rng(2).uniform(problem.xl, problem.xu, (50, 12)))
