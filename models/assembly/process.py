@@ -217,7 +217,7 @@ def space_process(plane: Process | None = None, frames: Array | None = None) -> 
     raise_all(_rotations(axes, count))
 
     def turned(matrix: Array) -> Array:
-        return np.einsum("ksp,pab->ksapb", matrix, axes).reshape(count, TURN * count, TURN * count)
+        return np.asarray(np.einsum("ksp,pab->ksapb", matrix, axes).reshape(count, TURN * count, TURN * count))
 
     def thrice(matrix: Array) -> Array:
         return np.asarray(np.kron(matrix, np.eye(TURN)), dtype=float)

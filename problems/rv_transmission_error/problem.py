@@ -26,7 +26,7 @@ from ..forms import Form
 from ..settings import Bound, VariableSetting
 from ..tolerance_problem import ToleranceProblem
 from . import declared
-from .form import STD, TE, form_of
+from .form import COMPOSITE_STD, STD, TE, form_of, variances
 
 # Changes that effects make in the transmission error of adjusted units.
 #
@@ -323,9 +323,8 @@ class RvTransmissionError(ToleranceProblem):
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
         residual = self.residual(designs)
-        covariance = residual.covariance
         te, force = self._te(residual, searching), self._force(residual, searching)
-        std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)) / MRAD
+        std = np.sqrt(variances(residual.spread).sum(axis=-1)) / MRAD
         return {
             "cost": self.cost_of(designs),
             EFFORT: residual.effort / MRAD**2,
@@ -442,7 +441,7 @@ class RvTransmissionError(ToleranceProblem):
                 "adjustment_effort is neither minimised nor limited: more adjustment always improves the accuracy; add "
                 "it, or fix precision_weight"
             )
-        if FORCE not in self.required_outputs:
+        if not {FORCE, "kc_2_z_std_mrad", "kc_4_z_std_mrad", *COMPOSITE_STD} & set(self.required_outputs):
             messages.append(
                 "peak_mesh_force_N is neither minimised nor limited: the gears' angles about z load the discs "
                 "unevenly, but cause no transmission error: their tolerances become as wide as their ranges allow"

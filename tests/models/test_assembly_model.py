@@ -100,7 +100,7 @@ R = np.array([[5.0, 1000, 1000, 1000], [10, 5, 1000, 1000], [10, 5, 5, 1000], [1
 
 def by_hand(a: NDArray[np.float64], f: NDArray[np.float64], p: NDArray[np.float64], after: bool) -> NDArray[np.float64]:
     """Final angles of the document's parts, K(k) and P(k) as printed, with the inverse of R."""
-    gains = []
+    gains: list[NDArray[np.float64]] = []
     for k in (3, 2, 1, 0):
         r = np.diag(R[k])
         gains.insert(0, np.linalg.inv(r + B.T @ p @ B) @ B.T @ p @ a[k])

@@ -11,6 +11,7 @@ from scipy.optimize import minimize
 
 from tolevo.algorithms.archive import nondominated
 from tolevo.algorithms.exact.bounds import proof
+from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.gde3 import GDE3
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
@@ -232,6 +233,34 @@ def test_implied_costs_give_the_printed_allocation_back(composite: str, exponent
         options={"ftol": 1e-14, "maxiter": 500},
     )
     np.testing.assert_allclose(np.exp(found.x), DOCUMENT, rtol=1e-4)
+
+
+@pytest.mark.parametrize(("composite", "ratio"), [("sum", 0.63), ("rss", 0.794)])
+def test_allocation_at_least_cost_within_the_composite_error(composite: str, ratio: float) -> None:
+    """The proven optimum of the problem is Lagrange's, and crankshafts are to gears as the physics note says."""
+    name, influence = f"kc_{composite}_std_mrad", implied.sensitivities(composite)
+    own = searched(plain(), design())[name][0]
+    assert own == pytest.approx(np.linalg.norm(influence * DOCUMENT) / 3.0, rel=1e-12)
+    problem = RvTransmissionError(Settings(
+        variables={"precision_weight": VariableSetting(value=0.0)}, objectives=("cost",), limits={name: Bound(high=own)}
+    ))  # fmt: skip
+    form = problem.form()
+    assert form is not None and name in form.outputs
+    assert not any("as wide as" in text for text in problem.warnings())
+    found = problem.complete(search(problem, Exact(), Budget(), 0).chosen)[0, :12]
+    wanted = implied.optimal_allocation(np.ones(12), influence, 3.0 * float(own))
+    np.testing.assert_allclose(found, wanted, rtol=1e-5)
+    assert found[0] / found[3] == pytest.approx(ratio, abs=0.003)
+
+
+def test_composite_errors_of_drawn_assemblies() -> None:
+    """Sum of the four angles about each axis, and all twelve, of 50,000 adjusted assemblies."""
+    problem = RvTransmissionError(Settings(parameters=GENERAL))
+    errors = DOCUMENT / 3.0 * MRAD * np.random.default_rng(4).standard_normal((50_000, 12))
+    state = assemble(problem.process, problem._gains(np.array([5.0]))[0], errors).state / MRAD
+    found = searched(problem, design(5.0))
+    wanted = np.sqrt(state.reshape(-1, 4, 3).sum(axis=1).var(axis=0).sum()), np.sqrt(state.var(axis=0).sum())
+    np.testing.assert_allclose([found[f"kc_{c}_std_mrad"][0] for c in ("sum", "rss")], wanted, rtol=0.01)
 
 
 def test_implied_costs_of_gear_2_are_the_lowest() -> None:
