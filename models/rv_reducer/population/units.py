@@ -505,7 +505,7 @@ class UnitBasis:
             involute_stage=bool(parameters["involute_stage"]),
         )
         shares = number(parameters["share_pins"]), number(parameters["share_discs"])
-        hierarchy = Hierarchy(*shares, inputs, pitch_spectrum(parameters))
+        hierarchy = Hierarchy(*shares, inputs, pitch_spectrum=pitch_spectrum(parameters))
         planet_share = number(parameters.get("planet_share", 0.5))
         return cls(
             geometry,
