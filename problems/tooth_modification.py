@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -15,9 +16,9 @@ from ..models.rv_reducer.contact import declared as contact
 from ..models.rv_reducer.contact.contact import LoadedContact, backlash, loading
 from ..models.rv_reducer.contact.geometry import ContactGeometry, PartErrors
 from ..models.rv_reducer.geometry import RvGeometry
-from ..section import Array, Kind, Output, Parameter, Value, Variable, number
+from ..section import Array, Kind, Output, Parameter, Section, Value, Variable, number
 from ..units import ARCMIN, MM, UM
-from .declaration import Declaration, Interval
+from .declaration import ConfiguredProblem, Declaration, Interval
 from .limits import apart
 from .settings import Bound, Settings
 from .tolerance_problem import ToleranceProblem
@@ -51,6 +52,25 @@ VARIABLES: tuple[Variable, ...] = (
     Variable("dr_p_mm", "mm", Kind.NOMINAL, -0.12, 0.0, "shift modification", -0.070, valid_low=-0.2, valid_high=0.0),
 )
 
+ROTATION = Variable(
+    "rotation_arcmin",
+    "arcmin",
+    Kind.NOMINAL,
+    -1.0,
+    0.0,
+    "rotation-angle modification d_delta of a second pass with the disc turned: it removes, and opens both flanks",
+    0.0,
+    valid_low=-60.0,
+    valid_high=0.0,
+)
+"""The third amount of document B, declared where a configuration states it."""
+
+
+def with_rotation(plain: Declaration, stated: Collection[str]) -> Declaration:
+    """The declaration with the rotation-angle modification, where it is `stated`."""
+    return replace(plain, variables=(*plain.variables, ROTATION)) if ROTATION.name in stated else plain
+
+
 OUTPUTS: tuple[Output, ...] = (
     Output(
         "backlash_arcmin",
@@ -71,7 +91,7 @@ OUTPUTS: tuple[Output, ...] = (
     Output(
         "modification_backlash_arcmin",
         "arcmin",
-        "backlash by the formula 2 (dr_rp - dr_p sqrt(1-k1^2))/(e z_c) (g4)",
+        "backlash by the formula 2 (dr_rp - dr_p sqrt(1-k1^2))/(e z_c) - 2 d_delta (g4)",
         0.1,
     ),
     Output("radial_gap_mm", "mm", "clearance at tooth tip and root, dr_rp - dr_p (g3)", 0.03, larger_is_better=True),
@@ -139,7 +159,7 @@ PRINTED = {"dr_rp_mm": -0.040, "dr_p_mm": -0.070}
 
 
 class ToothModification(ToleranceProblem):
-    """Backlash against mesh force by equidistance and shift modification (document B, section 3).
+    """Backlash against mesh force by equidistance, shift and rotation-angle modification (document B, section 3).
 
     Both objectives are of the loaded contact with perfect parts: designs are its units, the
     modifications their deviations. A search expands the gaps to third order, what is reported has
@@ -157,9 +177,17 @@ class ToothModification(ToleranceProblem):
     )
 
     def __init__(self, settings: Settings | None = None) -> None:
+        self.declaration = with_rotation(type(self).declaration, settings.variables if settings else ())
         super().__init__(settings)
         p = {name: number(value) for name, value in self.settings.parameters.items()}
         self.geometry: RvGeometry = geometry_of(p)
+
+    @classmethod
+    def configured(cls, top: Section) -> ConfiguredProblem | None:
+        """With the rotation-angle modification where `[variables]` states it."""
+        variables = top.section("variables")
+        stated = [name for name in (ROTATION.name,) if name in variables]
+        return ConfiguredProblem(with_rotation(cls.declaration, stated), cls)
 
     @cached_property
     def contact(self) -> LoadedContact:
@@ -186,19 +214,27 @@ class ToothModification(ToleranceProblem):
     def _modified(self, designs: Array) -> PartErrors:
         """Designs as units of the contact, by their deviations from its profile."""
         base = self.contact.geometry
+        play = -2.0 * base.nominal.centre_distance * self._rotation(designs)  # turns a disc as the flanks are turned
         return PartErrors(
+            bearing_clearance=play[:, None, None],
             equidistance=(self.column(designs, "dr_rp_mm") * MM - base.dr_rp)[:, None],
             shift=(self.column(designs, "dr_p_mm") * MM - base.dr_p)[:, None],
         )
 
+    def _rotation(self, designs: Array) -> Array:
+        """Rotation-angle modification (n,) [rad], 0 where none is declared."""
+        declared = ROTATION.name in self.names
+        return self.column(designs, ROTATION.name) * ARCMIN if declared else np.zeros(len(designs))
+
     def profile(self, designs: Array) -> dict[str, Array]:
         """First-order outputs of the profile, shape (n,), of full designs."""
         pair = (self.column(designs, "dr_rp_mm") * MM, self.column(designs, "dr_p_mm") * MM)
-        play = geometry.modification_backlash(self.geometry, *pair)
+        rotation = self._rotation(designs)
+        play = geometry.modification_backlash(self.geometry, *pair, rotation)
         return {
             "modification_backlash_arcmin": play / ARCMIN,
             "radial_gap_mm": (pair[0] - pair[1]) / MM,
-            "clearance_min_mm": geometry.least_raw_clearance(self.geometry, *pair) / MM,
+            "clearance_min_mm": geometry.least_raw_clearance(self.geometry, *pair, rotation) / MM,
             "conjugate_clearance_min_mm": geometry.least_clearance(self.geometry, *pair) / MM,
         }
 
@@ -208,14 +244,14 @@ class ToothModification(ToleranceProblem):
         """Document B's optimum, and the pair of the same gap without backlash."""
         gap = PRINTED["dr_rp_mm"] - PRINTED["dr_p_mm"]
         pair = geometry.zero_backlash_pair(self.geometry, gap * MM)
-        printed = np.array([PRINTED[name] for name in self.names])
-        return {"document B": printed, "zero backlash, same radial gap": np.array(pair) / MM}
+        without = np.zeros(len(self.names) - len(pair))
+        printed = np.array([PRINTED.get(name, 0.0) for name in self.names])
+        return {"document B": printed, "zero backlash, same radial gap": np.append(np.array(pair) / MM, without)}
 
     def interval(self, output: str) -> Interval:
         """Proven bounds: of the formulas over the corners of the ranges, which are linear."""
         if output in ("modification_backlash_arcmin", "radial_gap_mm"):
-            ranges = [self.interval(name) for name in ("dr_rp_mm", "dr_p_mm")]
-            corners = np.array([[a, b] for a in ranges[0] for b in ranges[1]])
+            corners = np.array(list(product(*(self.interval(name) for name in self.names))))
             outputs = self.profile(corners)[output]
             return float(outputs.min()), float(outputs.max())
         if output in ("peak_mesh_force_N", "mean_peak_force_N", "pins_loaded"):
@@ -229,7 +265,7 @@ class ToothModification(ToleranceProblem):
         return ideal, apart(ideal, values.max(axis=0))
 
     def _corners(self) -> Array:
-        """Ends of the line of least radial gap: no backlash by the formula, and no equidistance.
+        """Ends of the line of least radial gap: no backlash by the formula, and no equidistance, flanks not turned.
 
         Without a gap both are the unmodified profile: then those of the largest shift as well.
         """
@@ -240,6 +276,7 @@ class ToothModification(ToleranceProblem):
         pairs = [geometry.zero_backlash_pair(self.geometry, least_gap * MM) for least_gap in gaps]
         tight = np.array(pairs) / MM
         rows = np.vstack([tight, [[0.0, -least_gap] for least_gap in gaps]])
+        rows = np.hstack([rows, np.zeros((len(rows), len(ends) - 2))])
         return np.asarray(np.clip(rows, ends[:, 0], ends[:, 1]))
 
     # ---------------------------------------------------------------- faults

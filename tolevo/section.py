@@ -529,7 +529,8 @@ class Parameter:
     """A named input of a physical model.
 
     `assumed` marks a default that no document prints; it is reported as an assumption. The default
-    gives the type: a list keeps its length, the names in a table are `choices`, each with its unit.
+    gives the type: a list keeps its length (an empty one takes any), the names in a table are
+    `choices`, each with its unit.
     `need` is what an item takes where the parameter is a count: of units, positions, points.
     """
 

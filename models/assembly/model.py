@@ -6,7 +6,7 @@ The declarations are those of the problem `rv_transmission_error` as well.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -32,6 +32,8 @@ from .process import (
 
 _TABLE = "document A, table of steps"
 STEPS = 4
+FLOW, DIAGONAL = "error_flow", "final_weights"
+TRANSITIONS = tuple(f"transition_{k}" for k in range(1, STEPS + 1))
 
 PARAMETERS: tuple[Parameter, ...] = (
     Parameter(
@@ -58,6 +60,33 @@ PARAMETERS: tuple[Parameter, ...] = (
         "datum flow chain: the number of the part that "
         "crankshaft 1, gear 1, crankshaft 2, gear 2 hang on; 0 is the housing",
         "document A",
+    ),
+    Parameter(
+        FLOW,
+        (),
+        "",
+        "F (4 x 4, row by row): column k is what the error of part k moves at its installation; empty: B, from "
+        "hangs_on, which is what its adjustment moves",
+        "document A: F = B",
+    ),
+    *(
+        Parameter(
+            name,
+            (),
+            "",
+            f"A at step {k} (4 x 4, row by row): what the angles before step {k} become after it; empty: identity",
+            "document A: A = I",
+        )
+        for k, name in enumerate(TRANSITIONS, 1)
+    ),
+    Parameter(
+        DIAGONAL,
+        (),
+        "",
+        "diagonal of Q(N) over precision_weight: a weight for each final angle, with the reading consistent for each "
+        "combined error; empty: 1 each",
+        "document A: Q(4) = Q I",
+        low=0.0,
     ),
     Parameter("adjustment_weights_1", (5.0, 1000.0, 1000.0, 1000.0), "", "R at step 1", _TABLE),
     Parameter("adjustment_weights_2", (10.0, 5.0, 1000.0, 1000.0), "", "R at step 2", _TABLE),
@@ -111,24 +140,61 @@ def completed(parameters: Mapping[str, Value]) -> dict[str, Any]:
     return {p.name: p.default for p in (*PARAMETERS, PART_STD)} | dict(parameters)
 
 
-def process_of(parameters: Mapping[str, Value], build: Callable[[DatumFlowChain, Array, float], Process]) -> Process:
-    """The process (`plane_process`, `space_process`) of parameters by declared name.
+def process_of(parameters: Mapping[str, Value]) -> Process:
+    """The process about one axis, of parameters by declared name.
 
     Raises InputError with every fault, placed below `parameters`.
     """
     p = completed(parameters)
     weights = np.array([p[f"adjustment_weights_{k}"] for k in range(1, STEPS + 1)], dtype=float)
     hangs_on = np.array(p["hangs_on"], dtype=float)
+    faults = list(_matrix_faults(p))
     if np.any(hangs_on != np.rint(hangs_on)):
-        raise refuse("parameters.hangs_on", f"must hold whole numbers, got {p['hangs_on']}")
-    try:
-        chain = DatumFlowChain(tuple(hangs_on.astype(int).tolist()))
-        return build(chain, weights, float(p["absent_weight"]))
-    except InputError as error:
-        places = (fault.place.replace("chain.", "") for fault in error.faults)
-        raise InputError(
-            Fault(f"parameters.{place}", fault.message) for place, fault in zip(places, error.faults, strict=True)
-        ) from error
+        faults.append(Fault("hangs_on", f"must hold whole numbers, got {p['hangs_on']}"))
+    else:
+        try:
+            chain = DatumFlowChain(tuple(hangs_on.astype(int).tolist()))
+            faults += _diagonal_faults(p, len(chain.observation()))
+            error, *transition = (_matrix(p[name]) for name in (FLOW, *TRANSITIONS))
+            if not faults:
+                steps = np.stack([np.eye(STEPS) if a is None else a for a in transition])
+                return plane_process(chain, weights, float(p["absent_weight"]), steps, error)
+            plane_process(chain, weights, float(p["absent_weight"]))
+        except InputError as error_of_chain:
+            faults += error_of_chain.faults
+    raise InputError(Fault(f"parameters.{f.place.replace('chain.', '')}", f.message) for f in faults)
+
+
+def _matrix(values: Sequence[float]) -> Array | None:
+    """The square matrix that a list holds row by row, None where it is empty or does not fit."""
+    return np.array(values, dtype=float).reshape(STEPS, STEPS) if len(values) == STEPS**2 else None
+
+
+def _matrix_faults(p: Mapping[str, Any]) -> Iterator[Fault]:
+    for name in (FLOW, *TRANSITIONS):
+        if len(p[name]) not in (0, STEPS**2):
+            text = f"must be empty or hold {STEPS**2} numbers ({STEPS} x {STEPS}, row by row), got {len(p[name])}"
+            yield Fault(name, text)
+        elif not np.all(np.isfinite(p[name])):
+            yield Fault(name, f"must be finite, got {p[name]}")
+
+
+def _diagonal_faults(p: Mapping[str, Any], combined: int) -> Iterator[Fault]:
+    values = np.array(p[DIAGONAL], dtype=float)
+    count, what = (combined, "combined errors") if p["reading"] == "consistent" else (STEPS, "final angles")
+    if len(values) not in (0, count):
+        yield Fault(DIAGONAL, f"must be empty or hold a weight for each of the {count} {what}, got {len(values)}")
+    elif len(values) and not (np.all(np.isfinite(values) & (values >= 0.0)) and values.any()):
+        text = f"must be finite and at least 0 with one above 0 (Q may not be negative), got {p[DIAGONAL]}"
+        yield Fault(DIAGONAL, text)
+
+
+def gains_of(process: Process, parameters: Mapping[str, Value], precision: Array) -> Array:
+    """Gains (n, N, m, n) of precision weights (n,), about one axis or in space."""
+    p = completed(parameters)
+    diagonal = np.repeat(np.array(p[DIAGONAL], dtype=float), process.transition.shape[-1] // STEPS)
+    weights = terminal_weight(process, precision, str(p["reading"]), diagonal if len(diagonal) else None)
+    return gains(process, weights)
 
 
 def estimator_of(process: Process, parameters: Mapping[str, Value], part_std: Array) -> Estimator | None:
@@ -193,9 +259,8 @@ class Assembly(MeasurableModel):
         designs: Mapping[str, float] | None = None,
         inputs: Mapping[str, Distribution] | None = None,
     ) -> None:
-        values = completed(parameters or {})
-        self.process = process_of(values, plane_process)
-        self.reading, self.insertion = str(values["reading"]), str(values["insertion"])
+        self.values = values = completed(parameters or {})
+        self.process, self.insertion = process_of(values), str(values["insertion"])
         prior = np.full(self.process.steps, float(values["part_std_mrad"]) * MRAD)
         self.estimator = estimator_of(self.process, values, prior)
         self.noise = float(values["measurement_std_mrad"]) * MRAD
@@ -207,7 +272,7 @@ class Assembly(MeasurableModel):
             text = f"must be at least 0, got {precision[wrong[0]]:g} in row {wrong[0] + 1}"
             raise refuse("precision_weight", text)
         weights, row = np.unique(precision, return_inverse=True)
-        return gains(self.process, terminal_weight(self.process, weights, self.reading))[row]
+        return gains_of(self.process, self.values, weights)[row]
 
     def outside(self, table: Mapping[str, NDArray[Any]]) -> Outside:
         weight = np.asarray(table["precision_weight"], dtype=float)

@@ -177,18 +177,25 @@ def _weights(process: Process, weights: Array, absent: float) -> list[Fault]:
     ]
 
 
-def plane_process(chain: DatumFlowChain | None = None, weights: Array | None = None, absent: float = 1000.0) -> Process:
+def plane_process(
+    chain: DatumFlowChain | None = None,
+    weights: Array | None = None,
+    absent: float = 1000.0,
+    transition: Array | None = None,
+    error: Array | None = None,
+) -> Process:
     """Document A's process about one axis: one angle per key characteristic.
 
     `weights` (N, N) replaces those that follow from the chain; `absent` is the least weight of a
-    part that cannot be adjusted. Raises InputError.
+    part that cannot be adjusted. `transition` (N, N, N) is A(k) (default: the identity at every
+    step), `error` (N, N) is F (default: B, from the chain). Raises InputError.
     """
     chain = chain or DatumFlowChain()
     count, flow = chain.steps, chain.error_matrix()
     base = Process(
-        transition=np.broadcast_to(np.eye(count), (count, count, count)),
+        transition=np.broadcast_to(np.eye(count), (count, count, count)) if transition is None else transition,
         control=np.broadcast_to(flow, (count, count, count)),
-        error=np.broadcast_to(flow, (count, count, count)),
+        error=np.broadcast_to(flow if error is None else error, (count, count, count)),
         arriving=np.eye(count, dtype=bool),
         weight=chain.weights()[:, :, None] * np.eye(count),
         observation=chain.observation(),
@@ -197,32 +204,28 @@ def plane_process(chain: DatumFlowChain | None = None, weights: Array | None = N
     return base if weights is None else base.weighted(weights, absent)
 
 
-def space_process(
-    chain: DatumFlowChain | None = None,
-    weights: Array | None = None,
-    absent: float = 1000.0,
-    frames: Array | None = None,
-) -> Process:
+def space_process(plane: Process | None = None, frames: Array | None = None) -> Process:
     """The process in space: the angles about x, y and z of every key characteristic.
 
     `frames` (N, 3, 3) turn the part's own axes into those of the housing (default: parallel); a
     small rotation is a vector, so that a part moves all parts that hang on it by the same vector.
-    `weights` (N, N) are those of the parts, equal about all three axes.
+    `plane` (default: document A's) is the process about each of the three axes.
     """
-    plane = plane_process(chain, weights, absent)
+    plane = plane or plane_process()
     count = plane.steps
     axes = np.broadcast_to(np.eye(TURN), (count, TURN, TURN)) if frames is None else frames
     raise_all(_rotations(axes, count))
-    turned = np.einsum("ksp,pab->ksapb", plane.error, axes)
-    flow = turned.reshape(count, TURN * count, TURN * count)
+
+    def turned(matrix: Array) -> Array:
+        return np.asarray(np.einsum("ksp,pab->ksapb", matrix, axes).reshape(count, TURN * count, TURN * count))
 
     def thrice(matrix: Array) -> Array:
         return np.asarray(np.kron(matrix, np.eye(TURN)), dtype=float)
 
     return Process(
         transition=thrice(plane.transition),
-        control=flow,
-        error=flow,
+        control=turned(plane.control),
+        error=turned(plane.error),
         arriving=np.repeat(plane.arriving, TURN, axis=1),
         weight=thrice(plane.weight),
         observation=thrice(plane.observation),
@@ -289,12 +292,15 @@ READINGS = ("printed", "consistent")
 INSERTIONS = ("before", "after")
 
 
-def terminal_weight(process: Process, precision: float | Array, reading: str = "printed") -> Array:
+def terminal_weight(
+    process: Process, precision: float | Array, reading: str = "printed", diagonal: Array | None = None
+) -> Array:
     """P(N), shape (..., n, n), of precision weights Q.
 
     `printed`: P(N) = Q I weights the state. `consistent`: P(N) = C'QC weights y = C x, as the
-    document's cost does. A number or an array (...) of numbers stands for Q I; a square matrix
-    is Q itself. Raises InputError where Q is below zero or does not fit.
+    document's cost does. A number or an array (...) of numbers stands for Q I, or for Q times a
+    `diagonal`, a weight of at least 0 for every error; a square matrix is Q itself. Raises
+    InputError where Q is below zero or does not fit.
     """
     observation = process.observation if reading == "consistent" else np.eye(process.transition.shape[-1])
     weight = np.asarray(precision, dtype=float)
@@ -306,7 +312,8 @@ def terminal_weight(process: Process, precision: float | Array, reading: str = "
     if reading not in READINGS:
         faults.append(Fault("reading", f"must be one of {', '.join(READINGS)}, got {reading}"))
     raise_all(faults)
-    return np.asarray(weight[..., None, None] * (observation.T @ observation))
+    weighed = observation if diagonal is None else diagonal[:, None] * observation
+    return np.asarray(weight[..., None, None] * (observation.T @ weighed))
 
 
 def _matrix_faults(weight: Array, size: int) -> list[Fault]:

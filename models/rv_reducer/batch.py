@@ -27,7 +27,7 @@ from .cycloid import LINEAR_ERRORS
 from .geometry import lever
 from .population.contact import touch
 from .population.errors import Lattice, Scaled, Table, change_units, turn_lattice
-from .population.units import ERRORS, BaseSample, Involute, UnitBasis, UnitDesign, stem
+from .population.units import ERRORS, PITCH_SPECTRUM, BaseSample, Involute, UnitBasis, UnitDesign, stem
 
 MODEL = "model"
 CONTACT, DOCUMENT = "contact", "document"
@@ -84,6 +84,7 @@ _OF_BATCHES: tuple[Parameter, ...] = (
     ),
     _fraction("share_pins", "the errors of pins and their holes"),
     _fraction("share_discs", "equidistance and shift of the discs"),
+    PITCH_SPECTRUM,
     *(parameter for parameter in contact.PARAMETERS if parameter.name in ("discs", "cranks")),
 )
 _NAMES = {parameter.name for parameter in declared.PARAMETERS}

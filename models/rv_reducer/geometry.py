@@ -90,9 +90,12 @@ def contact_angle(geometry: RvGeometry) -> float:
     return float(np.arccos(geometry.k1))
 
 
-def modification_backlash(geometry: RvGeometry, dr_rp: Array, dr_p: Array) -> Array:
-    """Backlash [rad] that the modification itself leaves: 2 (dr_rp - dr_p sqrt(1-k1^2))/(e z_c)."""
-    return 2.0 * (dr_rp - dr_p * geometry.flank) / geometry.lever
+def modification_backlash(geometry: RvGeometry, dr_rp: Array, dr_p: Array, rotation: Array | float = 0.0) -> Array:
+    """Backlash [rad] that the modification itself leaves: 2 (dr_rp - dr_p sqrt(1-k1^2))/(e z_c) - 2 d_delta.
+
+    `rotation` is the rotation-angle modification d_delta [rad]: below 0 both flanks are turned away from the pins.
+    """
+    return 2.0 * (dr_rp - dr_p * geometry.flank) / geometry.lever - 2.0 * rotation
 
 
 def zero_backlash_pair(geometry: RvGeometry, radial_gap: float) -> tuple[float, float]:
@@ -101,9 +104,12 @@ def zero_backlash_pair(geometry: RvGeometry, radial_gap: float) -> tuple[float, 
     return radial_gap + dr_p, dr_p
 
 
-def least_raw_clearance(geometry: RvGeometry, dr_rp: Array, dr_p: Array) -> Array:
-    """Minimum of D_raw over phi [m]: it lies at tip and root or at first contact."""
-    return np.minimum(dr_rp - dr_p, dr_rp - dr_p * geometry.flank)
+def least_raw_clearance(geometry: RvGeometry, dr_rp: Array, dr_p: Array, rotation: Array | float = 0.0) -> Array:
+    """Minimum of D_raw - d_delta e z_c sin(phi)/sqrt(S) over phi [m]: it lies at tip and root or at first contact.
+
+    With a `rotation` d_delta [rad] for dr_p <= 0 alone, where it is concave in sin(phi)/sqrt(S).
+    """
+    return np.minimum(dr_rp - dr_p, dr_rp - dr_p * geometry.flank - rotation * geometry.lever)
 
 
 def least_clearance(geometry: RvGeometry, dr_rp: Array, dr_p: Array) -> Array:

@@ -16,7 +16,7 @@ from ...models.rv_reducer.contact.contact import interference, shape_faults
 from ...models.rv_reducer.contact.geometry import ContactGeometry
 from ...models.rv_reducer.population.errors import nearest_prime, shares_a_factor, spreads_evenly
 from ...models.rv_reducer.population.measures import INTERFERENCE
-from ...models.rv_reducer.population.units import GEARS
+from ...models.rv_reducer.population.units import GEARS, PITCH_SPECTRUM
 from ...section import Kind, Need, Output, Parameter, Value, Variable, number, too_many
 from ...units import MM
 from ..declaration import Declaration, Interval
@@ -106,6 +106,7 @@ CONTACT: tuple[Parameter, ...] = (
     ),
     _share("share_pins", "the errors of pins and their holes"),
     _share("share_discs", "equidistance and shift of the discs"),
+    PITCH_SPECTRUM,
     Parameter(
         "interference",
         "turn_mean",

@@ -21,7 +21,7 @@ from ...models.rv_reducer import geometry as modification
 from ...models.rv_reducer.cycloid import pin_circle_growth
 from ...models.rv_reducer.geometry import RvGeometry
 from ...models.rv_reducer.population.errors import nearest_prime
-from ...models.rv_reducer.population.units import GEARS, Involute, stem
+from ...models.rv_reducer.population.units import GEARS, ONE_WAVE, WHITE, Involute, pitch_spectrum, stem
 from ...records import UnitsShown
 from ...section import Array, Assumption, Section, Value, Variable, number
 from ...units import ARCMIN, MM, UM
@@ -186,7 +186,10 @@ def validity(parameters: Mapping[str, Value], uniform: bool, change: Change) -> 
     )
     return (
         zones if uniform else given,
-        "Pitch error and runout of a disc are waves with one period per turn of the disc.",
+        "Pitch error and runout of a disc are waves with one period per turn of the disc."
+        if pitch_spectrum(parameters) == ONE_WAVE
+        else "The runout of a disc is a wave with one period per turn of the disc; its pitch errors are those of "
+        "pitch_spectrum.",
         *(stage if parameters["involute_stage"] else ()),
         "Friction is in running_torque_Nm alone, between teeth and pins that do not turn: that of bearings, seals and "
         "lubricant is not in it.",
@@ -260,6 +263,9 @@ def _further(problem: RvReducer) -> Iterator[Variant]:
         apart = {name: VariableSetting(value=OWN_THICKNESS) for name in ALLOWANCES}
         text = f"of its own: allowance 20 um, +-{OWN_THICKNESS:g} um, at the best grade"
         yield Variant("tooth thickness of sun and planets", text, _with_variables(problem, apart), 0, True)
+    if pitch_spectrum(settings.parameters) == ONE_WAVE:
+        white = _with_parameters(problem, pitch_spectrum={WHITE: 1.0})
+        yield Variant("pitch spectrum of the discs", "white, from tooth to tooth", white, UNITS_MEASURED)
     if any(limit.name.startswith("lost_motion") for limit in problem.limits):
         for name in ("normal_stiffness_N_per_mm", "series_stiffness_Nm_per_arcmin"):
             for factor in (0.5, 2.0):

@@ -176,6 +176,18 @@ OUTPUTS: tuple[Output, ...] = (
         for axis in AXES
     ),
     Output(
+        "kc_sum_std_mrad",
+        "mrad",
+        "composite error: standard deviation of the sum of the four final angles, root sum of squares about x, y and z",
+        low=0.0,
+    ),
+    Output(
+        "kc_rss_std_mrad",
+        "mrad",
+        "composite error: root sum of squares of the standard deviations of all final angles",
+        low=0.0,
+    ),
+    Output(
         "te_error_percent",
         "%",
         "by how much the influence coefficients overstate the amplitude (full model at units at the quantile)",

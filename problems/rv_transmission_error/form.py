@@ -20,7 +20,7 @@ from ...section import Array
 from ...units import ARCSEC, MRAD
 from ..forms import Feature, Form, Way
 from ..limits import narrow_range
-from .declared import AXES, DOCUMENT_MRAD, PRECISION, SIZE
+from .declared import AXES, DOCUMENT_MRAD, PARTS, PRECISION, SIZE
 
 if TYPE_CHECKING:
     from .problem import RvTransmissionError
@@ -30,7 +30,19 @@ SHAPES = 257
 SAFETY = 1e-6
 """Relative lowering of c_p, more than the numerical error of the quantiles."""
 TE = "te_amplitude_arcsec"
-STD = tuple(f"kc_{at}_{axis}_std_mrad" for at in range(1, 5) for axis in AXES)
+COMPOSITE_STD = ("kc_sum_std_mrad", "kc_rss_std_mrad")
+STD = (*(f"kc_{at}_{axis}_std_mrad" for at in range(1, 5) for axis in AXES), *COMPOSITE_STD)
+
+
+def variances(spread: Array) -> Array:
+    """Contributions of each source (..., s) to the variances of the outputs `STD`, (..., STD, s).
+
+    `spread` (..., 12, s) are the final angles per standardised source.
+    """
+    *designs, _, sources = spread.shape
+    combined = spread.reshape(*designs, len(PARTS), len(AXES), sources).sum(axis=-3)
+    composite = [np.sum(angles**2, axis=-2, keepdims=True) for angles in (combined, spread)]
+    return np.concatenate([spread**2, *composite], axis=-2)
 
 
 def least_ratio(coverage: float) -> float:
@@ -51,7 +63,7 @@ def form_of(problem: RvTransmissionError) -> Form | None:
     spread = problem.residual(unit).spread[0]
     plane = problem.influence.order_40 @ spread / ARCSEC
     factor = least_ratio(problem.settings.propagation.coverage)
-    squares = np.vstack([factor * np.sum(plane**2, axis=0), (spread / MRAD) ** 2])
+    squares = np.vstack([factor * np.sum(plane**2, axis=0), variances(spread / MRAD)])
     base = problem.influence.base_amplitude / ARCSEC
     features = []
     for at, name in enumerate(DOCUMENT_MRAD):

@@ -12,7 +12,7 @@ from scipy.special import ndtr
 from ...errors import Fault, InputError
 from ...models.assembly import model
 from ...models.assembly.assemble import Departures, normals, quantile_over, radius_quantile, response, sample_quantile
-from ...models.assembly.process import Process, gains, space_process, terminal_weight
+from ...models.assembly.process import Process, space_process
 from ...models.assembly.transmission import Influence, Transmission, Turned, influence
 from ...models.effects.effect import Target
 from ...models.effects.measurements import Active, measurements_of, target_from
@@ -26,7 +26,7 @@ from ..forms import Form
 from ..settings import Bound, VariableSetting
 from ..tolerance_problem import ToleranceProblem
 from . import declared
-from .form import STD, TE, form_of
+from .form import COMPOSITE_STD, STD, TE, form_of, variances
 
 # Changes that effects make in the transmission error of adjusted units.
 #
@@ -251,7 +251,7 @@ class RvTransmissionError(ToleranceProblem):
     @cached_property
     def process(self) -> Process:
         """The assembly process in space. Raises InputError."""
-        return model.process_of(self.settings.parameters, space_process)
+        return space_process(model.process_of(self.settings.parameters))
 
     @cached_property
     def influence(self) -> Influence:
@@ -319,14 +319,12 @@ class RvTransmissionError(ToleranceProblem):
         return Residual(linear.state * sources[:, None, :], linear.effort(self.process, sources))
 
     def _gains(self, precision: Array) -> Array:
-        reading = str(self.settings.parameters["reading"])
-        return gains(self.process, terminal_weight(self.process, precision, reading))
+        return model.gains_of(self.process, self.settings.parameters, precision)
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
         residual = self.residual(designs)
-        covariance = residual.covariance
         te, force = self._te(residual, searching), self._force(residual, searching)
-        std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)) / MRAD
+        std = np.sqrt(variances(residual.spread).sum(axis=-1)) / MRAD
         return {
             "cost": self.cost_of(designs),
             EFFORT: residual.effort / MRAD**2,
@@ -427,7 +425,7 @@ class RvTransmissionError(ToleranceProblem):
     def faults(self) -> list[Fault]:
         process_faults: list[Fault] = []
         try:
-            model.process_of(self.settings.parameters, space_process)
+            model.process_of(self.settings.parameters)
         except InputError as error:
             process_faults += error.faults
         for name, law in self._laws.items():
@@ -443,7 +441,7 @@ class RvTransmissionError(ToleranceProblem):
                 "adjustment_effort is neither minimised nor limited: more adjustment always improves the accuracy; add "
                 "it, or fix precision_weight"
             )
-        if FORCE not in self.required_outputs:
+        if not {FORCE, "kc_2_z_std_mrad", "kc_4_z_std_mrad", *COMPOSITE_STD} & set(self.required_outputs):
             messages.append(
                 "peak_mesh_force_N is neither minimised nor limited: the gears' angles about z load the discs "
                 "unevenly, but cause no transmission error: their tolerances become as wide as their ranges allow"

@@ -41,9 +41,10 @@ class Position:
     """Contacts of one position: their rows, pins, discs and flanks (1 forward, -1 backward)."""
 
     def __init__(self, contacts: Any, a: int) -> None:
-        rows, pins, start, stop, axes = contacts
+        rows, pins, teeth, start, stop, axes = contacts
         self.first, last = int(start[a, 0, 0]), int(stop[a, -1, -1])
         self.rows, self.pins = rows[self.first : last].astype(float), pins[self.first : last]
+        self.teeth = teeth[self.first : last]
         self.disc = np.repeat(np.arange(start.shape[1]), (stop[a, :, 1] - start[a, :, 0]))
         self.sign = np.concatenate([np.repeat(FLANKS, count) for count in stop[a] - start[a]])
         self.axes = axes[a].astype(float)
@@ -58,8 +59,9 @@ class Position:
         ahead = discs[:, 3] - np.imag(around * crank[:, None])
         gap, lever, radial, tangential, nx, ny, c, s, _ = (column[:, None] for column in self.rows.T)
         d = self.disc
+        placed = pin_along[self.pins] + (pin_along[self.teeth] if len(self.teeth) else 0.0)
         turns = gap + lever * (across[self.pins] + discs[d, 0]) + radial * discs[d, 1]
-        turns += tangential * pin_along[self.pins] + along(nx + 1j * ny, away[d]) + along(c + 1j * s, turned[d])
+        turns += tangential * placed + along(nx + 1j * ny, away[d]) + along(c + 1j * s, turned[d])
         return turns, discs[:, 2], ahead
 
     def closed(self, gaps: Any, x: Any) -> Any:
@@ -86,21 +88,22 @@ def touch(contacts: Any, errors: Any, turns: Any) -> None:
 
 def touch_slopes(weight: Any, touching: Any, contacts: Any, slopes: Any, total: Any) -> None:
     """As `kernel.touch_slopes`."""
-    rows, pins, disc_of, axes = contacts
+    rows, pins, teeth, disc_of, axes = contacts
     discs = axes.shape[1]
     for a in range(len(weight)):
         for contact, sign in zip(touching, FLANKS, strict=True):
             part = np.unique(contact[a])
             of_contact = sign * weight[a].astype(float) * (part[:, None] == contact[a])
             side = np.full((discs, weight.shape[1]), sign)
-            add(of_contact, rows[part].astype(float), pins[part], disc_of[part], axes[a], side, slopes, total)
+            spaces = teeth[part] if len(teeth) else teeth
+            add(of_contact, rows[part].astype(float), pins[part], spaces, disc_of[part], axes[a], side, slopes, total)
 
 
 def balances(contacts: Any, springs: Any, errors: Any, torques: Any, rated: int, into: Any) -> None:
     """As `kernel.balances`."""
     stiff, force, _, behind, _ = springs
     turn, x, side, preload, peak, where, which = into
-    for a in range(len(contacts[2])):
+    for a in range(len(contacts[3])):
         position = Position(contacts, a)
         part = slice(position.first, position.first + len(position.rows))
         k, of_force = stiff[part].astype(float), force[part].astype(float)
@@ -123,7 +126,7 @@ def balances(contacts: Any, springs: Any, errors: Any, torques: Any, rated: int,
 
 def add_friction(contacts: Any, springs: Any, errors: Any, x: Any, into: Any) -> None:
     """As `kernel.add_friction`."""
-    for a in range(len(contacts[2])):
+    for a in range(len(contacts[3])):
         position = Position(contacts, a)
         part = slice(position.first, position.first + len(position.rows))
         closed = position.closed(position.gaps(errors)[0], x[a].astype(float))
@@ -164,14 +167,18 @@ def balance_slopes(
         factor = np.where(side[a] != 0, bent * (common + behind * fixed), fixed / np.maximum(rise, TINY))
         through = factor[position.disc] * bears - squeezed
         total[15] -= np.sum(lean[part, None] * closed * (2.0 * through - direct))
-        add(through - direct, position.rows, position.pins, position.disc, contacts[4][a], side[a], slopes, total)
+        pins, teeth, axes = position.pins, position.teeth, contacts[5][a]
+        add(through - direct, position.rows, pins, teeth, position.disc, axes, side[a], slopes, total)
 
 
-def add(weight: Any, rows: Any, pins: Any, disc: Any, axes: Any, side: Any, slopes: Any, total: Any) -> None:
+def add(
+    weight: Any, rows: Any, pins: Any, teeth: Any, disc: Any, axes: Any, side: Any, slopes: Any, total: Any
+) -> None:
     """Adds weights of contacts (contacts, n) times the errors of pins, discs and unit to `total`."""
     of_unit, of_discs, of_pins = (one.astype(float) for one in slopes)
     placed, hole, radius = (one[pins] * weight for one in of_pins)
     total[1] += np.sum(rows[:, 3:4] * placed)
+    total[4] += np.sum(rows[:, 3:4] * of_pins[0][teeth] * weight) if len(teeth) else 0.0
     total[2] += np.sum(rows[:, 1:2] * hole)
     total[3] -= np.sum(rows[:, 1:2] * radius)
     total[15] += np.sum(rows[:, 8:9] * weight)

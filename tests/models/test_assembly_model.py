@@ -90,6 +90,73 @@ def test_negative_precision_weight_is_refused_with_its_row() -> None:
         predicted(rows=rows)
 
 
+# ---------------------------------------------------------------- A(k), F and the diagonal of Q
+
+
+B = np.array([[1.0, 0, 0, 0], [1, 1, 0, 0], [0, 0, 1, 0], [0, 0, 1, 1]])
+C = np.array([[1.0, 0, 1, 0], [0, 1, 0, 1]])
+R = np.array([[5.0, 1000, 1000, 1000], [10, 5, 1000, 1000], [10, 5, 5, 1000], [10, 5, 10, 5]])
+
+
+def by_hand(a: NDArray[np.float64], f: NDArray[np.float64], p: NDArray[np.float64], after: bool) -> NDArray[np.float64]:
+    """Final angles of the document's parts, K(k) and P(k) as printed, with the inverse of R."""
+    gains: list[NDArray[np.float64]] = []
+    for k in (3, 2, 1, 0):
+        r = np.diag(R[k])
+        gains.insert(0, np.linalg.inv(r + B.T @ p @ B) @ B.T @ p @ a[k])
+        p = a[k].T @ p @ np.linalg.inv(np.eye(4) + B @ np.linalg.inv(r) @ B.T @ p) @ a[k]
+    x = np.zeros(4)
+    for k in range(4):
+        w = f @ np.where(np.arange(4) == k, PART_ERRORS, 0.0)
+        x = x + w * after
+        x = a[k] @ x - B @ gains[k] @ x + w * (not after)
+    return x
+
+
+@pytest.mark.parametrize("after", [False, True])
+@pytest.mark.parametrize("reading", ["printed", "consistent"])
+def test_any_transition_part_flow_and_diagonal_weight(reading: str, after: bool) -> None:
+    rng = np.random.default_rng(3)
+    a, f = np.eye(4) + 0.3 * rng.normal(size=(4, 4, 4)), rng.normal(size=(4, 4))
+    q = np.array([2.0, 0.0, 0.5, 7.0] if reading == "printed" else [2.0, 0.5])
+    given: dict[str, Value] = {f"transition_{k}": tuple(a[k - 1].ravel()) for k in (1, 2, 4)}
+    a[2] = np.eye(4)  # as a step that states no matrix
+    given |= {"error_flow": tuple(f.ravel()), "final_weights": tuple(q), "reading": reading}
+    given["insertion"] = "after" if after else "before"
+    terminal = np.diag(q) if reading == "printed" else C.T @ np.diag(q) @ C
+    np.testing.assert_allclose(predicted(given)[0], by_hand(a, f, 5.0 * terminal, after), rtol=1e-9)
+
+
+def test_diagonal_scales_the_precision_weight_of_the_printed_states() -> None:
+    """Q = 10 is a precision weight of 2 times a diagonal of 5, and identities change no bit."""
+    fives = predicted({"final_weights": (5.0, 5.0, 5.0, 5.0)}, table(1, 2.0))
+    np.testing.assert_allclose(fives, [(-0.985, 0.884, 2.486, 4.029)], atol=6e-4)
+    same: dict[str, Value] = {f"transition_{k}": tuple(np.eye(4).ravel()) for k in range(1, 5)}
+    same |= {"error_flow": tuple(B.ravel()), "final_weights": (1.0, 1.0, 1.0, 1.0)}
+    np.testing.assert_array_equal(predicted(same), predicted())
+
+
+def test_every_fault_of_matrices_and_weights_is_told_at_once() -> None:
+    wrong: dict[str, Value] = {
+        "transition_2": (1.0,) * 15,
+        "error_flow": (np.inf,) * 16,
+        "final_weights": (1.0, -1.0),
+        "reading": "consistent",
+        "adjustment_weights_4": (10.0, 5.0, -1.0, 5.0),
+    }
+    with pytest.raises(InputError) as caught:
+        Assembly(wrong)
+    assert [fault.place for fault in caught.value.faults] == [
+        "parameters.error_flow", "parameters.transition_2", "parameters.final_weights",
+        "parameters.adjustment_weights_4[2]",
+    ]  # fmt: skip
+    for count, reading in ((2, "printed"), (4, "consistent")):
+        with pytest.raises(InputError, match=f"a weight for each of the {6 - count} "):
+            Assembly({"final_weights": (1.0,) * count, "reading": reading})
+    with pytest.raises(InputError, match="one above 0"):
+        Assembly({"final_weights": (0.0,) * 4})
+
+
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [

@@ -25,7 +25,7 @@ from tolevo.models.rv_reducer.population.errors import (
     turn_lattice,
 )
 from tolevo.models.rv_reducer.population.measures import Conditions, Measure, Measures
-from tolevo.models.rv_reducer.population.units import ERRORS, BaseSample, Involute, UnitDesign
+from tolevo.models.rv_reducer.population.units import ERRORS, BaseSample, Hierarchy, Involute, UnitDesign, draw_teeth
 from tolevo.models.rv_reducer.tighter_planet import TighterPlanet
 from tolevo.units import ARCMIN, UM
 
@@ -56,6 +56,7 @@ MIDS = {
     "shift": 1.0,
 }
 DOCUMENT = UnitDesign(ZONES, MIDS, stagger=0.1)
+SPECTRUM = {"one_wave": 0.6, "three_waves": 0.3, "white": 0.5}
 
 
 def widened(factor: float) -> UnitDesign:
@@ -299,10 +300,12 @@ def test_slopes_of_rarer_geometries() -> None:
 # ---------------------------------------------------------------- against arrays
 
 
-def test_kernel_and_reference_agree(drawn: tuple[Lattice, BaseSample, Slopes]) -> None:
+@pytest.mark.parametrize("spectrum", [{"one_wave": 1.0}, SPECTRUM], ids=["one wave", "by tooth"])
+def test_kernel_and_reference_agree(drawn: tuple[Lattice, BaseSample, Slopes], spectrum: dict[str, float]) -> None:
     """Single precision: 3e-7 of turns of some arc minutes, and of sums of their derivatives."""
     lattice, _, _ = drawn
-    sample = BaseSample.draw(GEOMETRY, 300, np.random.default_rng(9))  # more than the lanes
+    laws = Hierarchy(pitch_spectrum=spectrum)
+    sample = BaseSample.draw(GEOMETRY, 300, np.random.default_rng(9), laws)  # more than the lanes
     table, compiled, y = touching(lattice, sample, DOCUMENT)
     slopes, weight = Slopes.of(GEOMETRY, sample), weights(y, "random")
     found = pull_back(lattice, table, compiled, slopes, weight)
@@ -313,6 +316,68 @@ def test_kernel_and_reference_agree(drawn: tuple[Lattice, BaseSample, Slopes]) -
     same = (compiled.ahead == arrays.ahead) & (compiled.behind == arrays.behind)
     assert np.mean(same) > 0.9999  # ties apart
     np.testing.assert_allclose(found, wanted, rtol=1e-5, atol=1e-6)
+
+
+# ---------------------------------------------------------------- pitch errors by tooth
+
+
+def test_teeth_turn_the_pins_that_lie_in_their_spaces() -> None:
+    """First contact over all pins by the loaded contact's gaps without pitch errors, each turned by F_p/(2 r_p) times
+    the error of the space that its pin lies in, by the pin's angle about the moved axis of the disc.
+    """
+    lattice, sizes = Lattice.of(GEOMETRY, turn_lattice(13, 39)), Hierarchy(pitch_spectrum=SPECTRUM)
+    sample = BaseSample.draw(GEOMETRY, 8, np.random.default_rng(6), sizes)
+    assert sample.teeth is not None
+    _, _, found = touching(lattice, sample, DOCUMENT)
+    smooth = replace(DOCUMENT, half_width=ZONES | {"pitch": 0.0}, mid=MIDS | {"pitch": 0.0})
+    contact = LoadedContact(modified_geometry(GEOMETRY, smooth))
+    gaps = contact.mesh(part_errors(GEOMETRY, replace(sample, teeth=None), smooth), lattice.angles).gaps
+    turn = gaps.gap / np.where(np.abs(gaps.lever) > 1e-4, gaps.lever, np.inf) - gaps.turn[..., None]
+    psi = lattice.angles[:, None] + np.array([0.0, np.pi])
+    pins = 64e-3 * np.exp(2j * np.pi * np.arange(40) / 40)
+    seen = (pins - 1.3e-3 * np.exp(1j * psi)[..., None]) * np.exp(1j * (lattice.angles / 39)[:, None, None])
+    seen[:, 1] *= -1.0  # the second disc is turned by half a turn
+    space = np.rint(np.angle(seen) * 39 / (2.0 * np.pi)).astype(int) % 39
+    cumulative = (MIDS["pitch"] + ZONES["pitch"] * sample.z["pitch"]) * UM  # (discs, units)
+    for disc in range(2):
+        error = sample.teeth[disc][space[:, disc]] * cumulative[disc]  # (positions, pins, units)
+        turn[:, :, disc] += np.moveaxis(error, -1, 0) / (2.0 * 64e-3)
+    ahead = np.where(gaps.lever > 1e-4, turn + gaps.play[..., None], np.inf).min(axis=(2, 3))
+    behind = np.where(gaps.lever < -1e-4, turn - gaps.play[..., None], -np.inf).max(axis=(2, 3))
+    wanted = (ahead - behind).T / ARCMIN / GEOMETRY.output_ratio
+    np.testing.assert_allclose(found, wanted, atol=2e-3)
+    wave = replace(sample, teeth=None)
+    assert np.abs(touching(lattice, wave, DOCUMENT)[2] - found).max() > 0.05, "it matters"
+
+
+def test_one_wave_by_tooth_is_nearly_the_wave_at_every_pin() -> None:
+    """A tooth is displaced as a whole: within half a pitch, 4.6 degrees, of the wave. Off, no bit differs."""
+    lattice, rng = Lattice.of(GEOMETRY, turn_lattice(31, 39)), np.random.default_rng
+    wave = BaseSample.draw(GEOMETRY, 64, rng(2))
+    nearly = Hierarchy(pitch_spectrum={"one_wave": 1.0, "two_waves": 1e-12})
+    teeth = BaseSample.draw(GEOMETRY, 64, rng(2), nearly)
+    same = BaseSample.draw(GEOMETRY, 64, rng(2), Hierarchy(pitch_spectrum={"one_wave": 1.0}))
+    assert same.teeth is None and wave.teeth is None
+    np.testing.assert_array_equal(teeth.z["pin_radius"], wave.z["pin_radius"])
+    pitch = UnitDesign({"pitch": 4.0})
+    first, second, still = (
+        touching(lattice, s, d)[2] for s, d in ((wave, pitch), (teeth, pitch), (wave, UnitDesign({})))
+    )
+    assert np.std(second - first) < 0.04 * np.std(first - still)
+
+
+def test_teeth_are_drawn_to_the_spectrum() -> None:
+    """Fourier components of many discs: amplitude / 2 each, white noise s / sqrt(3) in all of them."""
+    phase = 2.0 * np.pi * np.random.default_rng(0).random((2, 4000))
+    teeth = draw_teeth({"one_wave": 0.5, "three_waves": 0.2, "white": 0.3}, 39, phase, np.random.default_rng(1))
+    power = np.mean(np.abs(np.fft.fft(teeth, axis=1) / 39) ** 2, axis=(0, 2))
+    floor = 0.3**2 / 3.0 / 39
+    wanted = np.full(39, floor)
+    wanted[[1, 38]] += 0.25**2
+    wanted[[3, 36]] += 0.1**2
+    np.testing.assert_allclose(power, wanted, rtol=0.08)
+    alone = draw_teeth({"one_wave": 0.5}, 39, phase, np.random.default_rng(1))
+    np.testing.assert_allclose(alone[1, 7], 0.5 * np.cos(2.0 * np.pi * 7 / 39 - phase[1]), rtol=1e-9)
 
 
 def test_contacts_that_touch_are_those_of_the_gaps() -> None:

@@ -22,7 +22,7 @@ from tolevo.models.rv_reducer.population.errors import (
     part_errors,
     turn_lattice,
 )
-from tolevo.models.rv_reducer.population.units import BaseSample, UnitDesign
+from tolevo.models.rv_reducer.population.units import BaseSample, Hierarchy, UnitDesign
 from tolevo.models.rv_reducer.tighter_planet import TighterPlanet
 from tolevo.units import ARCMIN
 
@@ -48,11 +48,16 @@ class Case:
     """Units of a design at positions of a turn."""
 
     def __init__(
-        self, design: UnitDesign, units: int, positions: int = 31, geometry: ContactGeometry = GEOMETRY
+        self,
+        design: UnitDesign,
+        units: int,
+        positions: int = 31,
+        geometry: ContactGeometry = GEOMETRY,
+        laws: Hierarchy | None = None,
     ) -> None:
         self.design, self.geometry = design, geometry
         self.lattice = Lattice.of(geometry, turn_lattice(positions, 39))
-        self.sample = BaseSample.draw(geometry, units, np.random.default_rng(1))
+        self.sample = BaseSample.draw(geometry, units, np.random.default_rng(1), laws)
 
     def elastic(self, loading: Loading | None = None, **given: Any) -> Elastic:
         """The elastic outputs of the units."""
@@ -169,6 +174,8 @@ WIDE = UnitDesign({
     "crank_bearing": 20.0, "bore": 10.0,
 })  # fmt: skip
 """Discs that carry nothing, discs loaded backwards, and discs squeezed within their play."""
+BY_TOOTH = replace(DOCUMENT, stagger=0.0)
+"""Built with teeth that have errors of their own."""
 
 
 @pytest.mark.parametrize(
@@ -180,11 +187,13 @@ WIDE = UnitDesign({
         (WIDE, np.inf, 2),
         (replace(WIDE, dr_rp=-60e-6), 58.5 / ARCMIN, 4),
         (DOCUMENT, 58.5 / ARCMIN, 1),
+        (BY_TOOTH, 58.5 / ARCMIN, 2),
     ],
 )
 def test_kernel_and_reference_agree(design: UnitDesign, series: float, discs: int) -> None:
     """Single precision against double: 1e-6' of some 20 arc minutes of turn and gap."""
-    case = Case(design, units=130, positions=17, geometry=replace(GEOMETRY, discs=discs))
+    laws = Hierarchy(pitch_spectrum={"one_wave": 0.5, "white": 0.5}) if design is BY_TOOTH else None
+    case = Case(design, units=130, positions=17, geometry=replace(GEOMETRY, discs=discs), laws=laws)
     loading = Loading(series_stiffness=series)
     compiled = case.elastic(loading)
     with by_arrays():

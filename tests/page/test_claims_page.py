@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from tolevo import page_data
-from tolevo.commands.reproduce.page import claims_page, figures
+from tolevo.commands.reproduce.page import claims_page, figures, table_figure
 from tolevo.commands.reproduce.records import Chart, ClaimsResult, ComputedTable, Document
 from tolevo.page.drawing import as_svg
 from tolevo.records import Axis
@@ -29,6 +29,25 @@ LINES = ComputedTable(
     (np.arange(3.0), np.arange(3.0), np.arange(3.0) ** 2, np.array(["p", "q", "r"])),
     Chart("lines", "x_mm", ("a", "b")),
 )
+
+
+BARS = ComputedTable(
+    "effects",
+    "Effects",
+    (Axis("source", ""), Axis("yaw_mrad", "mrad"), Axis("squareness_mrad", "mrad")),
+    (np.array(["rod_length_1", "b"]), np.array([1.0, 2.0]), np.array([3.0, 0.5])),
+    Chart("bars", "source", ("yaw_mrad", "squareness_mrad"), of="angle"),
+)
+
+
+def test_bars_have_names_labels_and_units() -> None:
+    assert BARS.chart is not None
+    (axes,) = table_figure(BARS, BARS.chart).axes
+    assert [tick.get_text() for tick in axes.get_yticklabels()] == ["rod length 1", "b"]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("angle [mrad]", "source")
+    assert [bar.get_width() for bar in axes.patches] == [1.0, 2.0, 3.0, 0.5]  # type: ignore[attr-defined]
+    legend = axes.get_legend()
+    assert legend is not None and [text.get_text() for text in legend.get_texts()] == ["yaw", "squareness"]
 
 
 def row(name: str, verdict: str, **more: object) -> dict[str, object]:

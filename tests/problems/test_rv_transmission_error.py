@@ -11,6 +11,7 @@ from scipy.optimize import minimize
 
 from tolevo.algorithms.archive import nondominated
 from tolevo.algorithms.exact.bounds import proof
+from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.gde3 import GDE3
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
@@ -21,6 +22,7 @@ from tolevo.problems.rv_transmission_error import RvTransmissionError, declared
 from tolevo.problems.rv_transmission_error import form as implied
 from tolevo.problems.rv_transmission_error.form import least_ratio
 from tolevo.problems.settings import Bound, PropagationSetting, Settings, VariableSetting
+from tolevo.section import Value
 from tolevo.testing import ProblemContract
 from tolevo.units import ARCSEC, MRAD
 
@@ -75,8 +77,37 @@ def test_angles_without_adjustment_add_in_squares() -> None:
     assert found["adjustment_effort"][0] == 0.0
 
 
-@pytest.mark.parametrize("parameters", [{}, {"insertion": "after", "reading": "consistent"}, {"springback": 0.3}])
-def test_spread_and_effort_against_drawn_assemblies(parameters: dict[str, str | float]) -> None:
+GENERAL: dict[str, Value] = {
+    "transition_2": (1.0, 0.2, 0.0, 0.0, 0.0, 0.8, 0.1, 0.0, 0.0, 0.0, 1.0, 0.0, 0.3, 0.0, 0.0, 1.0),
+    "transition_4": (0.9, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.4, 0.0, 0.0, 1.1, 0.0, 0.0, 0.0, 0.2, 1.0),
+    "error_flow": (1.0, 0.0, 0.0, 0.1, 0.5, 1.0, 0.0, 0.0, 0.0, 0.2, 1.0, 0.0, 0.0, 0.0, 0.7, 1.0),
+    "final_weights": (2.0, 0.0, 1.0, 3.0),
+}
+"""A(k), F and the diagonal of Q that follow from no datum flow chain."""
+
+
+def test_general_matrices_against_single_assemblies() -> None:
+    """Final angles about z of each part's error alone, taken through the steps one by one."""
+    problem = RvTransmissionError(Settings(parameters=GENERAL))
+    control = problem._gains(np.array([5.0]))[0]
+    a = [np.array(GENERAL.get(f"transition_{k}", np.eye(4).ravel())).reshape(4, 4) for k in range(1, 5)]
+    f = np.array(GENERAL["error_flow"]).reshape(4, 4)
+    b = np.array([[1.0, 0, 0, 0], [1, 1, 0, 0], [0, 0, 1, 0], [0, 0, 1, 1]])
+    variance = np.zeros(4)
+    for part in range(4):
+        x = np.zeros(4)
+        for k in range(4):
+            x = (a[k] - b @ control[k, 2::3, 2::3]) @ x + f[:, part] * (part == k)
+        variance += (x * DOCUMENT[3 * part + 2] / 3.0) ** 2
+    found = searched(problem, design(5.0))
+    std = [found[f"kc_{at}_z_std_mrad"][0] for at in (1, 2, 3, 4)]
+    np.testing.assert_allclose(std, np.sqrt(variance), rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    "parameters", [{}, {"insertion": "after", "reading": "consistent"}, {"springback": 0.3}, GENERAL]
+)
+def test_spread_and_effort_against_drawn_assemblies(parameters: dict[str, Value]) -> None:
     """50,000 assemblies drawn step by step, within 5 standard errors."""
     problem, count = RvTransmissionError(Settings(parameters=parameters)), 50_000
     given = problem.settings.parameters
@@ -204,6 +235,34 @@ def test_implied_costs_give_the_printed_allocation_back(composite: str, exponent
     np.testing.assert_allclose(np.exp(found.x), DOCUMENT, rtol=1e-4)
 
 
+@pytest.mark.parametrize(("composite", "ratio"), [("sum", 0.63), ("rss", 0.794)])
+def test_allocation_at_least_cost_within_the_composite_error(composite: str, ratio: float) -> None:
+    """The proven optimum of the problem is Lagrange's, and crankshafts are to gears as the physics note says."""
+    name, influence = f"kc_{composite}_std_mrad", implied.sensitivities(composite)
+    own = searched(plain(), design())[name][0]
+    assert own == pytest.approx(np.linalg.norm(influence * DOCUMENT) / 3.0, rel=1e-12)
+    problem = RvTransmissionError(Settings(
+        variables={"precision_weight": VariableSetting(value=0.0)}, objectives=("cost",), limits={name: Bound(high=own)}
+    ))  # fmt: skip
+    form = problem.form()
+    assert form is not None and name in form.outputs
+    assert not any("as wide as" in text for text in problem.warnings())
+    found = problem.complete(search(problem, Exact(), Budget(), 0).chosen)[0, :12]
+    wanted = implied.optimal_allocation(np.ones(12), influence, 3.0 * float(own))
+    np.testing.assert_allclose(found, wanted, rtol=1e-5)
+    assert found[0] / found[3] == pytest.approx(ratio, abs=0.003)
+
+
+def test_composite_errors_of_drawn_assemblies() -> None:
+    """Sum of the four angles about each axis, and all twelve, of 50,000 adjusted assemblies."""
+    problem = RvTransmissionError(Settings(parameters=GENERAL))
+    errors = DOCUMENT / 3.0 * MRAD * np.random.default_rng(4).standard_normal((50_000, 12))
+    state = assemble(problem.process, problem._gains(np.array([5.0]))[0], errors).state / MRAD
+    found = searched(problem, design(5.0))
+    wanted = np.sqrt(state.reshape(-1, 4, 3).sum(axis=1).var(axis=0).sum()), np.sqrt(state.var(axis=0).sum())
+    np.testing.assert_allclose([found[f"kc_{c}_std_mrad"][0] for c in ("sum", "rss")], wanted, rtol=0.01)
+
+
 def test_implied_costs_of_gear_2_are_the_lowest() -> None:
     """The tightest part of the table would have to be the cheapest, several times over."""
     for composite in implied.COMPOSITES:
@@ -229,6 +288,8 @@ def test_least_cost_is_asked_at_the_documents_accuracy() -> None:
         (Settings(parameters={"adjustment_weights_2": (10.0, 5.0, 5.0, 1000.0)}),
          "parameters.adjustment_weights_2[2]"),
         (Settings(parameters={"hangs_on": (0.0, 2.0, 0.0, 3.0)}), "parameters.hangs_on[1]"),
+        (Settings(parameters={"transition_3": (1.0, 0.0)}), "parameters.transition_3"),
+        (Settings(parameters={"final_weights": (0.0, 0.0, 0.0, 0.0)}), "parameters.final_weights"),
         (Settings(variables={"gear_1_x_mrad": VariableSetting(distribution=Normal(shift=0.2))}),
          "variables.gear_1_x_mrad.distribution"),
         (Settings(limits={"te_amplitude_arcsec": Bound(high=0.01)}), "limits.te_amplitude_arcsec"),
@@ -260,15 +321,15 @@ def form_values(form: Form, designs: Array) -> Array:
     return np.asarray(form.offset + np.sqrt(form.constant + designs[:, :12] ** 2 @ spread**2))
 
 
-def fixed(precision: float, **parameters: float) -> RvTransmissionError:
+def fixed(precision: float, **parameters: Value) -> RvTransmissionError:
     setting = {"precision_weight": VariableSetting(value=precision)}
     pair = ("cost", "te_amplitude_arcsec")
     return RvTransmissionError(Settings(parameters, setting, objectives=pair))
 
 
-@pytest.mark.parametrize("precision", [0.0, 5.0])
-def test_form_bounds_the_transmission_error_from_below(precision: float) -> None:
-    problem = fixed(precision, measurement_std_mrad=0.2)
+@pytest.mark.parametrize(("precision", "parameters"), [(0.0, {}), (5.0, {}), (5.0, GENERAL)])
+def test_form_bounds_the_transmission_error_from_below(precision: float, parameters: dict[str, Value]) -> None:
+    problem = fixed(precision, measurement_std_mrad=0.2, **parameters)
     form = problem.form()
     assert form is not None
     designs = problem.complete(np.random.default_rng(2).uniform(problem.xl, problem.xu, (50, 12)))

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tolevo.configuration.reader import read
+from tolevo.errors import InputError
 from tolevo.models.rv_reducer.contact.contact import LoadedContact, backlash, loading, rigidity
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry, PartErrors
-from tolevo.problems.settings import Bound, Settings
+from tolevo.problems.settings import Bound, Settings, VariableSetting
 from tolevo.problems.tooth_modification import ToothModification
 from tolevo.section import Value
 from tolevo.testing import ProblemContract
@@ -114,6 +116,58 @@ def test_references_are_the_printed_optimum_and_the_pair_without_backlash() -> N
     np.testing.assert_array_equal(found["document B"], [-0.040, -0.070])
     pair = found["zero backlash, same radial gap"]
     np.testing.assert_allclose(pair, [-0.0419, -0.0719], atol=5e-5)
+
+
+# ---------------------------------------------------------------- rotation-angle modification
+
+
+def turned(*designs: tuple[float, float, float]) -> dict[str, Array]:
+    return ToothModification(Settings(variables={"rotation_arcmin": VariableSetting()})).outputs_of(np.array(designs))
+
+
+def test_turned_flanks_are_discs_that_are_turned_for_each_sense() -> None:
+    """Forward a disc turned back by d_delta bears, backward one turned ahead; equal torque makes equal forces."""
+    contact = LoadedContact(ContactGeometry(dr_rp=-40e-6, dr_p=-70e-6, true_levers=False, discs=1), exact=True)
+    five = np.array([[-5e-6]])
+    found, plain = turned((-0.045, -0.075, -0.4)), outputs((-0.045, -0.075))
+    ends = [contact.mesh(PartErrors(equidistance=five, shift=five, angle=s * 0.4 * ARCMIN), PITCH).touch()[at]
+            for s, at in ((1.0, 0), (-1.0, 1))]  # fmt: skip
+    play = (ends[1] - ends[0]).mean() / ARCMIN
+    assert found["backlash_arcmin"][0] == pytest.approx(play, rel=1e-9)
+    assert found["backlash_arcmin"][0] > plain["backlash_arcmin"][0] + 0.7
+    for name in ("peak_mesh_force_N", "pins_loaded", "stiffness_Nm_per_arcmin"):
+        assert found[name][0] == pytest.approx(plain[name][0], rel=1e-9)
+
+
+def test_closed_forms_with_three_amounts() -> None:
+    """g4 against the contact, D_raw - d_delta e z_c sin(phi)/sqrt(S) over all phi, and g5, which no turn changes."""
+    designs = [(-0.045, -0.075, -0.4), (-0.04, -0.07, -0.1), (-0.02, -0.05, 0.0), (-0.0419, -0.0719, -0.5)]
+    found, plain = turned(*designs), outputs(*((a, b) for a, b, _ in designs))
+    formula = found["modification_backlash_arcmin"] * 117.0 / 121.0
+    np.testing.assert_allclose(found["backlash_arcmin"], formula, rtol=0.01, atol=0.012)
+    phi = np.linspace(0.0, np.pi, 20_001)
+    root = np.sqrt(1.0 + 0.8125**2 - 2.0 * 0.8125 * np.cos(phi))
+    for at, (a, b, c) in enumerate(designs):
+        raw = a - b * (1.0 - 0.8125 * np.cos(phi)) / root - c * ARCMIN * 50.7 * np.sin(phi) / root
+        assert found["clearance_min_mm"][at] == pytest.approx(raw.min(), abs=1e-8)
+    np.testing.assert_array_equal(found["conjugate_clearance_min_mm"], plain["conjugate_clearance_min_mm"])
+    np.testing.assert_array_equal(
+        turned((-0.04, -0.07, 0.0))["backlash_arcmin"], outputs((-0.04, -0.07))["backlash_arcmin"]
+    )
+
+
+def test_rotation_is_a_variable_where_it_is_stated() -> None:
+    table = {"problem": "tooth_modification", "seed": 1, "variables": {"rotation_arcmin": {"low": -0.5, "high": 0.0}}}
+    problem = read(table).problem
+    assert problem is not None and problem.names == ["dr_rp_mm", "dr_p_mm", "rotation_arcmin"]
+    assert problem.faults() == []
+    low, high = problem.interval("modification_backlash_arcmin")
+    assert (low, high) == pytest.approx((-0.16 / 50.7 / ARCMIN, 0.24 * FLANK / 50.7 / ARCMIN + 1.0))
+    assert problem._corners().shape == (2, 3)
+    np.testing.assert_array_equal(problem.references()["document B"], [-0.040, -0.070, 0.0])
+    assert ToothModification().names == ["dr_rp_mm", "dr_p_mm"]
+    with pytest.raises(InputError, match=r"variables.rotation_arcmin.value"):
+        read({**table, "variables": {"rotation_arcmin": {"value": 0.2}}})
 
 
 @pytest.mark.parametrize(

@@ -57,18 +57,20 @@ def _read(section: Section, parameter: Parameter) -> Value | None:
 
 
 def _list(section: Section, parameter: Parameter, count: int, within: Range) -> tuple[float, ...] | None:
-    """Exactly `count` numbers in the unit of the parameter, or strings with a unit."""
+    """Exactly `count` numbers (0: any count, which the model checks) in the unit of the parameter, or strings
+    with a unit.
+    """
     value = section.take(parameter.name)
     if value is None:
         return None
-    if not isinstance(value, list) or len(value) != count:
+    if not isinstance(value, list) or (count and len(value) != count):
         stated = f"{len(value)} of them" if isinstance(value, list) else shown(value)
-        section.fault(parameter.name, f"must be a list of {count} numbers, got {stated}")
+        section.fault(parameter.name, f"must be a list of {f'{count} ' * bool(count)}numbers, got {stated}")
         return None
     name, unit = parameter.name, parameter.unit
     checked = [section.as_number(f"{name}[{i}]", entry, unit, within) for i, entry in enumerate(value)]
     numbers = tuple(number for number in checked if number is not None)
-    return numbers if len(numbers) == count else None
+    return numbers if len(numbers) == len(value) else None
 
 
 def _table(section: Section, parameter: Parameter, within: Range) -> dict[str, float] | None:

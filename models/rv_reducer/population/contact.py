@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,11 +46,26 @@ def touch(lattice: Lattice, table: Table, units: Scaled | tuple[Single, ...]) ->
         np.empty(shape, np.float32), np.empty(shape, np.float32), np.zeros(shape, np.int32), np.zeros(shape, np.int32)
     )
     kernel.touch(
-        (table.values, lattice.pin, lattice.start, lattice.stop, lattice.directions),
-        errors,
-        (contact.high, contact.low, contact.ahead, contact.behind),
+        contacts_of(lattice, table, errors[1]), errors, (contact.high, contact.low, contact.ahead, contact.behind)
     )
     return contact
+
+
+def contacts_of(lattice: Lattice, table: Table, along: Single, rows: Integers | slice = slice(None)) -> tuple[Any, ...]:
+    """The contacts at some positions, as the kernels take them, for units of the packed errors `along`."""
+    return (
+        table.values,
+        lattice.pin,
+        teeth_of(lattice, along),
+        lattice.start[rows],
+        lattice.stop[rows],
+        lattice.directions[rows],
+    )
+
+
+def teeth_of(lattice: Lattice, along: Single) -> Integers:
+    """Rows (contacts,) of the teeth in errors `along` the pin circle, none where teeth have no errors of their own."""
+    return lattice.tooth if along.shape[-2] > lattice.geometry.pins else lattice.tooth[:0]
 
 
 def pack_errors(units: Scaled) -> tuple[Single, ...]:
@@ -81,8 +97,12 @@ CENTRED = frozenset(("pin_position", "circle_offset", "bore", "crank_phase"))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Slopes:
-    """Standardised errors of a base sample, as `pull_back` takes them; they hold for any design."""
+    """Standardised errors of a base sample, as `pull_back` takes them; they hold for any design.
 
+    `of_pins` (3, pins, n) has rows of teeth after those of the `pins`, where these have errors of their own.
+    """
+
+    pins: int
     of_unit: Single
     of_discs: Single
     of_pins: Single
@@ -113,8 +133,12 @@ class Slopes:
         columns = [part for errors in by_disc for part in _real_parts(errors)]
         circle = made("circle_offset").circle
         radial = made("pin_circle_radius").radial[0]
-        of_pins = (made("pin_position").along, made("pin_hole_radius").across, -made("pin_radius").across)
+        of_pins = [made("pin_position").along, made("pin_hole_radius").across, -made("pin_radius").across]
+        if sample.teeth is not None:
+            of_pins[0] = of_pins[0] + made("pitch").along
+            of_pins[1:] = (np.pad(hole, ((0, len(of_pins[0]) - len(hole)), (0, 0))) for hole in of_pins[1:])
         return cls(
+            geometry.pins,
             _single_precision(np.stack([radial, circle.real, circle.imag])),
             _single_precision(np.stack(columns, axis=1)),
             _single_precision(np.stack(of_pins)),
@@ -134,9 +158,12 @@ class Slopes:
         packed[:, 6:8] = size["runout"] * discs[:, 4:6] - size["bore"] * discs[:, 10:12]
         packed[:, 8:10] = size["eccentricity"] * discs[:, 7:9] + size["crank_phase"] * discs[:, 14:16]
         packed[:, 10:12] = size["pitch"] * discs[:, 2:4]
-        across = size["pin_hole_radius"] * pins[1]
-        across -= size["pin_radius"] * pins[2]
-        return across, size["pin_position"] * pins[0], packed, size["circle_offset"] * unit[1:]
+        count = self.pins
+        across = size["pin_hole_radius"] * pins[1, :count]
+        across -= size["pin_radius"] * pins[2, :count]
+        along = size["pin_position"] * pins[0]
+        along[count:] = size["pitch"] * pins[0, count:]
+        return across, along, packed, size["circle_offset"] * unit[1:]
 
 
 def _real_parts(value: Array | Complex) -> tuple[Array, ...]:
@@ -161,7 +188,7 @@ def pull_back(lattice: Lattice, table: Table, touch: Touch, slopes: Slopes, weig
     kernel.touch_slopes(
         _single_precision(weight[rows]),
         (touch.ahead[rows], touch.behind[rows]),
-        (table.values, lattice.pin, lattice.disc, lattice.directions[rows]),
+        (table.values, lattice.pin, teeth_of(lattice, slopes.of_pins), lattice.disc, lattice.directions[rows]),
         (slopes.of_unit, slopes.of_discs, slopes.of_pins),
         total,
     )

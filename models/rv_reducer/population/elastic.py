@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ....section import Array, Integers, Single
 from ....units import ARCMIN
 from ..contact.contact import LOST_MOTION_SHARE
-from .contact import NAMES, Slopes, pack_errors
+from .contact import NAMES, Slopes, contacts_of, pack_errors
 from .errors import Lattice, Scaled, Table
 
 # Stiffness and torques of a population under load.
@@ -206,11 +206,11 @@ class Elastic:
         """Frictional torque of the pins at the carrier, without torque on it [N m], (positions, n)."""
         from . import kernel
 
-        torque, lattice = np.zeros_like(self.balances.preload), self.lattice
+        torque, errors = np.zeros_like(self.balances.preload), pack_errors(self.units)
         kernel.add_friction(
-            (self.table.values, lattice.pin, lattice.start, lattice.stop, lattice.directions),
+            contacts_of(self.lattice, self.table, errors[1]),
             self.springs.arrays,
-            pack_errors(self.units),
+            errors,
             self.balances.disc[self.cases["none"]],
             torque,
         )
@@ -232,12 +232,12 @@ class Elastic:
         from . import kernel
 
         total, units = np.zeros(len(NAMES)), pack_errors(self.units)
-        balances, lattice = self.balances, self.lattice
+        balances = self.balances
         for case, by_kind in self._by_case(weights).items():
             rows = np.flatnonzero((by_kind != 0.0).any(axis=(0, 2)))
             kernel.balance_slopes(
                 tuple(weight[rows] for weight in by_kind),
-                (self.table.values, lattice.pin, lattice.start[rows], lattice.stop[rows], lattice.directions[rows]),
+                contacts_of(self.lattice, self.table, units[1], rows),
                 self.springs.arrays,
                 units,
                 (balances.disc[case, rows], balances.side[case, rows], balances.peak_contact),
@@ -307,7 +307,7 @@ def _balanced(
 
     balances = Balances.empty(len(torques), *lattice.shape, errors[0].shape[1])
     kernel.balances(
-        (table.values, lattice.pin, lattice.start, lattice.stop, lattice.directions),
+        contacts_of(lattice, table, errors[1]),
         springs.arrays,
         errors,
         torques / lattice.geometry.output_ratio,

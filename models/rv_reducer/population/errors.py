@@ -65,7 +65,8 @@ class Lattice:
 
     A contact is a pin of a disc at a position with a lever arm of `LEAST_LEVER` or more; `start`
     (positions, discs, 2) is the first contact of the forward (0) and backward (1) flank, `stop`
-    one past the last. By contact: `pin` its pin and `disc` its disc, `phase` [rad] the magnitude of
+    one past the last. By contact: `pin` its pin, `disc` its disc and `tooth` the space between teeth of all discs
+    that the pin lies in, counted after the pins, `phase` [rad] the magnitude of
     its phase, `side` the sign of it, `direction` exp(i theta) of the pin. `profile` is the nominal
     profile there. `directions` (positions, discs, 6) are cosine and sine of the eccentric, of the
     disc, and of the eccentric against the line of the cranks.
@@ -77,6 +78,7 @@ class Lattice:
     stop: NDArray[np.int64]
     pin: NDArray[np.int64]
     disc: NDArray[np.int64]
+    tooth: NDArray[np.int64]
     phase: Array
     side: Array
     direction: Complex
@@ -89,7 +91,11 @@ class Lattice:
         phase = np.angle(unit(geometry.phase(angles)))
         arm = lever(geometry, phase) / geometry.nominal.lever
         start, stop, discs, pins, phases = _contacts(arm, phase)
-        size = np.abs(phases)
+        size, count = np.abs(phases), geometry.nominal.cycloid_teeth
+        at = np.repeat(np.arange(len(angles)), (stop - start).sum(axis=(1, 2)))
+        # where the pin would be in its disc at phase 0, in the middle of its space
+        in_disc = np.angle(Axes.at(geometry, angles).disc.conj()[at, discs] * unit(geometry.pin_angles)[pins])
+        spaces = np.rint((count * in_disc - phases) / (2.0 * np.pi)).astype(np.int64) % count
         return cls(
             geometry,
             np.asarray(angles, dtype=float),
@@ -97,6 +103,7 @@ class Lattice:
             stop,
             pins,
             discs,
+            geometry.pins + count * discs + spaces,
             size,
             np.sign(phases),
             unit(geometry.pin_angles)[pins],
@@ -136,7 +143,8 @@ def _directions(geometry: ContactGeometry, angles: Array) -> Single:
 class Scaled:
     """Errors of n units, units last.
 
-    By pin (pins, n) [um]: `across` adds to the gap, `along` displaces the pin counter-clockwise. By
+    By pin (pins, n) [um]: `across` adds to the gap, `along` displaces the pin counter-clockwise; where teeth
+    have errors of their own, rows that displace the pins in the spaces of each disc follow, and `pitch` is 0. By
     disc (discs, n): `normal` [um] adds to the gap, `radial` [um] is the growth of the pin circle
     against the profile, `play` [arcmin] the free turn in either sense, `ahead` [arcmin] the forward
     turn.
@@ -169,9 +177,12 @@ class Scaled:
         journals = eccentrics(geometry, sample, design)
         tangential = width("bore") * z["bore_tangential"].mean(axis=0)
         growth = mid("pin_circle_radius") + width("pin_circle_radius") * z["pin_circle_radius"]
+        along, pitch = width("pin_position") * z["pin_position"], mid("pitch") + width("pitch") * z["pitch"]
+        if sample.teeth is not None:
+            along = np.concatenate([along, tooth_rows(geometry, sample.teeth, pitch)])
         return cls(
             across=across.astype(np.float32),
-            along=(width("pin_position") * z["pin_position"]).astype(np.float32),
+            along=along.astype(np.float32),
             normal=mid("equidistance") + width("equidistance") * z["equidistance"],
             radial=growth - mid("shift") - width("shift") * z["shift"],
             play=0.5 * arm * bearing_clearance(sample, design).mean(axis=0),
@@ -179,7 +190,7 @@ class Scaled:
             turning=journals.mean(axis=0),
             offset=0.5 * _waves(sample, design, "runout") - bores(geometry, sample, design),
             around=arm * (journals * crank_lines(geometry)).mean(axis=0),
-            pitch=_waves(sample, design, "pitch") * pitch_turn(geometry),
+            pitch=_waves(sample, design, "pitch") * pitch_turn(geometry) * (sample.teeth is None),
             circle=width("circle_offset") * z["circle_offset"] * unit(sample.phase["circle_offset"]),
         )
 
@@ -208,6 +219,16 @@ def bore_axes(geometry: ContactGeometry) -> Complex:
 def pitch_turn(geometry: ContactGeometry) -> float:
     """Turn [arcmin] of a tooth per um of cumulative pitch error: F_p/(2 r_p)."""
     return 0.5 * UM / geometry.nominal.pin_circle_radius / ARCMIN
+
+
+def tooth_rows(geometry: ContactGeometry, teeth: Array, pitch: Array) -> Array:
+    """Displacements [um] along the pin circle (discs * teeth, n) that turn discs as their teeth do.
+
+    `teeth` (discs, teeth, n) are the errors of teeth per half of the cumulative pitch error `pitch` (discs, n) [um]. A
+    contact's normal passes through the pitch point, e z_p from the axis of the pins and e z_c from that of the disc.
+    """
+    ratio = geometry.nominal.cycloid_teeth / geometry.pins
+    return np.asarray((-0.5 * ratio * teeth * pitch[:, None]).reshape(-1, teeth.shape[-1]))
 
 
 def eccentrics(geometry: ContactGeometry, sample: BaseSample, design: UnitDesign) -> Complex:
@@ -250,8 +271,11 @@ def part_errors(geometry: ContactGeometry, sample: BaseSample, design: UnitDesig
     """Part errors [m, rad] of the units of a design, for the contact of `modified_geometry` geometry.
 
     Pins have full length: their errors are the same at all discs. A deviation z of half the zone
-    changes both models by the same amount; `PartErrors` also has terms beyond the first order.
+    changes both models by the same amount; `PartErrors` also has terms beyond the first order. Raises ValueError
+    where teeth have errors of their own: it knows one wave.
     """
+    if sample.teeth is not None:
+        raise ValueError("PartErrors holds pitch errors of one wave per turn, not of every tooth")
 
     def zone(error: str, source: str | None = None) -> Array:
         """Deviations [um or mrad] of an error, units first."""
@@ -302,9 +326,14 @@ def change_units(geometry: ContactGeometry, units: Scaled, sample: BaseSample, c
     rises = [np.asarray(changes.get(f"{part}_temperature_K", 0.0)) for part in ("disc", "housing")]
     circle = of("pin_circle_radius") + pin_circle_growth(geometry.nominal, *rises) / UM
     across = of("pin_hole_radius") - of("pin_radius")
-    pitch = of("pitch") * pitch_turn(geometry) * unit(sample.phase["pitch"])
+    pitch, along = of("pitch") * pitch_turn(geometry) * unit(sample.phase["pitch"]), units.along
+    if sample.teeth is not None:
+        size = np.broadcast_to(of("pitch"), sample.z["pitch"].shape)
+        rows, pitch = tooth_rows(geometry, sample.teeth, size), np.zeros_like(pitch)
+        along = along + np.pad(rows, ((geometry.pins, 0), (0, 0))).astype(np.float32)
     return replace(
         units,
+        along=along,
         across=(units.across + across).astype(np.float32),
         normal=units.normal + of("equidistance"),
         radial=units.radial + circle - of("shift"),

@@ -77,17 +77,31 @@ def _made(contact: Any, across: Single, along: Single, terms: Single, u: int) ->
     return h + c * terms[4, u] + s * terms[5, u]
 
 
+@_inlined
+def _placed(along: Single, pins: Any, teeth: Any, i: int) -> Any:
+    """Displacement (lanes) along the pin circle of the pin of a contact against its tooth, where teeth have errors."""
+    return along[pins[i]] + along[teeth[i]] if teeth.size else along[pins[i]]
+
+
 # First contact.
 
 
 @_compiled
 def _nearest(
-    rows: Single, pins: Any, across: Single, along: Single, terms: Single, sign: float, best: Single, which: Any
+    rows: Single,
+    pins: Any,
+    teeth: Any,
+    across: Single,
+    along: Single,
+    terms: Single,
+    sign: float,
+    best: Single,
+    which: Any,
 ) -> None:
     """The least of sign * h over contacts, and its pin, by lane."""
     for i in range(rows.shape[0]):
         contact, place = _contact(rows[i], sign), np.int32(i)
-        pin_across, pin_along = across[pins[i]], along[pins[i]]
+        pin_across, pin_along = across[pins[i]], _placed(along, pins, teeth, i)
         for u in range(best.size):
             h = _made(contact, pin_across, pin_along, terms, u)
             nearer = h < best[u]
@@ -100,11 +114,11 @@ def touch(contacts: Any, errors: Any, turns: Any) -> None:
     """Fills `turns` at first contact: forward, backward, and the contacts that make them.
 
     The four arrays have the shape (positions, units); a contact is a row of the table. `contacts`:
-    table (contacts, 9), pins (contacts), start and stop (positions, discs, 2), axes
+    table (contacts, 9), pins (contacts), teeth (contacts, or none), start and stop (positions, discs, 2), axes
     (positions, discs, 6). `errors`: across and along (pins, units), discs (discs, 12, units),
-    circle (2, units).
+    circle (2, units). `teeth` are rows that `along` has after those of the pins.
     """
-    rows, pins, start, stop, axes = contacts
+    rows, pins, teeth, start, stop, axes = contacts
     across, along, discs, circle = errors
     high, low, ahead, behind = turns
     far = np.float32(1e9)
@@ -125,7 +139,7 @@ def touch(contacts: Any, errors: Any, turns: Any) -> None:
                 i, k = start[a, d, 0], stop[a, d, 0]
                 best[:] = far
                 which[:] = 0
-                _nearest(rows[i:k], pins[i:k], lane_across, lane_along, terms, plus, best, which)
+                _nearest(rows[i:k], pins[i:k], teeth[i:k], lane_across, lane_along, terms, plus, best, which)
                 for u in range(lanes):
                     at = best[u] + terms[6, u] - terms[7, u]
                     if at < high[a, first + u]:
@@ -134,7 +148,7 @@ def touch(contacts: Any, errors: Any, turns: Any) -> None:
                 i, k = start[a, d, 1], stop[a, d, 1]
                 best[:] = far
                 which[:] = 0
-                _nearest(rows[i:k], pins[i:k], lane_across, lane_along, terms, minus, best, which)
+                _nearest(rows[i:k], pins[i:k], teeth[i:k], lane_across, lane_along, terms, minus, best, which)
                 for u in range(lanes):
                     at = -best[u] - terms[6, u] - terms[7, u]
                     if at > low[a, first + u]:
@@ -156,11 +170,12 @@ def touch_slopes(weight: Single, touching: Any, contacts: Any, slopes: Any, tota
     `contact.NAMES`.
 
     `weight` (positions, units), `touching` the contacts forward and backward of that shape;
-    `contacts`: table, pin and disc of each contact, axes; `slopes`: the standardised errors of unit
-    (3, units), discs (discs, 17, units) and pins (3, pins, units) as `contact.Slopes` packs them.
+    `contacts`: table, pin, tooth and disc of each contact, axes; `slopes`: the standardised errors of unit
+    (3, units), discs (discs, 17, units) and pins (3, pins, units) as `contact.Slopes` packs them; of teeth
+    the first of the three.
     """
     ahead, behind = touching
-    rows, pins, disc_of, axes = contacts
+    rows, pins, teeth, disc_of, axes = contacts
     of_unit, of_discs, of_pins = slopes
     for a in range(weight.shape[0]):
         for u in range(weight.shape[1]):
@@ -176,6 +191,8 @@ def touch_slopes(weight: Single, touching: Any, contacts: Any, slopes: Any, tota
                 lever, nx, ny = row[1], row[4], row[5]
                 total[0] += sw * row[2] * of_unit[0, u]
                 total[1] += sw * row[3] * of_pins[0, j, u]
+                if teeth.size:
+                    total[4] += sw * row[3] * of_pins[0, teeth[i], u]
                 total[2] += sw * lever * of_pins[1, j, u]
                 total[3] -= sw * lever * of_pins[2, j, u]
                 px, py = _turned(z[2], z[3], dx, dy)
@@ -219,12 +236,14 @@ _NUDGE = 1e-6
 
 
 @_compiled
-def _gaps(rows: Single, pins: Any, across: Single, along: Single, terms: Single, first: int, gaps: Single) -> None:
+def _gaps(
+    rows: Single, pins: Any, teeth: Any, across: Single, along: Single, terms: Single, first: int, gaps: Single
+) -> None:
     """Fills `gaps` (contacts, lanes) from row `first` on with turns to contact."""
     unity = np.float32(1.0)
     for i in range(rows.shape[0]):
         contact = _contact(rows[i], unity)
-        opening, shifted, into = across[pins[i]], along[pins[i]], gaps[first + i]
+        opening, shifted, into = across[pins[i]], _placed(along, pins, teeth, i), gaps[first + i]
         for u in range(terms.shape[1]):
             into[u] = _made(contact, opening, shifted, terms, u)
 
@@ -496,7 +515,7 @@ def balances(contacts: Any, springs: Any, errors: Any, torques: Any, rated: int,
     and sides of every case, the preload of the case without torque, and the peak with its position
     and contact of the case `rated`, if any.
     """
-    rows, pins, start, stop, axes = contacts
+    rows, pins, teeth, start, stop, axes = contacts
     stiff, force, _, behind, _ = springs
     across, along, discs, circle = errors
     turn, x, side, preload, peak, where, which = into
@@ -523,8 +542,8 @@ def balances(contacts: Any, springs: Any, errors: Any, torques: Any, rated: int,
                 begin, end = start[a, d, 0], stop[a, d, 1]
                 spans[d, :, 0], spans[d, :, 1] = start[a, d] - i, stop[a, d] - i
                 _disc(axes[a, d], of_discs[d], centre, terms[d])
-                table, numbers = rows[begin:end], pins[begin:end]
-                _gaps(table, numbers, opening, shifted, terms[d], begin - i, gaps)
+                table, numbers, of_teeth = rows[begin:end], pins[begin:end], teeth[begin:end]
+                _gaps(table, numbers, of_teeth, opening, shifted, terms[d], begin - i, gaps)
                 _bounds(gaps, spans[d], low[d], high[d])
             mesh = gaps, stiff[i : i + wide], spans
             _rests(mesh, of_lanes)
@@ -542,7 +561,7 @@ def add_friction(contacts: Any, springs: Any, errors: Any, x: Single, into: Sing
     """Adds to `into` (positions, units) the frictional torque of the pins that bear at the turns `x` (positions, discs,
     units) of the discs.
     """
-    rows, pins, start, stop, axes = contacts
+    rows, pins, teeth, start, stop, axes = contacts
     across, along, discs, circle = errors
     friction, units = springs[4], across.shape[1]
     terms, closed = np.empty((8, units), np.float32), np.empty(units, np.float32)
@@ -551,7 +570,8 @@ def add_friction(contacts: Any, springs: Any, errors: Any, x: Single, into: Sing
             _disc(axes[a, d], discs[d], circle, terms)
             for flank in range(2):
                 for i in range(start[a, d, flank], stop[a, d, flank]):
-                    _closed(rows[i], across[pins[i]], along[pins[i]], terms, x[a, d], flank, closed)
+                    placed = _placed(along, pins, teeth, i)
+                    _closed(rows[i], across[pins[i]], placed, terms, x[a, d], flank, closed)
                     for u in range(units):
                         into[a, u] += friction[i] * closed[u]
 
@@ -695,6 +715,13 @@ def _add_disc(sums: Single, axes: Single, z: Single, unit: Single, side: Any, to
 
 
 @_compiled
+def _add_tooth(row: Single, weight: Single, units: Any, of_tooth: Single, total: Any) -> None:
+    """Adds to `total` the weights of one contact times the error of its tooth (units)."""
+    for u in range(weight.size):
+        total[4] += row[3] * weight[u] * of_tooth[units[u]]
+
+
+@_compiled
 def _add_pin(row: Single, weight: Single, units: Any, of_pin: Single, total: Any) -> None:
     """Adds to `total` the weights of one contact times the errors of its pin (3, units)."""
     placed = hole = radius = np.float32(0.0)
@@ -736,7 +763,7 @@ def balance_slopes(
     (units) with that force; the rest as in `balances` and `touch_slopes`.
     """
     of_turn, of_preload, of_peak, of_friction = weights
-    rows, pins, start, stop, axes = contacts
+    rows, pins, teeth, start, stop, axes = contacts
     stiff, force, lean, behind, friction = springs
     across, along, discs, circle = errors
     x, side, which = balance
@@ -768,8 +795,8 @@ def balance_slopes(
                 for flank in range(2):
                     taken = torque if flank == 0 else nothing[lanes]
                     for i in range(start[a, d, flank], stop[a, d, flank]):
-                        j, into = pins[i], closed[i - base, lanes]
-                        _closed(rows[i], lane_across[j], lane_along[j], terms, turned, flank, into)
+                        into, placed = closed[i - base, lanes], _placed(lane_along, pins, teeth, i)
+                        _closed(rows[i], lane_across[pins[i]], placed, terms, turned, flank, into)
                         bearing[i - base] = _collect(
                             into,
                             stiff[i],
@@ -795,4 +822,6 @@ def balance_slopes(
                         into, of_disc = closed[i - base, lanes], factor[d, lanes]
                         total[15] += _spread(contact, into, of_disc, taken, load, rubbed, star, weight[lanes], sums)
                         _add_pin(rows[i], weight[lanes], units, of_pins[:, pins[i]], total)
+                        if teeth.size:
+                            _add_tooth(rows[i], weight[lanes], units, of_pins[0, teeth[i]], total)
                 _add_disc(sums, axes[a, d], of_discs[d][:, units], by_unit, toward[d], total)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import scipy
@@ -14,7 +14,8 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 from scipy.special import betainc, ndtr, ndtri
 
-from ....section import Array, Value, number
+from ....errors import refuse
+from ....section import Array, Parameter, Value, number
 from ....units import ARCMIN, MM, UM
 from ...inputs import Distribution, Uniform
 from .. import declared
@@ -80,18 +81,47 @@ ONCE_PER_TURN_ERRORS = ("pitch", "runout")
 ECCENTRIC_ERRORS = ("eccentricity", "crank_bearing", "crank_phase", "bore_radial", "bore_tangential")
 
 
+WAVES, WHITE = ("one_wave", "two_waves", "three_waves"), "white"
+ONE_WAVE: Mapping[str, float] = {"one_wave": 1.0}
+"""Pitch errors of a disc: one wave per turn."""
+PITCH_SPECTRUM = Parameter(
+    "pitch_spectrum",
+    ONE_WAVE,
+    "",
+    "pitch errors of a disc per half of its cumulative pitch error: amplitudes of one, two and three waves per turn, "
+    "and half-width of the uniform errors that differ from tooth to tooth (white)",
+    "no document prints it",
+    assumed=True,
+    choices=(*WAVES, WHITE),
+    low=0.0,
+    high=1.0,
+)
+
+
+def pitch_spectrum(parameters: Mapping[str, Value]) -> dict[str, float]:
+    """The sizes above 0 of the pitch errors of discs. Raises InputError where there are none."""
+    stated: Any = parameters.get(PITCH_SPECTRUM.name, ONE_WAVE)
+    if not any(stated.values()):
+        raise refuse(
+            f"parameters.{PITCH_SPECTRUM.name}",
+            f"has no size above 0: state some of {', '.join(PITCH_SPECTRUM.choices)}",
+        )
+    return {name: size for name, size in stated.items() if size}
+
+
 @dataclass(frozen=True, slots=True)
 class Hierarchy:
     """Dependence between the errors of one unit.
 
     `share_pins` and `share_discs` are the fractions of variance that the pins, and the discs, of
     one unit have in common; both are assumptions. `inputs` has distributions by name of the error,
-    uniform where not named.
+    uniform where not named. `pitch_spectrum` has the sizes of pitch errors by the names of `PITCH_SPECTRUM`.
     """
 
     share_pins: float = 0.0
     share_discs: float = 0.0
     inputs: Mapping[str, Distribution] = field(default_factory=dict)
+    pitch_spectrum: Mapping[str, float] = field(default_factory=lambda: ONE_WAVE)
 
     def of(self, error: str) -> Distribution:
         """Distribution of an error over its zone; both directions of a bore have the same."""
@@ -104,7 +134,8 @@ class BaseSample:
 
     `z` by name of the error, units last: (n,) of errors of the whole unit, (pins, n) of pins,
     (discs, n) of discs, (cranks, discs, n) of eccentrics and bores; `phase` [rad] likewise of
-    `pitch`, `runout` (discs, n) and `circle_offset` (n,). `planets` (planets + 1, n) are standard
+    `pitch`, `runout` (discs, n) and `circle_offset` (n,). `teeth` (discs, teeth, n) are the errors of
+    teeth per half of the cumulative pitch error, None for one wave per turn. `planets` (planets + 1, n) are standard
     normal: the common part of all planets, then the part of each planet. `hierarchy` has the laws
     that the errors were drawn from.
     """
@@ -114,6 +145,7 @@ class BaseSample:
     phase: Mapping[str, Array]
     planets: Array
     hierarchy: Hierarchy = field(default_factory=Hierarchy)
+    teeth: Array | None = None
 
     @classmethod
     def draw(
@@ -149,14 +181,32 @@ class BaseSample:
         for name in PIN_ERRORS:
             u = _couple_by_copula(source.of(pins), common.get(name), laws.share_pins)
             z[name] = laws.of(name).quantile(u)
-        return cls(units, z, phase, planets, laws)
+        teeth = None
+        if laws.pitch_spectrum != ONE_WAVE:
+            teeth = draw_teeth(laws.pitch_spectrum, geometry.nominal.cycloid_teeth, phase["pitch"], rng)
+        return cls(units, z, phase, planets, laws, teeth)
 
     def part(self, chosen: slice | NDArray[np.int64]) -> BaseSample:
         """Some of the units."""
         z = {name: value[..., chosen] for name, value in self.z.items()}
         phase = {name: value[..., chosen] for name, value in self.phase.items()}
         planets = self.planets[..., chosen]
-        return BaseSample(planets.shape[-1], z, phase, planets, self.hierarchy)
+        teeth = None if self.teeth is None else self.teeth[..., chosen]
+        return BaseSample(planets.shape[-1], z, phase, planets, self.hierarchy, teeth)
+
+
+def draw_teeth(sizes: Mapping[str, float], count: int, phase: Array, rng: np.random.Generator) -> Array:
+    """Errors (discs, count, n) of the teeth of discs, in sizes by the names of `PITCH_SPECTRUM`.
+
+    One wave per turn has the `phase` (discs, n) [rad], further ones a random phase each.
+    """
+    angle = 2.0 * np.pi * np.arange(count)[:, None] / count
+    errors = np.zeros((len(phase), count, phase.shape[-1]))
+    for waves, name in enumerate(WAVES, 1):
+        if name in sizes:
+            start = phase if waves == 1 else 2.0 * np.pi * rng.random(phase.shape)
+            errors += sizes[name] * np.cos(waves * angle - start[:, None])
+    return errors + sizes[WHITE] * rng.uniform(-1.0, 1.0, errors.shape) if WHITE in sizes else errors
 
 
 def _couple_by_copula(u: Array, common: Array | None, fraction: float) -> Array:
@@ -455,7 +505,8 @@ class UnitBasis:
             involute_stage=bool(parameters["involute_stage"]),
         )
         shares = number(parameters["share_pins"]), number(parameters["share_discs"])
-        hierarchy, planet_share = Hierarchy(*shares, inputs), number(parameters.get("planet_share", 0.5))
+        hierarchy = Hierarchy(*shares, inputs, pitch_spectrum=pitch_spectrum(parameters))
+        planet_share = number(parameters.get("planet_share", 0.5))
         return cls(
             geometry,
             base.stage,

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...page.document import described, document, package_scripts, picture, section, shown, table
-from ...page.drawing import COLOURS, Named, axis_label, new_axes, style_axes
+from ...page.drawing import COLOURS, Named, axis_label, label_with_unit, new_axes, style_axes, words
 from ...records import Axis
 from .records import Chart, ClaimsResult, ComputedTable, Document
 
@@ -31,8 +31,14 @@ def figures(result: ClaimsResult) -> list[Named]:
     ]
 
 
+BAR_HEIGHT = 0.3
+"""Height [inch] of the bars of one row."""
+
+
 def table_figure(table: ComputedTable, chart: Chart) -> Figure:
     """The columns of a table, drawn as its chart describes."""
+    if chart.kind == "bars":
+        return _bars(table, chart)
     figure, axes = new_axes(height=3.8)
     columns = {
         axis.name: (axis, np.asarray(values, dtype=float))
@@ -56,8 +62,37 @@ def table_figure(table: ComputedTable, chart: Chart) -> Figure:
                 parse_math=False,
             )
     axes.set_xlabel(_label(across))
-    axes.set_ylabel(_label(columns[chart.y[0]][0]) if len(chart.y) == 1 else "")
+    axes.set_ylabel(_common_label([columns[name][0] for name in chart.y], chart.of))
     style_axes(axes, legend=len(chart.y) > 1)
+    return figure
+
+
+def _common_label(drawn: list[Axis], of: str) -> str:
+    """The label of one column, or of what several are values of in one unit; empty where that is not said."""
+    units = {axis.unit for axis in drawn}
+    if len(drawn) == 1:
+        return _label(drawn[0])
+    return label_with_unit(of, units.pop()) if of and len(units) == 1 else ""
+
+
+def _bars(table: ComputedTable, chart: Chart) -> Figure:
+    """A group of horizontal bars for every row, one bar for each column."""
+    by_name = dict(
+        zip((axis.name for axis in table.columns), zip(table.columns, table.values, strict=True), strict=True)
+    )
+    (across, names), drawn = by_name[chart.x], [by_name[name] for name in chart.y]
+    figure, axes = new_axes(height=max(3.8, BAR_HEIGHT * len(names)))
+    place, size = np.arange(len(names)), 0.8 / len(drawn)
+    for at, (axis, values) in enumerate(drawn):
+        middle = place + (at + 0.5) * size - 0.4
+        axes.barh(
+            middle, np.asarray(values, dtype=float), size, color=COLOURS[at % len(COLOURS)], label=words(axis.name)
+        )
+    axes.set_yticks(place, [str(name).replace("_", " ") for name in names], fontsize="small")
+    axes.invert_yaxis()
+    axes.set_xlabel(_common_label([axis for axis, _ in drawn], chart.of))
+    axes.set_ylabel(_label(across))
+    style_axes(axes, legend=len(drawn) > 1)
     return figure
 
 

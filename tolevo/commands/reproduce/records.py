@@ -33,16 +33,19 @@ Column = Annotated[NDArray[np.generic], PlainValidator(_decode_array), PlainSeri
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """How a table is drawn: columns `y` over column `x`, as "lines", "points" or "histogram".
+    """How a table is drawn: columns `y` over column `x`, as "lines", "points", "histogram" or "bars".
 
+    Bars lie side by side for every text in `x`.
     A histogram has the lower edges of its bins in `x` and the last upper edge in a last row of
-    height 0. `marks` are lines across the drawing at a value of `x`, by what they mean.
+    height 0. `marks` are lines across the drawing at a value of `x`, by what they mean. `of` names what several
+    columns of one unit are values of.
     """
 
     kind: str
     x: str
     y: tuple[str, ...]
     marks: Mapping[str, float] = field(default_factory=dict)
+    of: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,18 +18,28 @@ from ....directory import incompleteness
 from ....errors import Fault, InputError, raise_all, refuse
 from ....files import read_own_csv
 from ....models.manipulator import pose
-from ....models.manipulator.geometry import reach
-from ....models.manipulator.maps import NAMES, Maps, first_order, matrix, orientation_combinations, position_sources
-from ....models.manipulator.ring import INDICES, grid, sensitivity
+from ....models.manipulator.geometry import Manipulator, TaskRing, reach
+from ....models.manipulator.maps import (
+    NAMES,
+    ROWS,
+    SCALES,
+    SOURCES,
+    Maps,
+    first_order,
+    matrix,
+    orientation_combinations,
+    position_sources,
+)
+from ....models.manipulator.ring import INDICES, Sensitivity, grid, sensitivity
 from ....problems.pose_accuracy import PoseAccuracy
 from ....problems.pose_accuracy.outputs import NINE
 from ....problems.settings import Settings
 from ....records import Axis
 from ....section import Array, Output, Value, number
-from ....units import MM, MRAD
+from ....units import MM, MRAD, UM
 from ...study.plan import Yardstick, yardstick
 from ..recipes import Calculation, Computed, Quantity, share_error
-from ..records import ComputedTable
+from ..records import Chart, ComputedTable
 from .reducer import assumed, make_table, output, parameter, quantities
 
 KEYS = {
@@ -316,7 +326,8 @@ class ManipulatorSources(Calculation):
         steps = np.array([ANGLE if name.startswith("joint_line") else LENGTH for name in names])
         effect = slopes * steps[:, None] / MRAD
         numbers = _counts(maps, names) | _slopes(names, slopes) | _ranking(names, effect)
-        return Computed(numbers, (_source_table(names, effect),))
+        moved = sensitivity(machine, ring, mean, {name: {name: 1.0} for name in position_sources()})
+        return Computed(numbers, (_source_table(names, effect), _position_table(moved)))
 
 
 def _counts(maps: Maps, names: list[str]) -> dict[str, Quantity]:
@@ -367,8 +378,34 @@ def _ranking(names: list[str], effect: Array) -> dict[str, Quantity]:
 
 
 def _source_table(names: list[str], effect: Array) -> ComputedTable:
-    meaning = "Effect of 10 um or 0.1 mrad of each orientation source, mean over the task ring"
-    return make_table("effects", meaning, {"source": names, "squareness_mrad": effect[:, 0], "yaw_mrad": effect[:, 1]})
+    meaning = (
+        "Effect of 10 um or 0.1 mrad of each orientation source on squareness and yaw (document M, figures 5 and 6), "
+        "mean over the task ring; by the model at the dimensions in use, not read from the figures"
+    )
+    columns = {"source": names, "squareness_mrad": effect[:, 0], "yaw_mrad": effect[:, 1]}
+    return make_table("effects", meaning, columns, Chart("bars", "source", ("squareness_mrad", "yaw_mrad"), of="angle"))
+
+
+def _position_table(moved: Sensitivity) -> ComputedTable:
+    meaning = (
+        "Effect of 10 um or 0.1 mrad of each source of chain 1 (document M, figure 7) and of chain 3 (figure 8) on the "
+        "position, mean over the task ring; by the model at the dimensions in use, not read from the figures"
+    )
+    unit = dict(zip(NAMES, SCALES.tolist(), strict=True))
+    size = {
+        name: slope * (LENGTH if unit[name] == UM else ANGLE) / UM
+        for name, slope in zip(moved.names, moved.position.tolist(), strict=True)
+    }
+    rows = [name for name in size if SOURCES[NAMES.index(name)].chain == 1]
+    third = dict(zip(rows, (size[n] for n in size if SOURCES[NAMES.index(n)].chain == 3), strict=True))
+    columns = {
+        "source": [ROWS[NAMES.index(name)][0].replace("{i}", "").replace("__", "_").rstrip("_") for name in rows],
+        "chain_1_um": [size[name] for name in rows],
+        "chain_3_um": [third[name] for name in rows],
+    }
+    return make_table(
+        "position", meaning, columns, Chart("bars", "source", ("chain_1_um", "chain_3_um"), of="position")
+    )
 
 
 # The task workspace of the manipulator: its rectangle, and whether it is reached.
@@ -399,4 +436,32 @@ class TaskRingFigures(Calculation):
             "height_mm": (ring.z[1] - ring.z[0]) / MM,
             "reached_percent": 100.0 * float(np.mean(inside)),
         }
-        return Computed(quantities(numbers))
+        return Computed(quantities(numbers), (_workspace_table(machine, ring),))
+
+
+RADII, HEIGHTS = 141, 4001
+"""Radii and heights at which the workspace is looked at."""
+
+
+def _workspace_table(machine: Manipulator, ring: TaskRing) -> ComputedTable:
+    """The heights that all chains reach at each radius, connected with the middle of the ring, and the ring's."""
+    longest = max(np.add(machine.arm_length, machine.rod_length)) + machine.half_width
+    middle, r = 0.5 * sum(ring.z), np.linspace(0.0, longest, RADII)
+    z = middle + np.linspace(-2.0 * longest, 2.0 * longest, HEIGHTS)
+    beyond = np.abs(reach(machine, r[:, None], z)).max(axis=-1) - 1.0  # (radii, heights), at most 0 where reached
+    half, columns = HEIGHTS // 2, {"r_mm": r / MM}
+    for name, side in (("reached_from_z_mm", slice(half, None, -1)), ("reached_to_z_mm", slice(half, None))):
+        missed, heights = np.nan_to_num(beyond[:, side], nan=np.inf), z[side]
+        at = np.argmax(missed > 0.0, axis=1)
+        inside, outside = (np.take_along_axis(missed, k[:, None], axis=1)[:, 0] for k in (at - 1, at))
+        with np.errstate(invalid="ignore"):
+            edge = heights[at - 1] + (heights[at] - heights[at - 1]) * inside / (inside - outside)
+        columns[name] = np.where(at > 0, edge, np.nan) / MM
+    within = (r >= ring.r[0]) & (r <= ring.r[1])
+    columns |= {f"task_{n}_z_mm": np.where(within, e / MM, np.nan) for n, e in zip(("from", "to"), ring.z, strict=True)}
+    meaning = (
+        "Section of the workspace through the axis (document M, figure 4): heights that all chains reach at a radius, "
+        "and those of the task ring; by the model at the dimensions in use"
+    )
+    marks = {"inner radius": ring.r[0] / MM, "outer radius": ring.r[1] / MM}
+    return make_table("workspace", meaning, columns, Chart("lines", "r_mm", tuple(columns)[1:], marks, "z"))
