@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from ... import page_data
 from ...directory import own_folder
 from ...execution import Execution
-from ...files import csv_text, write_bytes, write_text
+from ...files import write_bytes, write_text
 from ...journal import recording_steps
 from ...models.effects.measurements import Active, predicted
 from ...models.measurable import MeasurableModel, Role
@@ -188,7 +188,6 @@ def _misfit_record(end: Ending, misfit: Misfit) -> Shape:
 
 
 SUMMARY = "summary.txt"
-POINTS = "next_measurement.csv"
 
 
 def write(result: GapResult, folder: Path, lines: Sequence[str]) -> None:
@@ -198,9 +197,7 @@ def write(result: GapResult, folder: Path, lines: Sequence[str]) -> None:
 
     write_text(folder / "config.toml", result.configuration)
     write_text(folder / "corrected.toml", result.corrected)
-    write_bytes(folder / "residuals.parquet", result.residuals.to_parquet(index=False))
-    if result.next_points is not None:
-        write_text(folder / POINTS, csv_text(result.next_points))
+    page_data.write_tables(result, folder)
     drawn = drawings(result)
     for name, figure, _ in drawn:
         write_bytes(folder / f"{name}.png", as_png(figure))
