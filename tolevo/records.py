@@ -5,13 +5,16 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, ClassVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from .registry import Kinds
 from .units import drawing_number
 
 if TYPE_CHECKING:
     import pandas as pd
+
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +73,18 @@ class Bars:
     unit: str
     labels: tuple[str, ...]
     values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class CommandOutcome(Generic[Result]):
+    """How a command ended ("done", "interrupted", a run also "no_feasible_point"), the directory of its files, its
+    summary in lines, and its result; None where it is no run and was interrupted, or was complete before.
+    """
+
+    status: str
+    folder: Path
+    lines: tuple[str, ...]
+    result: Result
 
 
 @dataclass(frozen=True, slots=True)

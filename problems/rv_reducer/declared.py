@@ -21,6 +21,7 @@ from ...section import Kind, Need, Output, Parameter, Value, Variable, number, t
 from ...units import MM
 from ..declaration import Declaration, Interval
 from ..rv_backlash.problem import DEFAULT_COSTS
+from ..rv_backlash.problem import DEFAULT_LIMITS as LIMITS_OF_B
 from ..settings import Bound, Settings
 
 _SHARED = (
@@ -509,12 +510,7 @@ def is_unit_statistic(name: str) -> bool:
     return name in MEASURES or part_of(name)[0] in LOADED
 
 
-DEFAULT_LIMITS = {
-    "dr_rp_mm": Bound(high=0.0),
-    "dr_p_mm": Bound(high=0.0),
-    "radial_gap_mm": Bound(low=0.03),
-    "modification_backlash_arcmin": Bound(low=0.0),
-}
+DEFAULT_LIMITS = {name: bound for name, bound in LIMITS_OF_B.items() if name != "conjugate_clearance_min_mm"}
 """Radial gap at least 0.03 mm, and g1, g2, g4 of document B."""
 
 DEFAULT_OBJECTIVES = ("cost", "backlash_max_arcmin")

@@ -94,7 +94,7 @@ def test_table_of_a_study(whole: tuple[Path, StudyOutcome]) -> None:
 def test_a_run_is_that_of_search(whole: tuple[Path, StudyOutcome]) -> None:
     """Same designs as `search` with the same settings and seed, gap to the closed form."""
     folder, outcome = whole
-    data = outcome.data
+    data = outcome.result
     assert data is not None
     row = data.table.iloc[-1]
     changes = ["algorithm.population=20", "algorithm.crossover.probability=0.99"]
@@ -132,7 +132,7 @@ def test_a_front_is_measured_as_search_does(tmp_path: Path) -> None:
     """
     changes = ["name=nsga2", "population=40", "generations=20"]
     plan = read_study(written(tmp_path, text), [f"run.algorithm.{one}" for one in changes])
-    data = done(plan, tmp_path / "out").data
+    data = done(plan, tmp_path / "out").result
     assert data is not None
     problem = plan.problems[0]
     exact = exact_front(problem)

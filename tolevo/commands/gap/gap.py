@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from importlib.metadata import version
 from math import isfinite
 from pathlib import Path
@@ -23,7 +23,7 @@ from ...journal import recording_steps
 from ...models.effects.measurements import Active, predicted
 from ...models.measurable import MeasurableModel, Role
 from ...page_data import as_json
-from ...records import Axis, mechanism_lines
+from ...records import Axis, CommandOutcome, mechanism_lines
 from ...section import Array
 from .analysis import Analysis, analysed
 from .correct import corrected_toml, fit_all_rows, in_problem, uneven_delays, zeros_with
@@ -293,17 +293,7 @@ BATCH_DISTANCE_TEXT = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class GapOutcome:
-    """How an analysis ended ("done" or "interrupted"), and its summary in lines.
-
-    `result` is None where it was interrupted, or was complete before.
-    """
-
-    status: str
-    folder: Path
-    lines: tuple[str, ...]
-    result: GapResult | None = None
+GapOutcome = CommandOutcome[GapResult | None]
 
 
 def gap(
@@ -325,7 +315,7 @@ def gap(
     identity = identity_of(plan, data)
     with own_folder(out, "gap", resume, overwrite) as place:
         if resume and is_complete(place, identity):
-            return GapOutcome("done", out, (*summary_of(out), f"{out} was complete already"))
+            return GapOutcome("done", out, (*summary_of(out), f"{out} was complete already"), None)
         replicates = open_replicates(place, identity, resume)
         try:
             result = analysis_result(plan, data, workers, progress, replicates)
@@ -334,7 +324,7 @@ def gap(
             place.complete()
         except KeyboardInterrupt:
             replicates.save_steps()
-            return GapOutcome("interrupted", out, (_saved_message(replicates, plan.settings.bootstrap),))
+            return GapOutcome("interrupted", out, (_saved_message(replicates, plan.settings.bootstrap),), None)
     return GapOutcome("done", out, lines, result)
 
 

@@ -241,7 +241,7 @@ def _reproduce(
         _finish(tasks, known, out, executor, progress)
     except KeyboardInterrupt:
         saved = f"interrupted: {len(known)} of {len(tasks)} claims are checked and saved in {out}; {GO_ON}"
-        return ReproduceOutcome("interrupted", out, (saved,))
+        return ReproduceOutcome("interrupted", out, (saved,), None)
     result = assemble_result(plan, [(task, known[task.key]) for task in tasks])
     write(result, out)
     place.complete()

@@ -425,7 +425,7 @@ def _study(
                 measures = Work(plan, database, executor, progress).finish()
             data = gather_tables(plan, database, measures, notes)
         except KeyboardInterrupt:
-            return StudyOutcome("interrupted", place.folder, (f"interrupted: {_saved_message(database, plan)}",))
+            return StudyOutcome("interrupted", place.folder, (f"interrupted: {_saved_message(database, plan)}",), None)
         except DAMAGE as error:
             raise RunError(f"{database.path}: {reason(error)}; {_saved_message(database, plan)}") from error
         except RunError as error:
