@@ -340,6 +340,17 @@ class GapTables:
     next_points: pd.DataFrame | None = optional("next_measurement.csv")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClaimsTables:
+    """The tables of recomputed claims (`commands/reproduce/records.py` has the rest of the result): `table` is
+    `claims.csv`, which has several numbers of a claim as one text, and `counts` the number of claims by document and
+    verdict.
+    """
+
+    table: pd.DataFrame = field(metadata=declared("claims.csv"))
+    counts: pd.DataFrame
+
+
 @dataclass(frozen=True, slots=True)
 class AnalysisResult:
     """One finished analysis of a stack, without a search.

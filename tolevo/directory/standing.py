@@ -17,7 +17,7 @@ from pathlib import Path
 
 from ..errors import Fault
 from ..files import PART, file_obstacle, is_file, is_folder, read_record, write_record
-from ..records import AnalysisResult, GapTables, RunResult, StudyResult, tables_of
+from ..records import AnalysisResult, ClaimsTables, GapTables, RunResult, StudyResult, tables_of
 from .lock import LOCK, holders
 
 
@@ -93,7 +93,7 @@ KINDS: Mapping[str, Kind] = {
     "reproduce": Kind(
         marks=("claims.csv", "claims.json"),
         state=("checked/*.json",),
-        files=("checked/*.json", "claims.csv", "claims.json", "tables/*.csv", "page.json"),
+        files=("checked/*.json", *_tables(ClaimsTables), "claims.json", "tables/*.csv", "page.json"),
         pages=(PAGE, *_figure_files("figures/*")),
         saved="every claim that had been checked",
     ),
