@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tests.small_jobs import POSE_BY_GA
 from tolevo.algorithms.archive import DEFAULT_PER_OCTAVE, Box, Course, is_charted_generation
 from tolevo.algorithms.search import search
 from tolevo.commands.run.proofs import exact_front
@@ -25,22 +26,10 @@ from tolevo.problems.tolerance_problem import ToleranceProblem
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 
-ONE = """
-problem = "pose_accuracy"
-[parameters]
-index = "rms_plane"
-[objectives]
-minimise = ["cost"]
-[limits]
-squareness_mrad = 0.2
-yaw_mrad = 0.2
-[algorithm]
-name = "ga"
-population = 20
-generations = 30
-[algorithm.mutation]
-probability = 0.08
-"""
+ONE = (
+    POSE_BY_GA.format(mrad=0.2, more="yaw_mrad = 0.2", population=20, generations=30)
+    + "[algorithm.mutation]\nprobability = 0.08\n"
+)
 STUDY = """
 run = "run.toml"
 seeds = 3
