@@ -16,55 +16,8 @@ from .manipulator.forward import split
 from .manipulator.geometry import Manipulator
 from .manipulator.maps import first_order
 
-# Errors of the angle of a geared joint: backlash, hysteresis, transmission error, wind-up.
-#
-#     q = side b/2 + side h/2 + te + tau/K
-#
-# b is the backlash; the side, +1 or -1, is that from which the joint was approached, unless gravity
-# holds a flank: then it is that of the torque for any approach, and b/2 is an offset of the drive.
-# h = 2 tau_f/K is the lost motion of friction, which gravity does not remove.
-
-
 GRAVITY = 9.80665
 """Standard gravity [m/s^2]."""
-
-
-@dataclass(frozen=True, slots=True)
-class GearedJoint:
-    """A joint driven by a reducer: angles [rad], torques [N m]; numbers or arrays that broadcast.
-
-    `backlash` b, `wave` the amplitude of the transmission error, `stiffness` K [N m/rad] and
-    `friction` tau_f >= 0.
-    """
-
-    backlash: Array | float = 0.0
-    wave: Array | float = 0.0
-    stiffness: Array | float = np.inf
-    friction: Array | float = 0.0
-
-    @property
-    def hysteresis(self) -> Array:
-        """h [rad], the lost motion of friction: 2 tau_f / K."""
-        return np.asarray(2.0 * np.asarray(self.friction) / self.stiffness)
-
-    def is_held(self, torque: Array) -> NDArray[np.bool_]:
-        """Whether a torque of gravity holds a flank against friction."""
-        return np.abs(torque) > self.friction
-
-    def wind_up(self, torque: Array) -> Array:
-        """tau/K [rad]."""
-        return np.asarray(torque / self.stiffness)
-
-    def displacement(self, side: Array, torque: Array | float = 0.0, phase: Array | float = 0.5 * np.pi) -> Array:
-        """q [rad] approached from a `side` (+1, -1) under a torque, at a phase of the wave.
-
-        The default phase is a zero of the wave.
-        """
-        torque = np.asarray(torque, dtype=float)
-        flank = np.where(self.is_held(torque), np.sign(torque), side)
-        backlash, wave = np.asarray(self.backlash), np.asarray(self.wave)
-        turned = 0.5 * (flank * backlash + side * self.hysteresis)
-        return np.asarray(turned + wave * np.cos(phase) + self.wind_up(torque))
 
 
 # Maps from joint errors of any machine to its tool, by pose.
@@ -178,41 +131,6 @@ def gravity_torque(machine: Drives, payload: float) -> Array:
 
 
 COVERAGE = 0.9973
-
-
-def pose_accuracy(attained: Array, command: Array) -> Array:
-    """AP (...): distance from `command` (..., 3) to the mean of `attained` (..., repeats, 3)."""
-    return np.asarray(np.linalg.norm(attained.mean(axis=-2) - command, axis=-1))
-
-
-def repeatability(attained: Array) -> Array:
-    """RP (...) of `attained` (..., repeats, 3): mean + 3 s of the distances to their mean.
-
-    s is the sample standard deviation; at least two repeats are needed.
-    """
-    distance = np.linalg.norm(attained - attained.mean(axis=-2, keepdims=True), axis=-1)
-    return np.asarray(distance.mean(axis=-1) + 3.0 * distance.std(axis=-1, ddof=1))
-
-
-def multi_directional_variation(attained: Array) -> Array:
-    """vAP (...) of `attained` (..., approaches, repeats, 3): the largest distance of two means."""
-    mean = attained.mean(axis=-2)
-    pairs = combinations(range(mean.shape[-2]), 2)
-    apart = [np.linalg.norm(mean[..., i, :] - mean[..., j, :], axis=-1) for i, j in pairs]
-    return np.asarray(np.max(apart, axis=0))
-
-
-def path_accuracy(attained: Array, command: Array) -> Array:
-    """AT (...): the largest distance of the mean path from the commanded one along it.
-
-    `attained` (..., repeats, points, 3), `command` (points, 3).
-    """
-    return np.asarray(np.linalg.norm(attained.mean(axis=-3) - command, axis=-1).max(axis=-1))
-
-
-def path_repeatability(attained: Array) -> Array:
-    """RT (...) of `attained` (..., repeats, points, 3): the largest RP of a point of the path."""
-    return np.asarray(repeatability(np.swapaxes(attained, -3, -2)).max(axis=-1))
 
 
 def bidirectional(errors: Array, coverage: float = COVERAGE) -> tuple[float, float]:

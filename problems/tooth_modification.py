@@ -20,7 +20,8 @@ from ..section import Array, Kind, Output, Parameter, Section, Value, Variable, 
 from ..units import ARCMIN, MM, UM
 from .declaration import ConfiguredProblem, Declaration, Interval
 from .limits import apart
-from .settings import Bound, Settings
+from .rv_backlash.problem import DEFAULT_LIMITS
+from .settings import Settings
 from .tolerance_problem import ToleranceProblem
 
 __all__ = ["ToothModification"]
@@ -101,14 +102,6 @@ OUTPUTS: tuple[Output, ...] = (
 
 COSTS: Mapping[str, CostCurve] = {}
 """Nothing costs: both modifications are ground in one pass."""
-DEFAULT_LIMITS = {
-    "dr_rp_mm": Bound(high=0.0),
-    "dr_p_mm": Bound(high=0.0),
-    "radial_gap_mm": Bound(low=0.03),
-    "modification_backlash_arcmin": Bound(low=0.0),
-    "conjugate_clearance_min_mm": Bound(low=0.0),
-}
-"""Radial gap at least 0.03 mm, and g1 to g5 of document B (g3 is implied by the gap)."""
 DEFAULT_OBJECTIVES = ("backlash_arcmin", "peak_mesh_force_N")
 
 SHIFT = -60 * UM

@@ -48,6 +48,46 @@ TWO_PARTS = f"""
 problem = "stack"
 seed = 1
 {REQUIREMENT}{PART_A}{PART_B}{RANDOM}"""
+HOUSING_AND_SHAFT = """
+problem = "stack"
+[requirement]
+name = "gap"
+unit = "mm"
+lower = -0.2
+upper = 0.2
+[[part]]
+name = "housing"
+nominal = 55.29
+unit = "mm"
+sensitivity = 1.0
+t_min = 0.003
+t_max = 0.25
+cost = { model = "reciprocal", a = 3.5, b = 0.75 }
+[[part]]
+name = "shaft"
+nominal = 35.0
+unit = "mm"
+sensitivity = -1.0
+t_min = 0.003
+t_max = 0.25
+cost = { model = "reciprocal", a = 2.0, b = 0.3 }
+"""
+"""A stack of two parts without an algorithm."""
+POSE_BY_GA = """
+problem = "pose_accuracy"
+[parameters]
+index = "rms_plane"
+[objectives]
+minimise = ["cost"]
+[limits]
+squareness_mrad = {mrad}
+{more}
+[algorithm]
+name = "ga"
+population = {population}
+generations = {generations}
+"""
+"""The run of a study, to be filled in."""
 GAP = """
 model = "table"
 [columns]
@@ -73,6 +113,24 @@ unit = "1"
 [[claim.reading]]
 formula = "1.3 * 40 / 64"
 """
+EXCEED = """
+[[claim]]
+id = "exceed"
+place = "page 2"
+quantity = "share above 1 arcmin"
+printed = "0.11"
+unit = "1"
+tolerance = 0.05
+tolerance_reason = "1000 units have a standard error of 0.01"
+[[claim.reading]]
+model = "rv_batch"
+parameters = { model = "document", reading = "printed" }
+units = 1000
+output = "backlash_arcmin"
+statistic = "fraction_above"
+threshold = 1.0
+"""
+"""A claim of a share of simulated units."""
 
 
 def tolevo(*words: object) -> Result:

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.small_jobs import output_of, tolevo, written
+from tests.small_jobs import HOUSING_AND_SHAFT, output_of, tolevo, written
 from tolevo.algorithms.checkpoint import Checkpoint
 from tolevo.errors import InputError
 from tolevo.files import seal_content as sealed
@@ -44,30 +44,8 @@ ALLOWED = {
     ("agents.py", "ctypes"): "the number of the server's own thread, which is interrupted after its time limit",
 }
 """Each with where its bytes come from: from memory, never from a file."""
-STACK = """
-problem = "stack"
-[requirement]
-name = "gap"
-unit = "mm"
-lower = -0.2
-upper = 0.2
-[[part]]
-name = "housing"
-nominal = 55.29
-unit = "mm"
-sensitivity = 1.0
-t_min = 0.003
-t_max = 0.25
-cost = { model = "reciprocal", a = 3.5, b = 0.75 }
-distribution = "normal"
-[[part]]
-name = "shaft"
-nominal = 35.0
-unit = "mm"
-sensitivity = -1.0
-t_min = 0.003
-t_max = 0.25
-cost = { model = "reciprocal", a = 2.0, b = 0.3 }
+NORMAL = HOUSING_AND_SHAFT.replace("b = 0.75 }\n", 'b = 0.75 }\ndistribution = "normal"\n')
+STACK = f"""{NORMAL}
 [algorithm]
 name = "nsga2"
 population = 8

@@ -577,7 +577,7 @@ def study(
     report_lines(tell, "warning", plan.warnings)
     folder, scratch = folder_for(out)
     done = studying(plan, folder, executor_of(where), progress, resume, overwrite or out is None)
-    return Study(done.status, done.lines, done.data, folder, scratch)
+    return Study(done.status, done.lines, done.result, folder, scratch)
 
 
 def gap(

@@ -7,11 +7,15 @@ import math
 from collections.abc import Mapping
 from dataclasses import fields
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
 import numpy as np
 import pandas as pd
 from pydantic import TypeAdapter, ValidationError
+
+from .files import csv_text, write_bytes
+from .records import tables_of
 
 NAME = "page.json"
 FORMAT = 1
@@ -103,6 +107,35 @@ def _empty(hint: Any) -> Any:
         return ""
     name = str(hint)
     return {} if "Mapping" in name else () if "tuple" in name else None
+
+
+# The tables that a result declares, as files.
+
+
+def table_files(result: Any) -> dict[str, bytes]:
+    """The content of each table that a result has, by the name of its file; tables by label stand below each other."""
+    held = {table.file: getattr(result, name) for name, table in tables_of(result).items()}
+    held |= {file: label_tables(frames) for file, frames in held.items() if isinstance(frames, Mapping)}
+    return {
+        file: frame.to_parquet(index=False) if file.endswith(".parquet") else csv_text(frame).encode()
+        for file, frame in held.items()
+        if frame is not None
+    }
+
+
+def write_tables(result: Any, folder: Path) -> None:
+    """Write the tables that a result has into a directory."""
+    for name, content in table_files(result).items():
+        write_bytes(folder / name, content)
+
+
+def label_tables(frames: Mapping[str, pd.DataFrame | None]) -> pd.DataFrame | None:
+    """Tables below each other, each with its label; None without any."""
+    labelled = [frame.assign(label=label) for label, frame in frames.items() if frame is not None]
+    if not labelled:
+        return None
+    joined = pd.concat(labelled, ignore_index=True)
+    return joined[["label", *(name for name in joined if name != "label")]]
 
 
 # Results as JSON text.

@@ -4,14 +4,56 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from .registry import Kinds
 from .units import drawing_number
 
 if TYPE_CHECKING:
     import pandas as pd
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """The one declaration of a table of a result: from it the file is written, listed in the manifest, read back and
+    checked, and drawn on the page.
+
+    `file` is its name, with the ending of its format (.csv or .parquet). `columns` are those that the page reads: a
+    stored table that lacks one is left out, with a remark. With a `heading` it stands in a section of the page of its
+    own, below the `text` that explains its rows and columns; the rows whose column `marked[0]` is `marked[1]` are
+    emphasised. A column has its unit at the end of its name.
+    """
+
+    file: str
+    columns: tuple[str, ...]
+    heading: str
+    text: str
+    marked: tuple[str, str]
+
+
+TABLE = "table"
+"""Key of a declaration in the metadata of the field that holds the table."""
+
+
+def declared(
+    file: str, *columns: str, heading: str = "", text: str = "", marked: tuple[str, str] = ("", "")
+) -> dict[str, Table]:
+    """The metadata of a field of a result that holds a table, or tables by their label."""
+    return {TABLE: Table(file, columns, heading, text, marked)}
+
+
+def optional(file: str, *columns: str, **more: Any) -> Any:
+    """The field of a result that holds a table, None where there is none."""
+    return field(default=None, metadata=declared(file, *columns, **more))
+
+
+def tables_of(result: Any) -> dict[str, Table]:
+    """The tables that a result, or its class, declares, by the names of its fields."""
+    return {held.name: held.metadata[TABLE] for held in fields(result) if TABLE in held.metadata}
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +73,18 @@ class Bars:
     unit: str
     labels: tuple[str, ...]
     values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class CommandOutcome(Generic[Result]):
+    """How a command ended ("done", "interrupted", a run also "no_feasible_point"), the directory of its files, its
+    summary in lines, and its result; None where it is no run and was interrupted, or was complete before.
+    """
+
+    status: str
+    folder: Path
+    lines: tuple[str, ...]
+    result: Result
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,37 +125,51 @@ class RunResult:
     """
 
     title: str
-    front: pd.DataFrame
-    references: pd.DataFrame
-    convergence: pd.DataFrame
+    front: pd.DataFrame = field(metadata=declared("front.csv"))
+    references: pd.DataFrame = field(metadata=declared("references.csv", "label", "feasible", "violated_limits"))
+    convergence: pd.DataFrame = field(
+        metadata=declared("convergence.csv", "evaluations", "hypervolume", "feasible_fraction")
+    )
     summary: Mapping[str, Any]
     objectives: tuple[Axis, ...]
     variables: tuple[Axis, ...] = ()
     notes: tuple[str, ...] = ()
     bars: tuple[Bars, ...] = ()
     configuration: str = field(default="", repr=False)
-    before: pd.DataFrame | None = None
-    moved: pd.DataFrame | None = None
-    choices: pd.DataFrame | None = None
-    choice_sensitivity: pd.DataFrame | None = None
-    allocation: pd.DataFrame | None = None
-    contributions: pd.DataFrame | None = None
-    exact_front: pd.DataFrame | None = None
-    overlays: Mapping[str, pd.DataFrame] = field(default_factory=dict)
-    unit_turn: pd.DataFrame | None = None
-    population: pd.DataFrame | None = None
-    torque_rotation: pd.DataFrame | None = None
-    assumptions_cost: pd.DataFrame | None = None
-    analysis: pd.DataFrame | None = None
-    requirements: pd.DataFrame | None = None
-    drivers: pd.DataFrame | None = None
-    prices: pd.DataFrame | None = None
-    changes: pd.DataFrame | None = None
-    relaxed: pd.DataFrame | None = None
+    before: pd.DataFrame | None = optional("front_without_effects.csv")
+    moved: pd.DataFrame | None = optional(
+        "allocation_moved.csv",
+        heading="Effects",
+        text="The change of the allocation by the effects in the model. For every level of the second objective "
+        "the table has the cheapest point of the front without the effects (before), the values of the same "
+        "design with them (kept), and the cheapest point with them (after). front_without_effects.csv has "
+        "the whole front, allocation_moved.csv this table.",
+        marked=("allocation", "after"),
+    )
+    choices: pd.DataFrame | None = optional("choices.csv", "choice", "meaning", "point")
+    choice_sensitivity: pd.DataFrame | None = optional("choice_sensitivity.csv", "choice", "same")
+    allocation: pd.DataFrame | None = optional("allocation.csv", "point", "variable", "rounded")
+    contributions: pd.DataFrame | None = optional("contributions.csv", "point", "output", "explained")
+    exact_front: pd.DataFrame | None = optional("exact_front.csv")
+    overlays: Mapping[str, pd.DataFrame] = field(default_factory=dict, metadata=declared("overlays.csv", "label"))
+    unit_turn: pd.DataFrame | None = optional("unit_turn.csv", "turn_deg", "backlash_arcmin", "measured")
+    population: pd.DataFrame | None = optional(
+        "population.csv", "backlash_max_arcmin", "share_within_percent", "share_percent"
+    )
+    torque_rotation: pd.DataFrame | None = optional(
+        "torque_rotation.csv", "torque_Nm", "rotation_median_arcmin", "rotation_high_arcmin", "lost_motion"
+    )
+    assumptions_cost: pd.DataFrame | None = optional("assumptions_cost.csv", "assumption", "value", "cost")
+    analysis: pd.DataFrame | None = optional("analysis.csv")
+    requirements: pd.DataFrame | None = optional("requirements.csv", "requirement", "multiplier_cost_per_unit")
+    drivers: pd.DataFrame | None = optional("drivers.csv", "part", "driven_by")
+    prices: pd.DataFrame | None = optional("prices.csv", "point", "output", "price", "source")
+    changes: pd.DataFrame | None = optional("changes.csv", "point", "variable", "to", "cost_change", "breaks")
+    relaxed: pd.DataFrame | None = optional("relaxed.csv", "label")
     tolerances: tuple[Mapping[str, Any], ...] = ()
-    promise: pd.DataFrame | None = None
-    next_parts: pd.DataFrame | None = None
-    capability: pd.DataFrame | None = None
+    promise: pd.DataFrame | None = optional("promise.csv", "statement", "cost", "assurance_percent")
+    next_parts: pd.DataFrame | None = optional("next_parts.csv", "part", "shadow_gain")
+    capability: pd.DataFrame | None = optional("capability.csv", "part", "index", "value")
 
     @property
     def answers(self) -> Mapping[str, str]:
@@ -237,12 +305,12 @@ class StudyResult:
     title: str
     kind: str
     design: pd.DataFrame
-    table: pd.DataFrame
+    table: pd.DataFrame = field(metadata=declared("study.csv"))
     responses: tuple[Response, ...]
     varied: tuple[Varied, ...]
-    medians: pd.DataFrame
-    sensitivity: pd.DataFrame
-    tests: pd.DataFrame
+    medians: pd.DataFrame = field(metadata=declared("medians.csv"))
+    sensitivity: pd.DataFrame = field(metadata=declared("sensitivity.csv"))
+    tests: pd.DataFrame = field(metadata=declared("tests.csv"))
     courses: pd.DataFrame
     course_of: str
     recommendations: tuple[Recommendation, ...]
@@ -250,6 +318,37 @@ class StudyResult:
     notes: tuple[str, ...] = ()
     configuration: str = field(default="", repr=False)
     mechanism: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GapTables:
+    """The tables of a gap analysis (`commands/gap/records.py` has the rest of its result).
+
+    `residuals` has one row per measurement in the order of measuring: the inputs; `block`; and for each output O its
+    measured value `O`, whether it is an outlier (`O_outlier`), the recalibrated model `O_predicted` and with the
+    effects `O_corrected`, the residuals (measured less predicted) `O_before` and `O_after`, both on held-out rows
+    (`O_before_held_out`, `O_after_held_out`), the residual given the named effects alone (`O_remainder`), and the
+    noise `O_noise`. `spectrum` has the columns output, order, before, after, threshold (amplitudes in the unit of the
+    output). `units` holds the distributions of a batch (empty without one): output, share, and the value that this
+    fraction of the units stays below, measured, and drawn from the model before and after. `next_points` are the
+    operating points of `next_measurement` in the order of measuring.
+    """
+
+    residuals: pd.DataFrame = field(metadata=declared("residuals.parquet"))
+    spectrum: pd.DataFrame
+    units: pd.DataFrame
+    next_points: pd.DataFrame | None = optional("next_measurement.csv")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClaimsTables:
+    """The tables of recomputed claims (`commands/reproduce/records.py` has the rest of the result): `table` is
+    `claims.csv`, which has several numbers of a claim as one text, and `counts` the number of claims by document and
+    verdict.
+    """
+
+    table: pd.DataFrame = field(metadata=declared("claims.csv"))
+    counts: pd.DataFrame
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,16 +362,23 @@ class AnalysisResult:
     """
 
     title: str
-    requirements: pd.DataFrame
-    contributions: pd.DataFrame
-    histograms: pd.DataFrame
-    tolerances: pd.DataFrame
+    requirements: pd.DataFrame = field(metadata=declared("requirements.csv"))
+    contributions: pd.DataFrame = field(metadata=declared("contributions.csv"))
+    histograms: pd.DataFrame = field(metadata=declared("histograms.csv"))
+    tolerances: pd.DataFrame = field(
+        metadata=declared(
+            "tolerances.csv",
+            heading="Tolerances",
+            text="The zones that were analysed. A part that is to be searched is analysed at the tolerance that is "
+            "stated beside its range, else at the loosest one that it may have.",
+        )
+    )
     summary: Mapping[str, Any]
     quick: Mapping[str, Any]
     configuration: str = field(default="", repr=False)
-    prices: pd.DataFrame | None = None
-    budgets: pd.DataFrame | None = None
-    changes: pd.DataFrame | None = None
+    prices: pd.DataFrame | None = optional("prices.csv")
+    budgets: pd.DataFrame | None = optional("budgets.csv")
+    changes: pd.DataFrame | None = optional("changes.csv")
 
 
 def limits_text(low: float | None, high: float | None) -> str:

@@ -21,6 +21,7 @@ from ...section import Kind, Need, Output, Parameter, Value, Variable, number, t
 from ...units import MM
 from ..declaration import Declaration, Interval
 from ..rv_backlash.problem import DEFAULT_COSTS
+from ..rv_backlash.problem import DEFAULT_LIMITS as LIMITS_OF_B
 from ..settings import Bound, Settings
 
 _SHARED = (
@@ -458,17 +459,32 @@ UNDER_LOAD: tuple[Output, ...] = (
         )
     ),
 )
-SAMPLED = (
-    *(f"{name}{part}" for name in MEASURED for part in ("", "_mean", "_std")),
-    "backlash_rms_arcmin",
-    "yield_percent",
-    "interference_probability",
-    "interference_share_of_turn",
-    "overlap_p95_arcmin",
-)
+PART = {"backlash_max_arcmin": "max", "backlash_mean_arcmin": "mean"}
+MEASURES = {
+    **{name: f"quantile {PART[name]}" for name in MEASURED},
+    **{f"{name}_mean": f"mean {PART[name]}" for name in MEASURED},
+    **{f"{name}_std": f"deviation {PART[name]}" for name in MEASURED},
+    "backlash_rms_arcmin": "rms",
+    "yield_percent": "yield",
+    "interference_probability": "interference",
+    "interference_share_of_turn": "interference share_of_turn",
+    "overlap_p95_arcmin": "overlap",
+}
+"""The measure of each sampled output."""
+SAMPLED = tuple(MEASURES)
 """Rigid outputs with a standard error."""
-
-
+LOADED = {
+    "lost_motion_arcmin": "lost_motion",
+    "transmission_error_arcsec": "transmission_error",
+    "preload_torque_Nm": "preload_torque",
+    "preload_torque_Nm_max": "preload_torque_max",
+    "peak_pin_force_N": "peak_pin_force",
+    "stiffness_Nm_arcmin": "stiffness",
+    "running_torque_Nm": "running_torque",
+}
+"""The elastic output that each output is a statistic of."""
+LEAST = ("stiffness_Nm_arcmin",)
+"""Of these, what the fraction `coverage` of the units reaches at least."""
 SAMPLED_UNDER_LOAD = tuple(output.name for output in UNDER_LOAD)
 OUTPUTS = (
     *RIGID,
@@ -481,12 +497,21 @@ OUTPUTS = (
 )
 """All outputs; those under load come after the rigid ones, the errors last."""
 
-DEFAULT_LIMITS = {
-    "dr_rp_mm": Bound(high=0.0),
-    "dr_p_mm": Bound(high=0.0),
-    "radial_gap_mm": Bound(low=0.03),
-    "modification_backlash_arcmin": Bound(low=0.0),
-}
+
+def part_of(name: str) -> tuple[str, str]:
+    """An output under load, and which statistic of it is meant: quantile, mean or std."""
+    for part in ("mean", "std"):
+        if name.endswith(f"_{part}") and name.removesuffix(f"_{part}") in LOADED:
+            return name.removesuffix(f"_{part}"), part
+    return name, "quantile"
+
+
+def is_unit_statistic(name: str) -> bool:
+    """Whether an output is a statistic over units."""
+    return name in MEASURES or part_of(name)[0] in LOADED
+
+
+DEFAULT_LIMITS = {name: bound for name, bound in LIMITS_OF_B.items() if name != "conjugate_clearance_min_mm"}
 """Radial gap at least 0.03 mm, and g1, g2, g4 of document B."""
 
 DEFAULT_OBJECTIVES = ("cost", "backlash_max_arcmin")

@@ -35,7 +35,7 @@ from ...section import Array, Value, number
 from ...units import ARCMIN, MM
 from ..settings import VariableSetting
 from .counterparts import Change, ChangedMeasures
-from .declared import MEASURED
+from .declared import LEAST, LOADED, MEASURES, part_of
 
 
 def classes_of(parameters: Mapping[str, Value]) -> PinClasses | None:
@@ -111,18 +111,6 @@ class UnitModel(UnitBasis):
 
 FITTING = 3
 """Stream of random numbers of the measurement by which pins are fitted."""
-PART = {"backlash_max_arcmin": "max", "backlash_mean_arcmin": "mean"}
-MEASURES = {
-    **{name: f"quantile {PART[name]}" for name in MEASURED},
-    **{f"{name}_mean": f"mean {PART[name]}" for name in MEASURED},
-    **{f"{name}_std": f"deviation {PART[name]}" for name in MEASURED},
-    "backlash_rms_arcmin": "rms",
-    "yield_percent": "yield",
-    "interference_probability": "interference",
-    "interference_share_of_turn": "interference share_of_turn",
-    "overlap_p95_arcmin": "overlap",
-}
-"""The measure of each sampled output."""
 SCALE = {"yield_percent": 100.0}
 VARIABLE = {"stagger": "stagger_arcmin", "dr_rp": "dr_rp_mm", "dr_p": "dr_p_mm", "crank_phase": "crank_phase_mrad"}
 """Variables of derivatives whose names do not end in `_um`."""
@@ -130,33 +118,6 @@ BY_GRADE = 0.5 * log(2.0)
 """Derivative of ln(phi_1) by the ISO grade."""
 STEP_OF_GRADE, STEP_OF_THICKNESS = 1e-3, 1e-2
 """Steps [grades], [um] of differences by the involute stage: some 1e-4 of phi_1, of which a statistic is smooth."""
-LOADED = {
-    "lost_motion_arcmin": "lost_motion",
-    "transmission_error_arcsec": "transmission_error",
-    "preload_torque_Nm": "preload_torque",
-    "preload_torque_Nm_max": "preload_torque_max",
-    "peak_pin_force_N": "peak_pin_force",
-    "stiffness_Nm_arcmin": "stiffness",
-    "running_torque_Nm": "running_torque",
-}
-"""The elastic output that each output is a statistic of."""
-
-
-LEAST = ("stiffness_Nm_arcmin",)
-"""Of these, what the fraction `coverage` of the units reaches at least."""
-
-
-def part_of(name: str) -> tuple[str, str]:
-    """An output under load, and which statistic of it is meant: quantile, mean or std."""
-    for part in ("mean", "std"):
-        if name.endswith(f"_{part}") and name.removesuffix(f"_{part}") in LOADED:
-            return name.removesuffix(f"_{part}"), part
-    return name, "quantile"
-
-
-def is_unit_statistic(name: str) -> bool:
-    """Whether an output is a statistic over units."""
-    return name in MEASURES or part_of(name)[0] in LOADED
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,6 +41,7 @@ from .declared import (
     DISC_TO_DISC,
     FLANK_CLEARANCE,
     HOLD_INTERFERENCE,
+    MEASURES,
     OF_SORTING,
     OF_THE_STAGE,
     OUTPUTS,
@@ -52,22 +53,14 @@ from .declared import (
     VARIABLES,
     changed_geometry_parameters,
     default_values_sentence,
+    is_unit_statistic,
     size_faults,
     unlimited_interference_faults,
     unpriced_error_faults,
     with_sorting,
     with_thickness,
 )
-from .evaluation import (
-    MEASURES,
-    STEP_OF_GRADE,
-    Evaluation,
-    Populations,
-    UnitModel,
-    classes_of,
-    is_unit_statistic,
-    unit_tables,
-)
+from .evaluation import STEP_OF_GRADE, Evaluation, Populations, UnitModel, classes_of, unit_tables
 from .promising import PromisingUnits
 
 if TYPE_CHECKING:

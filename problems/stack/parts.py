@@ -1,4 +1,4 @@
-"""Reads `[[fit]]`: the tolerance classes of two parts at once, "25 H7/g6"."""
+"""Reads `[[fit]]` and `[[part]]` and writes the latter back: what a part states is known to no other module."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from scipy.special import ndtr
 
 from ...errors import Fault, nearest
 from ...models.capability import PartSample, read_sample
-from ...models.cost_reading import add_constant_cost, name_of, read_curve, read_extras, read_extras_by
+from ...models.cost_reading import add_constant_cost, curve_table, name_of, read_curve, read_extras, read_extras_by
 from ...models.costs import CostCurve, Reciprocal, Table
-from ...models.input_reading import read_distribution
+from ...models.input_reading import read_distribution, written
 from ...models.inputs import Normal, Zone
 from ...models.iso286 import (
     GRADES,
@@ -669,6 +669,49 @@ def _duplicates(parts: Sequence[Part]) -> list[Fault]:
                 faults.append(Fault("part", text))
             owners[piece] = part.name
     return faults
+
+
+# Writes a part back: reading the table again gives the same part.
+
+
+def part_table(part: Part) -> dict[str, Any]:
+    """The `[[part]]` table that a part is read from."""
+    table: dict[str, Any] = {"name": part.name, "unit": part.unit, "count": part.count}
+    if part.nominal is not None:
+        table["nominal"] = part.nominal
+    if part.sensitivities:
+        table["sensitivity"] = part.sensitivities.get("", dict(part.sensitivities))
+    table |= written(part.distribution) if part.sample is None else {"measured": dict(part.sample.stated)}
+    labels = {key: getattr(part, key) for key in ("drawing", "characteristic", "geometry", "drawn_as", "source")}
+    table |= {key: value for key, value in labels.items() if value}
+    if part.expansion is not None:
+        table |= {"material": part.material} if part.material else {"expansion": part.expansion}
+    if part.machines:
+        processes = [{"name": p.name} | _range_table(p) for p in part.processes if p.machine is None]
+        return (
+            table
+            | ({"process": processes} if processes else {})
+            | {"machine": [offer.table() for offer in part.machines]}
+        )
+    if part.alternatives and part.stated:  # grades
+        return table | dict(part.stated)
+    if part.alternatives:
+        return table | {"process": [{"name": p.name} | _range_table(p) for p in part.processes]}
+    if part.fixed:
+        return table | dict(part.stated) | _cost_table(part.processes[0])
+    present = {} if part.present is None else {"tolerance": part.present}
+    return table | _range_table(part.processes[0]) | present
+
+
+def _range_table(process: Process) -> dict[str, Any]:
+    if process.low < process.high:
+        return {"t_min": process.low, "t_max": process.high} | _cost_table(process)
+    price = process.curve.a if isinstance(process.curve, Reciprocal) and process.curve.b == 0.0 else None
+    return {"tolerance": process.low} | ({"price": price} if price is not None else _cost_table(process))
+
+
+def _cost_table(process: Process) -> dict[str, Any]:
+    return {} if process.curve is None else {"cost": curve_table(process.curve)}
 
 
 # What a drawing states of a part in addition to its limits: class, symbol, numbers.

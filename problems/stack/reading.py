@@ -6,19 +6,16 @@ from dataclasses import asdict
 from typing import Any
 
 from ...errors import Fault, nearest
-from ...models.cost_reading import curve_table
-from ...models.costs import Reciprocal
 from ...models.expressions import Formula, FormulaError, Intermediate
-from ...models.input_reading import written
 from ...models.inputs import Normal
 from ...models.machine_offers import samples_of
 from ...section import POSITIVE, Assumption, Range, Section
 from ...units import family
 from ..settings import SAMPLED, process_assumption, read_promise
-from .definition import METHODS, Condition, Correlation, Definition, Part, Process, Requirement
+from .definition import METHODS, Condition, Correlation, Definition, Part, Requirement
 from .formulas import form_complaint, mechanisms_of, nominal_sum, sensitivity_faults, unknown_name
 from .matched import assumptions_of_matching, matched_mechanisms, read_sortings
-from .parts import MAX_PIECES, read_parts
+from .parts import MAX_PIECES, part_table, read_parts
 from .promises import WINDOW
 
 RESERVED = (
@@ -292,7 +289,7 @@ def tables_of(definition: Definition) -> dict[str, Any]:
     requirements = [_requirement(requirement) for requirement in definition.stated]
     tables: dict[str, Any] = {
         "requirement": requirements if definition.stated[0].key else requirements[0],
-        "part": [_part(part) for part in definition.parts if part.feature is None],
+        "part": [part_table(part) for part in definition.parts if part.feature is None],
         **definition.intermediate,
     }
     if features := [dict(part.feature.stated) for part in definition.parts if part.feature is not None]:
@@ -325,45 +322,6 @@ def _requirement(requirement: Requirement) -> dict[str, Any]:
         "drawing": requirement.drawing or None,
     }
     return {key: value for key, value in table.items() if value is not None}
-
-
-def _part(part: Part) -> dict[str, Any]:
-    table: dict[str, Any] = {"name": part.name, "unit": part.unit, "count": part.count}
-    if part.nominal is not None:
-        table["nominal"] = part.nominal
-    if part.sensitivities:
-        table["sensitivity"] = part.sensitivities.get("", dict(part.sensitivities))
-    table |= written(part.distribution) if part.sample is None else {"measured": dict(part.sample.stated)}
-    labels = {key: getattr(part, key) for key in ("drawing", "characteristic", "geometry", "drawn_as", "source")}
-    table |= {key: value for key, value in labels.items() if value}
-    if part.expansion is not None:
-        table |= {"material": part.material} if part.material else {"expansion": part.expansion}
-    if part.machines:
-        processes = [{"name": p.name} | _range(p) for p in part.processes if p.machine is None]
-        return (
-            table
-            | ({"process": processes} if processes else {})
-            | {"machine": [offer.table() for offer in part.machines]}
-        )
-    if part.alternatives and part.stated:  # grades
-        return table | dict(part.stated)
-    if part.alternatives:
-        return table | {"process": [{"name": p.name} | _range(p) for p in part.processes]}
-    if part.fixed:
-        return table | dict(part.stated) | _cost(part.processes[0])
-    present = {} if part.present is None else {"tolerance": part.present}
-    return table | _range(part.processes[0]) | present
-
-
-def _range(process: Process) -> dict[str, Any]:
-    if process.low < process.high:
-        return {"t_min": process.low, "t_max": process.high} | _cost(process)
-    price = process.curve.a if isinstance(process.curve, Reciprocal) and process.curve.b == 0.0 else None
-    return {"tolerance": process.low} | ({"price": price} if price is not None else _cost(process))
-
-
-def _cost(process: Process) -> dict[str, Any]:
-    return {} if process.curve is None else {"cost": curve_table(process.curve)}
 
 
 # Assumptions of a stack about what its configuration does not state.

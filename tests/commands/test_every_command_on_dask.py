@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tests.small_jobs import CLAIMS as ONE_CLAIM
-from tests.small_jobs import GAP
+from tests.small_jobs import EXCEED, GAP
 from tolevo import dask_cluster
 from tolevo.algorithms.checkpoint import Checkpoint
 from tolevo.algorithms.nsga2 import NSGA2
@@ -43,26 +43,7 @@ name = "nsga2"
 population = 12
 generations = 3
 """
-CLAIMS = (
-    ONE_CLAIM
-    + """
-[[claim]]
-id = "exceed"
-place = "page 2"
-quantity = "share above 1 arcmin"
-printed = "0.11"
-unit = "1"
-tolerance = 0.05
-tolerance_reason = "1000 units have a standard error of 0.01"
-[[claim.reading]]
-model = "rv_batch"
-parameters = { model = "document", reading = "printed" }
-units = 1000
-output = "backlash_arcmin"
-statistic = "fraction_above"
-threshold = 1.0
-"""
-)
+CLAIMS = ONE_CLAIM + EXCEED
 
 
 @pytest.fixture(scope="module")

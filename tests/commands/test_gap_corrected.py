@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
-from tolevo.cli import app
+from tests.small_jobs import output_of as tolevo
 from tolevo.commands.gap.configuration import read_gap
 from tolevo.configuration.plugins import foreign_model_message, model_belongs
 from tolevo.configuration.reader import read
@@ -34,12 +33,6 @@ TABLE = """model = "table"
 "te_predicted" = { role = "predicted", unit = "arcmin" }
 """
 LITTLE = '[effects]\nconsider = ["friction_hysteresis"]\n[settings]\nsimulations = 200\n'
-
-
-def tolevo(*words: object) -> str:
-    ended = CliRunner().invoke(app, [str(word) for word in words])
-    assert ended.exit_code == 0, ended.output
-    return ended.output
 
 
 def readings(model: str, folder: Path) -> pd.DataFrame:

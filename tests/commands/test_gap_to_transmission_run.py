@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
-from tolevo.cli import app
+from tests.small_jobs import output_of as tolevo
 from tolevo.problems.rv_transmission_error import declared
 
 pytestmark = [pytest.mark.long, pytest.mark.usefixtures("without_figures"), pytest.mark.usefixtures("units_once")]
@@ -56,12 +55,6 @@ def inputs(model: str) -> pd.DataFrame:
         return pd.DataFrame({"unit": units, **table, "precision_weight": 5.0})
     angle = 0.75 * np.arange(480) + rng.uniform(0.0, 0.7, 480)
     return pd.DataFrame({"output_angle_deg": angle, "torque_Nm": 412.0, "output_speed_rpm": 15.0})
-
-
-def tolevo(*words: object) -> str:
-    ended = CliRunner().invoke(app, [str(word) for word in words])
-    assert ended.exit_code == 0, ended.output
-    return ended.output
 
 
 def measured(case: Case, folder: Path) -> Path:

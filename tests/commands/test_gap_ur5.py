@@ -11,20 +11,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
-from tolevo.cli import app
+from tests.small_jobs import output_of as tolevo
 
 pytestmark = pytest.mark.usefixtures("without_figures")
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "ur5"
 AXES = ["x_mm", "y_mm", "z_mm"]
-
-
-def tolevo(*words: object) -> str:
-    ended = CliRunner().invoke(app, [str(word) for word in words])
-    assert ended.exit_code == 0, ended.output
-    return ended.output
 
 
 @pytest.fixture(scope="module")

@@ -19,8 +19,9 @@ from tolevo.commands.run import references
 from tolevo.commands.run.front import join_references, knee
 from tolevo.commands.run.plan import RunOutcome, RunPlan
 from tolevo.commands.run.references import gains, relaxed_bounds
-from tolevo.commands.run.run import _texts, run
+from tolevo.commands.run.run import run
 from tolevo.directory import KINDS, MANIFEST
+from tolevo.page_data import table_files
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, PropagationSetting, Settings, VariableSetting
 from tolevo.records import RunResult
@@ -253,7 +254,7 @@ def test_every_file_that_a_run_may_write_is_known_by_name() -> None:
         RunResult("t", frame, frame, frame, {}, (), overlays={"a": frame}),
         **dict.fromkeys(optional, frame),  # type: ignore[arg-type]
     )
-    written = set(_texts(whole))
+    written = set(table_files(whole))
     assert {"overlays.csv", "unit_turn.csv", "front.csv", "exact_front.csv"} <= written
     assert written <= set(KINDS["run"].files)
     assert {*KINDS["run"].files, *KINDS["run"].pages, MANIFEST} >= FILES

@@ -12,22 +12,7 @@ from tolevo.models.manipulator.forward import exact_pose
 from tolevo.models.manipulator.geometry import Manipulator, TaskRing
 from tolevo.models.manipulator.maps import NAMES
 from tolevo.models.manipulator.ring import grid, quadrature
-from tolevo.models.robot import (
-    GRAVITY,
-    AccuracySample,
-    Drives,
-    GearedJoint,
-    bidirectional,
-    drives,
-    gravity_torque,
-    links,
-    multi_directional_variation,
-    path_accuracy,
-    path_repeatability,
-    pose_accuracy,
-    ratio,
-    repeatability,
-)
+from tolevo.models.robot import GRAVITY, AccuracySample, Drives, bidirectional, drives, gravity_torque, links, ratio
 
 ARCMIN = np.pi / 10800.0
 RING = TaskRing()
@@ -141,64 +126,10 @@ class TestWhatCalibrationRemoves:
         assert np.abs(left.turn[:, 2] - as_built.turn[:, 2]).max() > 0.1
 
 
-class TestMeasuresOfIso9283:
-    """The table of section 1: what each source does to AP, RP, vAP, AT."""
-
-    rng = np.random.default_rng(3)
-
-    def attained(self, joint: GearedJoint, side: float, torque: float, repeats: int = 30) -> np.ndarray:
-        angle = joint.displacement(np.full(repeats, side), torque)
-        return np.column_stack([angle, 0.0 * angle, 0.0 * angle])
-
-    def test_backlash_under_a_torque_of_one_sign_is_a_zero(self) -> None:
-        joint = GearedJoint(backlash=2.0)
-        both = [self.attained(joint, side, 5.0) for side in (1.0, -1.0)]
-        assert pose_accuracy(both[0], np.zeros(3)) == 1.0
-        assert repeatability(both[0]) == 0.0
-        assert multi_directional_variation(np.stack([*both, both[0]])) == 0.0
-
-    def test_backlash_without_torque(self) -> None:
-        joint = GearedJoint(backlash=2.0)
-        both = [self.attained(joint, side, 0.0) for side in (1.0, -1.0)]
-        assert pose_accuracy(both[0], np.zeros(3)) == pose_accuracy(both[1], np.zeros(3)) == 1.0
-        assert repeatability(both[1]) == 0.0
-        assert multi_directional_variation(np.stack([*both, both[0]])) == 2.0
-
-    def test_path_accuracy_meets_the_backlash_at_a_reversal(self) -> None:
-        side = np.where(np.arange(20) < 10, 1.0, -1.0)
-        along = GearedJoint(backlash=2.0).displacement(side) - 1.0
-        path = np.column_stack([along, 0.0 * along, 0.0 * along])
-        repeats = np.stack([path] * 4)
-        assert path_accuracy(repeats, np.zeros((20, 3))) == 2.0
-        assert path_repeatability(repeats) == 0.0
-
-    def test_hysteresis_adds_to_the_backlash_and_gravity_does_not_take_it(self) -> None:
-        joint = GearedJoint(backlash=2.0, friction=3.0, stiffness=12.0)
-        assert joint.hysteresis == 0.5
-        free = joint.displacement(np.array([1.0, -1.0]), 1.0)
-        held = joint.displacement(np.array([1.0, -1.0]), 6.0)
-        assert free[0] - free[1] == 2.5
-        assert held[0] - held[1] == 0.5
-
-    def test_wave_has_the_variance_of_half_its_square(self) -> None:
-        phase = np.linspace(0.0, 2.0 * np.pi, 4000, endpoint=False)
-        found = GearedJoint(wave=3.0).displacement(np.ones(4000), 0.0, phase)
-        assert np.mean(found**2) == pytest.approx(4.5, rel=1e-9)
-
-    def test_wind_up_grows_with_the_torque(self) -> None:
-        joint = GearedJoint(stiffness=4.0)
-        np.testing.assert_allclose(joint.displacement(np.ones(2), np.array([2.0, 6.0])), [0.5, 1.5])
-
-    def test_repeatability_of_normal_scatter(self) -> None:
-        """On a line distances to the mean are half-normal: mean + 3 s = (0.798 + 3 0.603) sigma."""
-        scatter = np.zeros((200_000, 3))
-        scatter[:, 0] = self.rng.normal(size=len(scatter))
-        wanted = np.sqrt(2.0 / np.pi) + 3.0 * np.sqrt(1.0 - 2.0 / np.pi)
-        assert repeatability(scatter) == pytest.approx(wanted, rel=5e-3)
-
+class TestBidirectional:
     def test_bidirectional_of_isotropic_errors_is_maxwell(self) -> None:
         """99.73 % quantile 3.7625 sigma, rms sqrt(3) sigma."""
-        quantile, size = bidirectional(self.rng.normal(size=(400_000, 3)))
+        quantile, size = bidirectional(np.random.default_rng(3).normal(size=(400_000, 3)))
         assert [quantile, size] == pytest.approx([3.7625, np.sqrt(3.0)], rel=1e-2)
 
 

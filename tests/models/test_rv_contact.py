@@ -134,7 +134,8 @@ def test_stiffness_of_the_mesh_alone_of_section_4() -> None:
 
 def test_unit_of_the_catalogue() -> None:
     """Rigidity 105..130 N m/arcmin and lost motion 0.36..0.41' of measured units (section 5)."""
-    rigidity = performance.rigidity(UNIT, PERFECT, CRANK, (0.03, 1.0)) * ARCMIN
+    torques = np.array([0.03, 1.0]) * UNIT.rated_torque
+    rigidity = np.diff(torques) / np.diff(performance.torque_twist(UNIT, PERFECT, CRANK, torques))[0] * ARCMIN
     lost = performance.lost_motion(UNIT, PERFECT, CRANK) / ARCMIN
     assert 105.0 < rigidity[0] < 130.0
     assert 0.36 < lost[0] < 0.41
@@ -440,8 +441,6 @@ def test_stiffness_is_the_slope_of_the_torque() -> None:
     np.testing.assert_allclose(torque, 300.0, rtol=1e-12)
     more, less = (mesh.torque(rotation + step)[0] for step in (1e-11, -1e-11))
     np.testing.assert_allclose((more - less) / 2e-11, stiffness, rtol=1e-4)
-    again = UNIT.reaction(UNEVEN, CRANK[:40], rotation)
-    np.testing.assert_array_equal(again, (torque, stiffness))
 
 
 def test_extra_turn_of_a_disc_is_its_angular_error() -> None:

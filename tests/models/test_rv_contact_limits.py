@@ -131,7 +131,7 @@ def test_rotation_of_an_exact_contact_is_that_of_its_gaps() -> None:
     errors = PartErrors(circle_offset=np.array([1e-4]))
     exact = replace(LoadedContact(), exact=True)
     found = exact.rotation(errors, ANGLES, 412.0)
-    turned = exact.reaction(errors, ANGLES, found)[0]
+    turned = exact.mesh(errors, ANGLES).torque(found)[0]
     np.testing.assert_allclose(turned, 412.0, rtol=1e-9)
 
 

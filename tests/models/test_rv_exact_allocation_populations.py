@@ -15,14 +15,12 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import ndtr, ndtri
 
+from tests.models.test_rv_exact_allocation import cycloid
+from tests.models.test_rv_population import MIDS, ZONES
 from tolevo.models.rv_reducer.contact import contact as performance
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
-from tolevo.models.rv_reducer.population.contact import touch
 from tolevo.models.rv_reducer.population.errors import (
-    Lattice,
-    Scaled,
-    Table,
     modified_geometry,
     nearest_prime,
     part_errors,
@@ -35,27 +33,7 @@ from tolevo.units import ARCMIN
 Array = NDArray[np.float64]
 GEOMETRY = ContactGeometry(true_levers=True)
 
-DOCUMENT = {
-    "pin_circle_radius": 3.0,
-    "pin_position": 2.0,
-    "pin_hole_radius": 1.5,
-    "pin_radius": 1.0,
-    "pitch": 4.0,
-    "runout": 1.0,
-    "eccentricity": 1.0,
-    "equidistance": 1.0,
-    "shift": 1.0,
-    "crank_bearing": 2.0,
-}
-MIDS = {
-    "pin_circle_radius": -1.0,
-    "pin_position": -1.0,
-    "pin_hole_radius": 2.5,
-    "pin_radius": -1.0,
-    "pitch": -3.0,
-    "equidistance": -1.0,
-    "shift": 1.0,
-}
+DOCUMENT = {name: t for name, t in ZONES.items() if name not in ("circle_offset", "bore", "crank_phase")}
 BETWEEN_DISCS = {"circle_offset": 3.0, "bore": 2.0, "crank_phase": 2.0 / 1.3}
 DOCUMENT_B = UnitDesign(DOCUMENT, MIDS)
 
@@ -96,14 +74,6 @@ def involute(sample: BaseSample, grade: float) -> Array:
     middle, half = involute_zone(grade)
     normal = np.sqrt(0.5) * (sample.planets[0] + sample.planets[1:])
     return np.asarray(middle + half * (2.0 * ndtr(normal) - 1.0).min(axis=0))
-
-
-def cycloid(design: UnitDesign, sample: BaseSample, angles: Array) -> Array:
-    """y [arcmin], (positions, units), by the kernel."""
-    lattice = Lattice.of(GEOMETRY, angles)
-    table = Table.of(lattice, design.dr_rp, design.dr_p)
-    found = touch(lattice, table, Scaled.of(GEOMETRY, sample, design))
-    return found.cycloid(GEOMETRY.output_ratio).astype(float)
 
 
 def share_within(limit: float, greatest: Array, grade: float) -> float:

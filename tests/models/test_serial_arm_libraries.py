@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.models.test_serial_arm import move, turn
 from tolevo.models.robot import GRAVITY
 from tolevo.models.serial_arm.kinematics import Chain, frames, gravity_torques, positions
 from tolevo.problems.serial_arm.definition import CENTRE, MASS, ROWS
@@ -55,18 +56,6 @@ BUILT = Arm(  # as built: every error, base and tool
     np.array(MASS), np.array(CENTRE),
 )  # fmt: skip
 ARMS = pytest.mark.parametrize("arm", [PUMA, KR5, BUILT], ids=["puma", "kr5", "built"])
-
-
-def turn(axis: str, angle: float) -> np.ndarray:
-    found = np.eye(4)
-    found[:3, :3] = Rotation.from_euler(axis, angle).as_matrix()
-    return found
-
-
-def move(x: float, y: float, z: float) -> np.ndarray:
-    found = np.eye(4)
-    found[:3, 3] = x, y, z
-    return found
 
 
 def after_joint(chain: Chain, at: int) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Sums of every kind of input: closed forms, quadrature over scipy's laws, the three methods."""
 
 from collections.abc import Callable
-from math import comb, erf, exp, factorial, sqrt
+from math import erf, exp, sqrt
 from typing import Any
 
 import numpy as np
@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
+from tests.models.test_propagation import irwin_hall, term
 from tolevo.models.inputs import (
     Beta,
     Distribution,
@@ -53,11 +54,6 @@ def law_of(case: Distribution, law: Any) -> Any:
     plain = stats.skewnorm(case.skew)
     scale = 1.0 / (3.0 * case.cp * plain.std())
     return stats.skewnorm(case.skew, case.shift - scale * plain.mean(), scale)
-
-
-def term(law: Distribution, constant: float, linear: float, quadratic: float | None = None) -> Term:
-    bent = None if quadratic is None else np.array([quadratic])
-    return Term(law, np.array([constant]), np.array([linear]), bent)
 
 
 def propagated(clipped: list[Term], free: list[Term], coverage: float, limit: float) -> Propagated:
@@ -168,12 +164,6 @@ def test_monte_carlo_agrees(case: Distribution, given: Any) -> None:
         sampled, other = getattr(found, name), getattr(exact, name)
         away = abs(float(sampled.value[0] - other.value[0]))
         assert away <= 4.0 * sampled.error[0] + other.error[0] + 1e-5, name
-
-
-def irwin_hall(n: int, x: float) -> float:
-    """P(sum of n uniforms on [0, 1] <= x)."""
-    below = range(int(x) + 1)
-    return float(sum((-1) ** k * comb(n, k) * (x - k) ** n for k in below) / factorial(n))
 
 
 @pytest.mark.parametrize("x", [0.5, 1.3, 2.0, 3.7])

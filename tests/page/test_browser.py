@@ -17,6 +17,7 @@ import pytest
 from tests.page.test_claims_page import result as claims
 from tests.page.test_gap_page import result as gap
 from tests.page.test_study_page import result as study
+from tests.small_jobs import HOUSING_AND_SHAFT
 from tolevo.commands.comparison_page import comparison_page
 from tolevo.commands.gap.page import gap_page
 from tolevo.commands.reproduce.page import claims_page
@@ -227,29 +228,9 @@ def test_five_thousand_points_open_in_time_and_answer_a_click(browser: Browser, 
     assert seen.wrong == []
 
 
-STACK = """
-problem = "stack"
-[requirement]
-name = "gap"
-unit = "mm"
-lower = -0.2
-upper = 0.2
-[[part]]
-name = "housing"
-nominal = 55.29
-unit = "mm"
-sensitivity = 1.0
-t_min = 0.003
-t_max = 0.25
-cost = { model = "reciprocal", a = 3.5, b = 0.75 }
-[[part]]
-name = "shaft"
-nominal = 35.0
-unit = "mm"
-sensitivity = -1.0
-t_min = 0.003
-t_max = 0.25
-cost = { model = "reciprocal_power", a = 2.0, b = 0.3, k = 0.8 }
+STACK = (
+    HOUSING_AND_SHAFT.replace('"reciprocal", a = 2.0, b = 0.3', '"reciprocal_power", a = 2.0, b = 0.3, k = 0.8')
+    + """
 [[part]]
 name = "ring"
 nominal = 20.29
@@ -265,6 +246,7 @@ unit = "mm"
 sensitivity = 0.5
 tolerance = 0.02
 """
+)
 
 
 MACHINE = {

@@ -72,7 +72,7 @@ def result() -> ClaimsResult:
     table = pd.DataFrame(rows)
     counts = pd.DataFrame({"reproduced": [3], "not reproduced": [1]}, index=["X"])
     tables = {"histogram.bad": HISTOGRAM, "sweep": LINES}
-    return ClaimsResult((Document("X", EVIL, "a journal"),), table, counts, tables)
+    return ClaimsResult(documents=(Document("X", EVIL, "a journal"),), table=table, counts=counts, tables=tables)
 
 
 def test_what_comes_from_outside_is_escaped(result: ClaimsResult) -> None:

@@ -1,7 +1,7 @@
 import json
 import re
 from base64 import b64encode
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from hashlib import sha256
 
 import numpy as np
@@ -13,7 +13,8 @@ from tolevo.page import page
 from tolevo.page.document import shown, table
 from tolevo.page.explorer import thin_points
 from tolevo.page.figures import front_figure, population_figure, torque_figure, turn_figure
-from tolevo.records import Axis, RunResult
+from tolevo.page_data import table_files
+from tolevo.records import Axis, RunResult, optional
 
 EVIL = '<script>alert("x")</script>'
 
@@ -225,3 +226,20 @@ def test_units_are_shown_as_they_are_in_the_tables(result: RunResult) -> None:
     drawn = {line.get_label(): line.get_xdata() for line in marks}
     assert np.asarray(drawn["99.73 % of the units: 0.95 arcmin"]).tolist() == [0.95, 0.95]
     assert np.asarray(drawn["limit: 1 arcmin"]).tolist() == [1.0, 1.0]
+
+
+@dataclass(frozen=True, slots=True)
+class WithOwnTable(RunResult):
+    own: pd.DataFrame | None = optional("own.csv", heading="Own", text="Costs by <rank>.", marked=("rank", 2))
+
+
+def test_a_declared_table_is_written_and_drawn_without_more_being_said(result: RunResult) -> None:
+    values = {name: getattr(result, name) for name in RunResult.__dataclass_fields__}
+    own = pd.DataFrame({"rank": [1, 2], "mass_kg": [3.0, EVIL]})
+    text = page(WithOwnTable(**values, own=own))
+    shown_part = text.partition("<h2>Own</h2>")[2].partition("</section>")[0]
+    assert "Costs by &lt;rank&gt;." in shown_part and "mass [kg]" in shown_part and EVIL not in shown_part
+    assert [row.startswith("<tr class=mark>") for row in re.findall(r"<tr.*", shown_part)[1:]] == [False, True]
+    assert table_files(WithOwnTable(**values, own=own.head(1)))["own.csv"].startswith(b"rank,mass_kg\n1,")
+    assert "own.csv" not in table_files(WithOwnTable(**values))
+    assert "<h2>Own</h2>" not in page(WithOwnTable(**values))

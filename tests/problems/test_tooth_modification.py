@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
-from tolevo.models.rv_reducer.contact.contact import LoadedContact, backlash, loading, rigidity
+from tolevo.models.rv_reducer.contact.contact import LoadedContact, backlash, loading, torque_twist
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry, PartErrors
 from tolevo.problems.settings import Bound, Settings, VariableSetting
 from tolevo.problems.tooth_modification import ToothModification
@@ -53,7 +53,8 @@ def test_two_discs_are_one_with_half_the_torque() -> None:
     assert found["pins_loaded"][0] == pytest.approx(load.loaded[0], rel=1e-12)
     play = backlash(contact, PartErrors(), PITCH).mean() / ARCMIN
     assert found["backlash_arcmin"][0] == pytest.approx(play, rel=1e-9)
-    secant = rigidity(contact, PartErrors(), PITCH, (0.999, 1.001))[0] * ARCMIN
+    torques = np.array([0.999, 1.001]) * contact.rated_torque
+    secant = np.diff(torques) / np.diff(torque_twist(contact, PartErrors(), PITCH, torques))[0] * ARCMIN
     assert found["stiffness_Nm_per_arcmin"][0] == pytest.approx(secant, rel=2e-3)
 
 

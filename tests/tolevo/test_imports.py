@@ -7,29 +7,9 @@ from pathlib import Path
 
 import pytest
 
-STACK = """
-problem = "stack"
-[requirement]
-name = "gap"
-unit = "mm"
-lower = -0.2
-upper = 0.2
-[[part]]
-name = "housing"
-nominal = 55.29
-unit = "mm"
-sensitivity = 1.0
-t_min = 0.003
-t_max = 0.25
-cost = { model = "reciprocal", a = 3.5, b = 0.75 }
-[[part]]
-name = "shaft"
-nominal = 35.0
-unit = "mm"
-sensitivity = -1.0
-t_min = 0.003
-t_max = 0.25
-cost = { model = "reciprocal", a = 2.0, b = 0.3 }
+from tests.small_jobs import HOUSING_AND_SHAFT
+
+STACK = f"""{HOUSING_AND_SHAFT}
 [algorithm]
 name = "exact"
 points = 20

@@ -8,7 +8,7 @@ import re
 import time
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -28,14 +28,14 @@ from ..page.document import add_reload, unfinished_page
 from ..page.drawing import as_png, as_svg
 from ..page.page import figures as run_figures
 from ..page.page import page
-from ..records import AnalysisResult, Axis, Bars, RunResult, StudyResult
+from ..records import AnalysisResult, Axis, Bars, RunResult, StudyResult, Table, tables_of
 from ..units import split_unit
 from .comparison import compare_runs
 from .comparison_page import comparison_figure, comparison_page
 from .gap.records import GapResult
 from .gap.uncertainty import FILE
 from .reproduce.records import ClaimsResult
-from .run.answers import FORMAT, TABLES
+from .run.answers import FORMAT
 from .run.front import CHECKPOINT
 from .study.plan import RESPONSES
 from .study.storage import DAMAGE, DATABASE, Database, Unusable
@@ -287,10 +287,8 @@ def _parts(text: str) -> tuple[int, ...]:
 
 
 SUMMARY = "summary.json"
-OVERLAYS = TABLES["overlays"]
-OPTIONAL = {
-    field: name for field, name in TABLES.items() if field not in ("front", "references", "convergence", "overlays")
-}
+TABLES = tables_of(RunResult)
+OPTIONAL = tuple(held.name for held in fields(RunResult) if held.name in TABLES and held.default is None)
 OBJECTS = ("versions", "ideal", "nadir", "axes", "files", "choices", "units", "assumptions_at", "answers", "mechanism")
 LISTS = ("notes", "assumptions", "bars", "rounding", "validity")
 KINDS_OF_RUN: dict[str, type] = (
@@ -300,25 +298,6 @@ KINDS_OF_RUN: dict[str, type] = (
 TOLERANCES = "tolerances.json"
 NAMED = {"name", "unit", "kind", "low", "high", "free", "orderable", "grades", "costs"}
 """What a record of it must have."""
-NEEDED = {
-    "choices": ("choice", "meaning", "point"),
-    "choice_sensitivity": ("choice", "same"),
-    "allocation": ("point", "variable", "rounded"),
-    "contributions": ("point", "output", "explained"),
-    "unit_turn": ("turn_deg", "backlash_arcmin", "measured"),
-    "population": ("backlash_max_arcmin", "share_within_percent", "share_percent"),
-    "torque_rotation": ("torque_Nm", "rotation_median_arcmin", "rotation_high_arcmin", "lost_motion"),
-    "assumptions_cost": ("assumption", "value", "cost"),
-    "requirements": ("requirement", "multiplier_cost_per_unit"),
-    "drivers": ("part", "driven_by"),
-    "prices": ("point", "output", "price", "source"),
-    "changes": ("point", "variable", "to", "cost_change", "breaks"),
-    "relaxed": ("label",),
-    "promise": ("statement", "cost", "assurance_percent"),
-    "next_parts": ("part", "shadow_gain"),
-    "capability": ("part", "index", "value"),
-}
-"""Columns that the page reads of them."""
 
 
 def stored_run(stored: Stored) -> RunResult | None:
@@ -343,10 +322,8 @@ def stored_run(stored: Stored) -> RunResult | None:
     return RunResult(
         title=str(summary.get("title") or stored.folder.resolve().name),
         front=front,
-        references=_table_with_columns(references, ("label", "feasible", "violated_limits"), "references.csv", stored),
-        convergence=_table_with_columns(
-            convergence, ("evaluations", "hypervolume", "feasible_fraction"), "convergence.csv", stored
-        ),
+        references=_table_with_columns(references, TABLES["references"], stored),
+        convergence=_table_with_columns(convergence, TABLES["convergence"], stored),
         summary=summary,
         objectives=objectives,
         variables=tuple(axis for axis in variables if axis.name in front),
@@ -384,16 +361,18 @@ def _is_missing(table: pd.DataFrame | None) -> bool:
     return table is None or table.empty
 
 
-def _table_with_columns(table: pd.DataFrame | None, needed: tuple[str, ...], name: str, stored: Stored) -> pd.DataFrame:
-    """The table, empty where there is none or a column is missing that the page reads."""
-    return pd.DataFrame() if table is None or _lacks_column(table, needed, name, stored) else table
+def _table_with_columns(
+    table: pd.DataFrame | None, declared: Table, stored: Stored, more: Sequence[str] = ()
+) -> pd.DataFrame:
+    """The table, empty where there is none or a column is missing that the page reads, with `more`."""
+    return pd.DataFrame() if table is None or _lacks_column(table, declared, stored, more) else table
 
 
-def _lacks_column(table: pd.DataFrame, needed: tuple[str, ...], name: str, stored: Stored) -> bool:
+def _lacks_column(table: pd.DataFrame, declared: Table, stored: Stored, more: Sequence[str] = ()) -> bool:
     """Whether a table lacks a column that the page reads, which is remarked."""
-    missing = [column for column in needed if column not in table]
+    missing = [column for column in (*declared.columns, *more) if column not in table]
     if missing:
-        stored.remark(name, f"has no column {', '.join(missing)}; left out")
+        stored.remark(declared.file, f"has no column {', '.join(missing)}; left out")
     return bool(missing)
 
 
@@ -414,7 +393,8 @@ def _front(stored: Stored, names: list[str]) -> pd.DataFrame:
 
 def _overlays(stored: Stored, names: list[str]) -> dict[str, pd.DataFrame]:
     """Fronts of other algorithms by label."""
-    overlays = _table_with_columns(stored.table(OVERLAYS, names, needed=False), ("label", *names), OVERLAYS, stored)
+    declared = TABLES["overlays"]
+    overlays = _table_with_columns(stored.table(declared.file, names, needed=False), declared, stored, names)
     if overlays.empty:
         return {}
     groups = overlays.groupby(overlays["label"].astype(str), sort=False)
@@ -423,9 +403,10 @@ def _overlays(stored: Stored, names: list[str]) -> dict[str, pd.DataFrame]:
 
 def _optional(stored: Stored, points: int) -> dict[str, pd.DataFrame | None]:
     tables: dict[str, pd.DataFrame | None] = {}
-    for field, name in OPTIONAL.items():
+    for field in OPTIONAL:
+        name = TABLES[field].file
         table = stored.table(name, needed=False)
-        if table is not None and _lacks_column(table, NEEDED.get(field, ()), name, stored):
+        if table is not None and _lacks_column(table, TABLES[field], stored):
             table = None
         if table is not None and "point" in table:
             rows = pd.to_numeric(table["point"], errors="coerce")

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from ..errors import Fault
 from ..files import PART, file_obstacle, is_file, is_folder, read_record, write_record
+from ..records import AnalysisResult, ClaimsTables, GapTables, RunResult, StudyResult, tables_of
 from .lock import LOCK, holders
 
 
@@ -40,24 +41,17 @@ def _figure_files(*stems: str) -> tuple[str, ...]:
     return tuple(f"{stem}.{ending}" for stem in stems for ending in ("png", "svg"))
 
 
+def _tables(result: type) -> tuple[str, ...]:
+    """The files of the tables that a result declares."""
+    return tuple(table.file for table in tables_of(result).values())
+
+
 PAGE, XLSX = "report.html", "stack.xlsx"
 KINDS: Mapping[str, Kind] = {
     "analyse": Kind(
         marks=("histograms.csv",),
         state=(),
-        files=(
-            "config.toml",
-            "requirements.csv",
-            "contributions.csv",
-            "histograms.csv",
-            "tolerances.csv",
-            "prices.csv",
-            "budgets.csv",
-            "changes.csv",
-            "page.json",
-            "summary.json",
-            XLSX,
-        ),
+        files=("config.toml", *_tables(AnalysisResult), "page.json", "summary.json", XLSX),
         pages=(PAGE,),
         saved="nothing",
     ),
@@ -69,8 +63,7 @@ KINDS: Mapping[str, Kind] = {
             "steps.npz",
             "config.toml",
             "corrected.toml",
-            "residuals.parquet",
-            "next_measurement.csv",
+            *_tables(GapTables),
             "summary.txt",
             "page.json",
             "gap.json",
@@ -89,10 +82,7 @@ KINDS: Mapping[str, Kind] = {
             "store.json",  # of 0.2.0: its runs are in a database elsewhere
             "config.toml",
             "curves.parquet",
-            "study.csv",
-            "sensitivity.csv",
-            "tests.csv",
-            "medians.csv",
+            *_tables(StudyResult),
             "leaders.csv",
             "page.json",
             "study.json",
@@ -103,7 +93,7 @@ KINDS: Mapping[str, Kind] = {
     "reproduce": Kind(
         marks=("claims.csv", "claims.json"),
         state=("checked/*.json",),
-        files=("checked/*.json", "claims.csv", "claims.json", "tables/*.csv", "page.json"),
+        files=("checked/*.json", *_tables(ClaimsTables), "claims.json", "tables/*.csv", "page.json"),
         pages=(PAGE, *_figure_files("figures/*")),
         saved="every claim that had been checked",
     ),
@@ -114,32 +104,9 @@ KINDS: Mapping[str, Kind] = {
             "checkpoint.npz",
             "side_*.npz",
             "config.toml",
-            "front.csv",
+            *_tables(RunResult),
             "front.parquet",
             "front.json",
-            "references.csv",
-            "convergence.csv",
-            "front_without_effects.csv",
-            "allocation_moved.csv",
-            "choices.csv",
-            "choice_sensitivity.csv",
-            "allocation.csv",
-            "contributions.csv",
-            "exact_front.csv",
-            "overlays.csv",
-            "unit_turn.csv",
-            "population.csv",
-            "torque_rotation.csv",
-            "assumptions_cost.csv",
-            "analysis.csv",
-            "requirements.csv",
-            "drivers.csv",
-            "prices.csv",
-            "changes.csv",
-            "relaxed.csv",
-            "promise.csv",
-            "next_parts.csv",
-            "capability.csv",
             "tolerances.json",
             "drawing.html",
             "reducers.npz",

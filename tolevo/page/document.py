@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from ..records import limits_text, mechanism_lines, range_text
+from ..records import limits_text, mechanism_lines, range_text, tables_of
 from ..units import plain_number, split_unit
 from .drawing import as_svg
 
@@ -397,6 +397,17 @@ def table(frame: pd.DataFrame, marked: Sequence[bool] = (), caption: str = "") -
 def described(text: str, frame: pd.DataFrame, marked: Sequence[bool] = ()) -> str:
     """A paragraph, and below it the table that it explains."""
     return f"<p>{escape(text)}</p>\n{table(frame, marked)}"
+
+
+def declared_tables(result: object) -> dict[str, str]:
+    """The tables of a result whose declarations have a heading, by that, as HTML below their texts."""
+    bodies = {}
+    for name, declared in tables_of(result).items():
+        if declared.heading and (frame := getattr(result, name)) is not None:
+            column, value = declared.marked
+            marks = [cell == value for cell in frame[column]] if column in frame else []
+            bodies[declared.heading] = described(declared.text, frame, marks)
+    return bodies
 
 
 def listed(records: Iterable[object], columns: str) -> pd.DataFrame:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from html import escape
+from itertools import starmap
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from .document import (
     about,
     bullets,
     chosen,
+    declared_tables,
     described,
     document,
     folded_section,
@@ -397,13 +399,6 @@ GAINS = (
     "of the reference; it is empty where no limit is broken."
 )
 
-MOVED = (
-    "The change of the allocation by the effects in the model. For every level of the second objective the "
-    "table has the cheapest point of the front without the effects (before), the values of the same design "
-    "with them (kept), and the cheapest point with them (after). front_without_effects.csv has the "
-    "whole front, allocation_moved.csv this table."
-)
-
 
 def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
     """The whole page; every text that comes from outside is escaped.
@@ -423,7 +418,7 @@ def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
         *requirement_sections(result),
         *choice_sections(result),
         *(html for name in SECTIONS if (html := _section(name, result))),
-        section("Effects", _moves_table(result.moved)) if result.moved is not None else "",
+        *starmap(section, declared_tables(result).items()),
         section("References", _references(result)) if len(result.references) else "",
         section("Points of the front", folded_section("Table", _points(result))) if len(result.front) else "",
         section("Convergence", _convergence(result.convergence)) if len(result.convergence) > 1 else "",
@@ -492,11 +487,6 @@ def _references(result: RunResult) -> str:
     short = chosen(result.references, ["label", "feasible", "violated_limits", *axes, *gains])
     full = f"<details><summary>All columns</summary>{table(result.references)}</details>"
     return f"{described(GAINS, short)}\n{full}"
-
-
-def _moves_table(moved: pd.DataFrame) -> str:
-    marked = [label == "after" for label in moved["allocation"]] if len(moved) else []
-    return described(MOVED, moved, marked)
 
 
 def _points(result: RunResult) -> str:

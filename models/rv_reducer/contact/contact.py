@@ -194,13 +194,6 @@ class LoadedContact:
             rotations[block.place] = block.mesh.rotation(torques[block.place], direction)
         return rotations
 
-    def reaction(self, errors: PartErrors, angles: Array, rotation: Array) -> tuple[Array, Array]:
-        """Torque [N m] on the carrier and tangent stiffness [N m/rad] at its rotation [rad].
-
-        All (units, angles). For further rotations keep `mesh` and use `Mesh.torque`.
-        """
-        return self.mesh(errors, angles).torque(rotation)
-
     def blocks(self, errors: PartErrors, angles: Array) -> Iterator[Block]:
         """The meshes in blocks of some units at some angles."""
         wide = min(angles.size, BLOCK)
@@ -285,13 +278,6 @@ def lost_motion(contact: LoadedContact, errors: PartErrors, angles: Array) -> Ar
     torque = LOST_MOTION_SHARE * contact.rated_torque
     twist = torque_twist(contact, errors, angles, np.array([-torque, torque]))
     return twist[:, 1] - twist[:, 0]
-
-
-def rigidity(contact: LoadedContact, errors: PartErrors, angles: Array, between: tuple[float, float]) -> Array:
-    """Secant stiffness [N m/rad] between two fractions of the rated torque, (units,)."""
-    torques = np.array(between) * contact.rated_torque
-    twist = torque_twist(contact, errors, angles, torques)
-    return np.asarray((torques[1] - torques[0]) / (twist[:, 1] - twist[:, 0]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

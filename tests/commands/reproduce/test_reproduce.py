@@ -8,43 +8,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.small_jobs import output_of, tolevo, written
+from tests.small_jobs import CLAIMS, EXCEED, output_of, tolevo, written
 from tolevo.commands.reproduce import reproduce as command
 from tolevo.commands.reproduce.claims import Checked, ClaimTask, check
 from tolevo.commands.reproduce.configuration import read_claims
 from tolevo.directory import KINDS, MANIFEST, standing
 from tolevo.directory.standing import present_files
 
-PAPER = """
-document = "X"
-title = "A <b>paper</b>"
-seed = 3
-
-[[claim]]
-id = "k1"
-place = "page 1"
-quantity = "k1"
-printed = "0.8125"
-unit = "1"
-[[claim.reading]]
-formula = "1.3 * 40 / 64"
-
-[[claim]]
-id = "exceed"
-place = "page 2"
-quantity = "share above 1 arcmin"
-printed = "0.11"
-unit = "1"
-tolerance = 0.05
-tolerance_reason = "1000 units have a standard error of 0.01"
-[[claim.reading]]
-model = "rv_batch"
-parameters = { model = "document", reading = "printed" }
-units = 1000
-output = "backlash_arcmin"
-statistic = "fraction_above"
-threshold = 1.0
-
+PAPER = f"""{CLAIMS.replace("A paper", "A <b>paper</b>")}{EXCEED}
 [[claim]]
 id = "pair"
 place = "page 3"
@@ -58,7 +29,7 @@ quantity = ["length_mm", "height_mm"]
 states = "the height is 250 mm"
 calculation = "task_ring"
 quantity = ["length_mm", "height_mm"]
-parameters = { ring_z_mm = [100.0, 350.0] }
+parameters = {{ ring_z_mm = [100.0, 350.0] }}
 
 [[claim]]
 id = "stages"

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from tests.small_jobs import POSE_BY_GA
 from tolevo.cli import app
 from tolevo.commands.study.configuration import read_study
 from tolevo.commands.study.study import study
@@ -19,19 +20,7 @@ from tolevo.execution import InProcess
 pytestmark = pytest.mark.usefixtures("unrendered")
 
 CONFIGS = Path(str(files("tolevo.configs")))
-RUN = """
-problem = "pose_accuracy"
-[parameters]
-index = "rms_plane"
-[objectives]
-minimise = ["cost"]
-[limits]
-squareness_mrad = 0.2
-[algorithm]
-name = "ga"
-population = 20
-generations = 5
-"""
+RUN = POSE_BY_GA.format(mrad=0.2, more="", population=20, generations=5)
 
 
 def study_file(folder: Path, vary: str, rest: str = "", kind: str = "factorial") -> Path:
@@ -183,8 +172,8 @@ def test_operators_are_categories(tmp_path: Path) -> None:
     plan = read_study(path, ["run.limits.squareness_mrad=0.6"])
     assert all(factor.categorical for factor in plan.settings.factors)
     outcome = study(plan, tmp_path / "out", InProcess())
-    assert outcome.data is not None
-    fractions = outcome.data.table["feasible_fraction"].to_numpy().reshape(6, -1)
+    assert outcome.result is not None
+    fractions = outcome.result.table["feasible_fraction"].to_numpy().reshape(6, -1)
     assert len(np.unique(fractions, axis=0)) == 6
 
 

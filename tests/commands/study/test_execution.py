@@ -23,6 +23,7 @@ import pytest
 from typer.testing import CliRunner
 
 from tests.dask_daemons import LOOPBACK, cluster, wait_until
+from tests.small_jobs import POSE_BY_GA
 from tolevo import dask_cluster
 from tolevo.cli import app
 from tolevo.commands.study.configuration import read_study
@@ -35,20 +36,7 @@ from tolevo.execution import InProcess, Lost, Processes, Result, TaskT, executor
 
 pytestmark = [pytest.mark.long, pytest.mark.usefixtures("unrendered")]
 
-RUN = """
-problem = "pose_accuracy"
-[parameters]
-index = "rms_plane"
-[objectives]
-minimise = ["cost"]
-[limits]
-squareness_mrad = 0.6
-yaw_mrad = 0.6
-[algorithm]
-name = "ga"
-population = 10
-generations = 8
-"""
+RUN = POSE_BY_GA.format(mrad=0.6, more="yaw_mrad = 0.6", population=10, generations=8)
 STUDY = """
 run = "run.toml"
 seeds = 8

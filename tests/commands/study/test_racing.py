@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import binom
 
+from tests.small_jobs import POSE_BY_GA
 from tolevo.commands.study.configuration import read_study
 from tolevo.commands.study.plan import StudyPlan
 from tolevo.commands.study.storage import DATABASE, Database
@@ -29,20 +30,7 @@ NOISES: dict[str, Callable[[np.random.Generator], Array]] = {
     "skewed": lambda rng: rng.exponential(size=(SETTINGS, SEEDS)),
     "heavy tails": lambda rng: rng.standard_t(3, size=(SETTINGS, SEEDS)),
 }
-RUN = """
-problem = "pose_accuracy"
-[parameters]
-index = "rms_plane"
-[objectives]
-minimise = ["cost"]
-[limits]
-squareness_mrad = 0.6
-yaw_mrad = 0.6
-[algorithm]
-name = "ga"
-population = 10
-generations = 12
-"""
+RUN = POSE_BY_GA.format(mrad=0.6, more="yaw_mrad = 0.6", population=10, generations=12)
 STUDY = """
 run = "run.toml"
 seeds = 12

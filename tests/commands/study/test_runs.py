@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tests.small_jobs import POSE_BY_GA
 from tolevo.algorithms.archive import DEFAULT_PER_OCTAVE, Box, Course, is_charted_generation
 from tolevo.algorithms.search import search
 from tolevo.commands.run.proofs import exact_front
@@ -25,22 +26,10 @@ from tolevo.problems.tolerance_problem import ToleranceProblem
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 
-ONE = """
-problem = "pose_accuracy"
-[parameters]
-index = "rms_plane"
-[objectives]
-minimise = ["cost"]
-[limits]
-squareness_mrad = 0.2
-yaw_mrad = 0.2
-[algorithm]
-name = "ga"
-population = 20
-generations = 30
-[algorithm.mutation]
-probability = 0.08
-"""
+ONE = (
+    POSE_BY_GA.format(mrad=0.2, more="yaw_mrad = 0.2", population=20, generations=30)
+    + "[algorithm.mutation]\nprobability = 0.08\n"
+)
 STUDY = """
 run = "run.toml"
 seeds = 3
@@ -94,7 +83,7 @@ def test_table_of_a_study(whole: tuple[Path, StudyOutcome]) -> None:
 def test_a_run_is_that_of_search(whole: tuple[Path, StudyOutcome]) -> None:
     """Same designs as `search` with the same settings and seed, gap to the closed form."""
     folder, outcome = whole
-    data = outcome.data
+    data = outcome.result
     assert data is not None
     row = data.table.iloc[-1]
     changes = ["algorithm.population=20", "algorithm.crossover.probability=0.99"]
@@ -132,7 +121,7 @@ def test_a_front_is_measured_as_search_does(tmp_path: Path) -> None:
     """
     changes = ["name=nsga2", "population=40", "generations=20"]
     plan = read_study(written(tmp_path, text), [f"run.algorithm.{one}" for one in changes])
-    data = done(plan, tmp_path / "out").data
+    data = done(plan, tmp_path / "out").result
     assert data is not None
     problem = plan.problems[0]
     exact = exact_front(problem)

@@ -16,6 +16,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner, Result
 
+from tests.small_jobs import POSE_BY_GA
 from tolevo.cli import app
 from tolevo.commands.study.configuration import read_study
 from tolevo.commands.study.plan import StudyOutcome
@@ -30,19 +31,7 @@ from tolevo.files import write_record
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 
-RUN = """
-problem = "pose_accuracy"
-[parameters]
-index = "rms_plane"
-[objectives]
-minimise = ["cost"]
-[limits]
-squareness_mrad = 0.6
-[algorithm]
-name = "ga"
-population = 8
-generations = 40
-"""
+RUN = POSE_BY_GA.format(mrad=0.6, more="", population=8, generations=40)
 STUDY = """
 run = "run.toml"
 seeds = 10

@@ -13,7 +13,7 @@ from ... import page_data
 from ...configuration.configuration import Configuration
 from ...directory import own_folder
 from ...errors import refuse
-from ...files import WORKBOOK, csv_text, write_bytes, write_text
+from ...files import WORKBOOK, write_bytes, write_text
 from ...page_data import as_json
 from ...problems.stack import Stack
 from ...records import AnalysisResult, range_text
@@ -26,8 +26,6 @@ from .page import analysis_page, ranked, verdict_of
 LARGEST = 3
 """Contributions that the terminal names."""
 OPEN = "it is to be searched: analysed at the loosest tolerance that it may have"
-TABLES = ("requirements", "contributions", "histograms", "tolerances", "prices", "budgets", "changes")
-"""Tables of an analysis: files of these names."""
 
 
 def stack_of(configuration: Configuration) -> Stack:
@@ -124,9 +122,7 @@ def write_analysis(result: AnalysisResult, folder: Path, overwrite: bool, workbo
     with own_folder(folder, "analyse", False, overwrite) as place:
         place.begin()
         write_text(folder / "config.toml", result.configuration)
-        for name in TABLES:
-            if (frame := getattr(result, name)) is not None:
-                write_text(folder / f"{name}.csv", csv_text(frame))
+        page_data.write_tables(result, folder)
         write_text(folder / page_data.NAME, page_data.dump_result(result))
         write_text(folder / "summary.json", as_json(dict(result.summary)))
         write_text(folder / "report.html", analysis_page(result))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from html import escape
+from itertools import starmap
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from ...page.document import (
     about,
     bullets,
     data,
+    declared_tables,
     described,
     document,
     folded_section,
@@ -47,10 +49,6 @@ CHANGES = (
     "Each tolerance moved to the next value that can be ordered, or to another process, all others kept; a step breaks "
     "a requirement whose ratio falls below 1, or below what it is now."
 )
-TOLERANCES = (
-    "The zones that were analysed. A part that is to be searched is analysed at the tolerance that is stated beside "
-    "its range, else at the loosest one that it may have."
-)
 
 
 def analysis_page(result: AnalysisResult) -> str:
@@ -67,7 +65,7 @@ def analysis_page(result: AnalysisResult) -> str:
         *_costs(result),
         section("Contributions", described(CONTRIBUTIONS, ranked(result.contributions))),
         section("Notes", bullets(notes)) if notes else "",
-        section("Tolerances", described(TOLERANCES, result.tolerances)),
+        *starmap(section, declared_tables(result).items()),
         section("Assumptions", bullets(assumed)) if assumed else "",
         section("Configuration", folded_section("config.toml", f"<pre>{escape(result.configuration)}</pre>")),
     ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from importlib.metadata import version
 from math import isfinite
 from pathlib import Path
@@ -18,12 +18,12 @@ from threadpoolctl import threadpool_limits
 from ... import page_data
 from ...directory import own_folder
 from ...execution import Execution
-from ...files import csv_text, write_bytes, write_text
+from ...files import write_bytes, write_text
 from ...journal import recording_steps
 from ...models.effects.measurements import Active, predicted
 from ...models.measurable import MeasurableModel, Role
 from ...page_data import as_json
-from ...records import Axis, mechanism_lines
+from ...records import Axis, CommandOutcome, mechanism_lines
 from ...section import Array
 from .analysis import Analysis, analysed
 from .correct import corrected_toml, fit_all_rows, in_problem, uneven_delays, zeros_with
@@ -188,7 +188,6 @@ def _misfit_record(end: Ending, misfit: Misfit) -> Shape:
 
 
 SUMMARY = "summary.txt"
-POINTS = "next_measurement.csv"
 
 
 def write(result: GapResult, folder: Path, lines: Sequence[str]) -> None:
@@ -198,9 +197,7 @@ def write(result: GapResult, folder: Path, lines: Sequence[str]) -> None:
 
     write_text(folder / "config.toml", result.configuration)
     write_text(folder / "corrected.toml", result.corrected)
-    write_bytes(folder / "residuals.parquet", result.residuals.to_parquet(index=False))
-    if result.next_points is not None:
-        write_text(folder / POINTS, csv_text(result.next_points))
+    page_data.write_tables(result, folder)
     drawn = drawings(result)
     for name, figure, _ in drawn:
         write_bytes(folder / f"{name}.png", as_png(figure))
@@ -296,17 +293,7 @@ BATCH_DISTANCE_TEXT = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class GapOutcome:
-    """How an analysis ended ("done" or "interrupted"), and its summary in lines.
-
-    `result` is None where it was interrupted, or was complete before.
-    """
-
-    status: str
-    folder: Path
-    lines: tuple[str, ...]
-    result: GapResult | None = None
+GapOutcome = CommandOutcome[GapResult | None]
 
 
 def gap(
@@ -328,7 +315,7 @@ def gap(
     identity = identity_of(plan, data)
     with own_folder(out, "gap", resume, overwrite) as place:
         if resume and is_complete(place, identity):
-            return GapOutcome("done", out, (*summary_of(out), f"{out} was complete already"))
+            return GapOutcome("done", out, (*summary_of(out), f"{out} was complete already"), None)
         replicates = open_replicates(place, identity, resume)
         try:
             result = analysis_result(plan, data, workers, progress, replicates)
@@ -337,7 +324,7 @@ def gap(
             place.complete()
         except KeyboardInterrupt:
             replicates.save_steps()
-            return GapOutcome("interrupted", out, (_saved_message(replicates, plan.settings.bootstrap),))
+            return GapOutcome("interrupted", out, (_saved_message(replicates, plan.settings.bootstrap),), None)
     return GapOutcome("done", out, lines, result)
 
 

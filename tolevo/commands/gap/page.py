@@ -19,7 +19,18 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from ...page import drawing
-from ...page.document import about, bullets, document, folded_section, listed, picture, section, shown, table
+from ...page.document import (
+    about,
+    bullets,
+    declared_tables,
+    document,
+    folded_section,
+    listed,
+    picture,
+    section,
+    shown,
+    table,
+)
 from ...page.drawing import flags, label_with_unit, new_axes, new_figure, style_axes
 from ...page.page import summary_table
 from ...records import Axis
@@ -605,6 +616,7 @@ def gap_page(result: GapResult, drawn: Sequence[Drawn] | None = None) -> str:
         else "",
         "Recalibrated parameters": _recalibrated_table(result),
         "Detection limits": _detectable_table(result),
+        **declared_tables(result),
         "Notes": bullets(result.notes) if result.notes else "",
         "Summary": summary_table(result.summary),
         "Configuration": f"<pre>{escape(result.configuration)}</pre>",

@@ -9,13 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isnan, nan
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from ...records import Axis
+from ...records import Axis, GapTables
 from ...section import Value
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 @dataclass(frozen=True, slots=True)
@@ -588,23 +585,13 @@ class UnresolvedTerm:
 
 
 @dataclass(frozen=True, slots=True)
-class GapResult:
+class GapResult(GapTables):
     """The result of `tolevo gap`.
 
-    `verdict` is "no_gap", "named", "ambiguous", "partial" or "unnamed". `residuals` has one row per
-    measurement in the order of measuring: the inputs; `block`; and for each output O its measured
-    value `O`, whether it is an outlier (`O_outlier`), the recalibrated model `O_predicted` and with
-    the effects `O_corrected`, the residuals (measured less predicted) `O_before` and `O_after`,
-    both on held-out rows (`O_before_held_out`, `O_after_held_out`), the residual given the named effects
-    alone (`O_remainder`), and the noise `O_noise`.
-    `spectrum` has the columns output, order, before, after, threshold (amplitudes in the unit of
-    the output). `units` holds the distributions of a batch (empty without one): output, share, and
-    the value that this fraction of the units stays below, measured, and drawn from the model before
-    and after; `population` compares them line by line, and `attribution` states which inputs may
-    cause a difference.
+    `verdict` is "no_gap", "named", "ambiguous", "partial" or "unnamed". `population` compares the `units` of
+    a batch line by line, and `attribution` states which inputs may cause a difference.
     `gap_before`, `gap_after` and `noise_floor` hold a number per output, and `total` in noise
-    units. `next_points` are the operating points of `next_measurement` in the order of measuring.
-    `drawing` is the drawing that the simulated units are made to. `elsewhere` is the error of rows held
+    units. `drawing` is the drawing that the simulated units are made to. `elsewhere` is the error of rows held
     out by the coarsest `split` of the record, as `gap_after`.
     """
 
@@ -622,9 +609,6 @@ class GapResult:
     noise_floor: Mapping[str, float]
     gap_before: Mapping[str, float]
     gap_after: Mapping[str, float]
-    residuals: pd.DataFrame
-    spectrum: pd.DataFrame
-    units: pd.DataFrame
     summary: Mapping[str, Any]
     notes: tuple[str, ...] = ()
     population: tuple[PopulationLine, ...] = ()
@@ -634,7 +618,6 @@ class GapResult:
     remainder: tuple[Remainder, ...] = ()
     unresolved: tuple[UnresolvedTerm, ...] = ()
     next_measurement: NextMeasurement | None = None
-    next_points: pd.DataFrame | None = None
     drawing: Drawing | None = None
     elsewhere: Mapping[str, float] = field(default_factory=dict)
     split: Mapping[str, Any] = field(default_factory=dict)

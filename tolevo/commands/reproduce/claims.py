@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from math import isfinite, nan
-from pathlib import Path
 
 import numpy as np
 
 from ...errors import InputError, ModelError
 from ...execution import pinned
+from ...records import CommandOutcome
 from ...units import converted
 from .recipes import Quantity, Recipe
 from .records import ClaimsResult, ComputedTable, Document
@@ -86,14 +86,7 @@ class ReproducePlan:
         return sum(len(source.file.claims) for source in self.sources)
 
 
-@dataclass(frozen=True, slots=True)
-class ReproduceOutcome:
-    """How it ended: "done" or "interrupted", and where its files are."""
-
-    status: str
-    folder: Path
-    lines: tuple[str, ...]
-    result: ClaimsResult | None = None
+ReproduceOutcome = CommandOutcome[ClaimsResult | None]
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import replace
 from html import escape
+from itertools import starmap
 from math import isfinite
 
 import numpy as np
@@ -12,7 +13,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ...page.document import described, document, package_scripts, picture, section, shown, table
+from ...page.document import declared_tables, described, document, package_scripts, picture, section, shown, table
 from ...page.drawing import COLOURS, Named, axis_label, label_with_unit, new_axes, style_axes, words
 from ...records import Axis
 from .records import Chart, ClaimsResult, ComputedTable, Document
@@ -140,6 +141,7 @@ def claims_page(result: ClaimsResult) -> str:
         parts.append(section("Not reproduced", failed))
     documents = [_document(source, result.table) for source in result.documents]
     parts.append('<div id="detail" data-filter="verdict">\n' + "\n".join(documents) + "\n</div>")
+    parts += starmap(section, declared_tables(result).items())
     parts += [
         section(name.replace("_", " "), _calculation(computed, drawn.get(name, "")))
         for name, computed in result.tables.items()

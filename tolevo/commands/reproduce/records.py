@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import inf
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import PlainSerializer, PlainValidator
 
-from ...records import Axis
-
-if TYPE_CHECKING:
-    import pandas as pd
+from ...records import Axis, ClaimsTables
 
 
 def _encode_array(values: NDArray[np.generic]) -> dict[str, Any]:
@@ -69,14 +66,8 @@ class Document:
 
 
 @dataclass(frozen=True, slots=True)
-class ClaimsResult:
-    """Claims of documents with their verdicts.
-
-    `table` is `claims.csv`, `counts` the number of claims by document and verdict, `tables` those
-    of the calculations by the stem of their file.
-    """
+class ClaimsResult(ClaimsTables):
+    """Claims of documents with their verdicts; `tables` are those of the calculations by the stem of their file."""
 
     documents: tuple[Document, ...]
-    table: pd.DataFrame
-    counts: pd.DataFrame
     tables: Mapping[str, ComputedTable]

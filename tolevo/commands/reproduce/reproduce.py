@@ -6,7 +6,7 @@ import hashlib
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -38,7 +38,8 @@ def assemble_result(plan: ReproducePlan, pairs: Pairs) -> ClaimsResult:
     table = pd.DataFrame([row(documents[task.document].name, task.claim, checked) for task, checked in pairs])
     counts = pd.crosstab(table["document"], table["verdict"])
     counts = counts.reindex(index=[document.name for document in documents], columns=list(map(str, Word)), fill_value=0)
-    return ClaimsResult(documents, table, counts.rename_axis(columns=None), tables_of(pairs))
+    counts = counts.rename_axis(columns=None)
+    return ClaimsResult(table=table, counts=counts, documents=documents, tables=tables_of(pairs))
 
 
 def row(document: str, claim: Claim, checked: Checked) -> dict[str, Any]:
@@ -163,7 +164,7 @@ TABLES, FIGURES = "tables", "figures"
 
 def write(result: ClaimsResult, folder: Path) -> None:
     """Verdicts as CSV and JSON, the tables and figures of the calculations, and the page."""
-    write_text(folder / "claims.csv", csv_text(flatten_claims(result.table)))
+    page_data.write_tables(replace(result, table=flatten_claims(result.table)), folder)
     write_text(folder / "claims.json", as_json(claims_record(result)))
     for stem, table in result.tables.items():
         (folder / TABLES).mkdir(exist_ok=True)
@@ -241,7 +242,7 @@ def _reproduce(
         _finish(tasks, known, out, executor, progress)
     except KeyboardInterrupt:
         saved = f"interrupted: {len(known)} of {len(tasks)} claims are checked and saved in {out}; {GO_ON}"
-        return ReproduceOutcome("interrupted", out, (saved,))
+        return ReproduceOutcome("interrupted", out, (saved,), None)
     result = assemble_result(plan, [(task, known[task.key]) for task in tasks])
     write(result, out)
     place.complete()

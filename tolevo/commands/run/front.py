@@ -120,15 +120,6 @@ def middle_point(front: pd.DataFrame) -> pd.Series[Any]:
     return front.iloc[int(order.iloc[len(front) // 2])]
 
 
-def label_fronts(fronts: Mapping[str, pd.DataFrame | None]) -> pd.DataFrame | None:
-    """Fronts below each other, each with its label; None without any."""
-    frames = [front.assign(label=label) for label, front in fronts.items() if front is not None]
-    if not frames:
-        return None
-    joined = pd.concat(frames, ignore_index=True)
-    return joined[["label", *(name for name in joined if name != "label")]]
-
-
 def exact_label(problem: ToleranceProblem) -> str:
     """The label of the exact optimum: of the cost, or of the column that is minimised in its place."""
     return EXACT if problem.priced == "cost" else EXACT.replace("cost", problem.priced)

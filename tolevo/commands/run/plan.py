@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from ...algorithms.settings import AlgorithmSettings, Budget
 from ...problems.tolerance_problem import ToleranceProblem, designs_of
-from ...records import RunResult
+from ...records import CommandOutcome, RunResult
 from ...section import Array
 from .choice import ChoiceSettings
 
@@ -40,14 +39,7 @@ class RunPlan:
     start_notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class RunOutcome:
-    """How a run ended: "done", "interrupted" or "no_feasible_point", and where its files are."""
-
-    status: str
-    folder: Path
-    lines: tuple[str, ...]
-    result: RunResult
+RunOutcome = CommandOutcome[RunResult]
 
 
 def chosen_point(result: RunResult) -> int:

@@ -28,21 +28,12 @@ from ...errors import InputError, refuse
 from ...execution import Background, Closing, Execution, Executor, Lost, Processes, built, executor_of, next_of, pinned
 from ...files import WORKBOOK, csv_text, write_bytes, write_text
 from ...journal import recording_steps
-from ...page_data import as_json, records
+from ...page_data import as_json, label_tables, records, table_files
 from ...problems.tolerance_problem import ToleranceProblem, designs_frame
 from ...records import Axis, RunResult, mechanism_lines, model_lines
 from ...units import plain_number
 from . import references as effects
-from .answers import (
-    TABLES,
-    add_analysis,
-    add_assumptions,
-    add_capability,
-    add_choices,
-    add_promise,
-    answers,
-    rounded_design,
-)
+from .answers import add_analysis, add_assumptions, add_capability, add_choices, add_promise, answers, rounded_design
 from .changes import value_against_limit, words
 from .decide import decide
 from .front import (
@@ -51,7 +42,6 @@ from .front import (
     Designs,
     alternatives,
     join_references,
-    label_fronts,
     middle_point,
     nearest_miss,
     notes_of,
@@ -243,8 +233,7 @@ def write(result: RunResult, folder: Path) -> None:
     from ...page.page import page
     from ...page.sheet import allocation_sheet, drawing_page
 
-    sheet, texts = allocation_sheet(result), _texts(result)
-    _write_texts(texts, folder)
+    sheet, files = allocation_sheet(result), _write_tables(result, folder)
     write_bytes(folder / "front.parquet", result.front.to_parquet(index=False))
     write_text(folder / "front.json", as_json(records(result.front)))
     if sheet is not None:
@@ -254,39 +243,26 @@ def write(result: RunResult, folder: Path) -> None:
     write_text(folder / "report.html", page(result))
     if (drawing := drawing_page(result)) is not None:
         write_text(folder / "drawing.html", drawing)
-    _write_summary(result, texts, folder)
+    _write_summary(result, files, folder)
 
 
 def write_tables(result: RunResult, folder: Path) -> None:
     """Write the tables and the summary alone, as far as a result has them."""
-    texts = _texts(result)
-    _write_texts(texts, folder)
-    _write_summary(result, texts, folder)
+    _write_summary(result, _write_tables(result, folder), folder)
 
 
-def _write_texts(texts: Mapping[str, str], folder: Path) -> None:
-    for name, text in texts.items():
-        write_text(folder / name, text)
-
-
-def _write_summary(result: RunResult, texts: Mapping[str, str], folder: Path) -> None:
-    summary = dict(result.summary) | {"files": {n: digest(t) for n, t in texts.items()}}
-    write_text(folder / "summary.json", as_json(summary))
-
-
-def digest(text: str) -> str:
-    """SHA-256 of a text file, by which edits are detected."""
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _texts(result: RunResult) -> dict[str, str]:
-    """The files from which the page can be rebuilt, by name."""
-    tables = {name: getattr(result, field) for field, name in TABLES.items()}
-    tables[TABLES["overlays"]] = label_fronts(result.overlays)
-    texts = {n: csv_text(frame) for n, frame in tables.items() if frame is not None}
+def _write_tables(result: RunResult, folder: Path) -> dict[str, str]:
+    """Write the files from which the page can be rebuilt: the SHA-256 of each, by which edits are detected."""
+    files = {"config.toml": result.configuration.encode()} | table_files(result)
     if result.tolerances:
-        texts["tolerances.json"] = as_json(list(result.tolerances))
-    return {"config.toml": result.configuration} | texts
+        files["tolerances.json"] = as_json(list(result.tolerances)).encode()
+    for name, content in files.items():
+        write_bytes(folder / name, content)
+    return {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
+
+
+def _write_summary(result: RunResult, files: Mapping[str, str], folder: Path) -> None:
+    write_text(folder / "summary.json", as_json(dict(result.summary) | {"files": files}))
 
 
 MISS = "nearest_miss.csv"
@@ -417,7 +393,7 @@ def _conclude_run(
     summary |= {"bound_of": plan.problem.priced} if plan.problem.priced != "cost" else {}
     summary |= drawn(plan.problem, front) | ({"alternatives": alternative_costs} if alternative_costs else {})
     result = _result(plan, search_result, front, references, summary, proven, exact)
-    looser = label_fronts(relaxed)
+    looser = label_tables(relaxed)
     looser = None if looser is None or looser.empty else looser
     result = replace(add_choices(result, decisions, plan, exact), overlays=overlays, relaxed=looser)
     result = add_estimated_bounds(add_conditional_bounds(result, plan, shared), plan, shared)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Hashable
 from html import escape
+from itertools import starmap
 from types import MappingProxyType
 from typing import Any
 
@@ -18,6 +19,7 @@ from ...page.document import (
     bullets,
     chosen,
     data,
+    declared_tables,
     described,
     document,
     folded_section,
@@ -282,6 +284,7 @@ def study_page(result: StudyResult) -> str:
         section("Sensitivities", _sensitivities(result, drawn)) if len(result.sensitivity) else "",
         section("Tests", _tests(result.tests)),
         section("Medians", folded_section("Table", _medians(result))),
+        *starmap(section, declared_tables(result).items()),
         section("Failed runs", _failed_runs(result.table)) if (result.table["status"] == "failed").any() else "",
         section("Configuration", folded_section("study.toml", f"<pre>{escape(result.configuration)}</pre>")),
     ]

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import inf, isnan, nan
-from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar
 
@@ -20,6 +19,7 @@ from ...algorithms.settings import AlgorithmSettings, Budget
 from ...errors import Fault, ModelError
 from ...problems.settings import Labels
 from ...problems.tolerance_problem import ToleranceProblem
+from ...records import CommandOutcome
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -223,14 +223,7 @@ class StudyPlan:
         return len(self.points) * self.settings.seeds
 
 
-@dataclass(frozen=True, slots=True)
-class StudyOutcome:
-    """How a study ended: "done" or "interrupted", and where its files are."""
-
-    status: str
-    folder: Path
-    lines: tuple[str, ...]
-    data: StudyData | None = None
+StudyOutcome = CommandOutcome[StudyData | None]
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,7 @@ from ...execution import Executor, Lost
 from ...files import csv_text, write_bytes, write_text, write_with
 from ...page.drawing import as_png, as_svg
 from ...page_data import as_json
-from ...records import StudyResult, mechanism_lines
+from ...records import StudyResult, mechanism_lines, tables_of
 from ...section import Array
 from .page import figures, study_page
 from .plan import (
@@ -116,7 +116,13 @@ def leaders(design: pd.DataFrame, costs: Sequence[Array]) -> pd.DataFrame:
 STREAM = (0, 1)
 """Spawn key of the generator of the resampling."""
 RECORD = "study.json"
-FILES = (RECORD, LEADERS, "sensitivity.csv", "tests.csv", "medians.csv", "report.html", page_data.NAME)
+FILES = (
+    RECORD,
+    LEADERS,
+    *(declared.file for declared in tables_of(StudyResult).values()),
+    "report.html",
+    page_data.NAME,
+)
 
 
 def write_analysis(settings: StudySettings, data: StudyData, out: Path) -> tuple[str, ...]:
@@ -419,7 +425,7 @@ def _study(
                 measures = Work(plan, database, executor, progress).finish()
             data = gather_tables(plan, database, measures, notes)
         except KeyboardInterrupt:
-            return StudyOutcome("interrupted", place.folder, (f"interrupted: {_saved_message(database, plan)}",))
+            return StudyOutcome("interrupted", place.folder, (f"interrupted: {_saved_message(database, plan)}",), None)
         except DAMAGE as error:
             raise RunError(f"{database.path}: {reason(error)}; {_saved_message(database, plan)}") from error
         except RunError as error:
@@ -490,8 +496,8 @@ def _write_study(plan: StudyPlan, data: StudyData, place: Ownership, finished: b
         place.begin(keep=KEPT_FILES)
     write_text(out / CONFIGURATION, plan.settings.configuration)
     write_with(out / "curves.parquet", data.curves.copy_to)
-    write_text(out / TABLE, table)
     if len(failed) == len(data.table):
+        write_text(out / TABLE, table)
         reason = failed["reason"].iloc[0]
         raise RunError(f"every run failed ({reason}): see study.csv; mend the cause, then start again with --overwrite")
     lines += write_analysis(plan.settings, data, out)
@@ -503,9 +509,8 @@ def _write_study(plan: StudyPlan, data: StudyData, place: Ownership, finished: b
 
 
 def write(result: StudyResult, folder: Path) -> None:
-    """`sensitivity.csv`, `tests.csv`, `medians.csv`, every figure and the page."""
-    for name in ("sensitivity", "tests", "medians"):
-        write_text(folder / f"{name}.csv", csv_text(getattr(result, name)))
+    """Every table, every figure and the page."""
+    page_data.write_tables(result, folder)
     for named in figures(result):
         write_bytes(folder / f"{named.name}.png", as_png(named.figure))
         write_bytes(folder / f"{named.name}.svg", as_svg(named.figure))
