@@ -178,7 +178,6 @@ class InConditions(ToleranceProblem):
     curves_of = _of_plain("curves_of")
     samples = _of_plain("samples")
     title = _of_plain("title")
-    sketch = _of_plain("sketch")
     tables = _of_plain("tables")
 
     def __init__(self, settings: Settings | None = None) -> None:
@@ -442,6 +441,18 @@ class InConditions(ToleranceProblem):
     def shown_limit(self) -> tuple[str, float] | None:
         limit = self.plain.shown_limit()
         return None if limit is None else (f"{self.operating.names[0]}.{limit[0]}", limit[1])
+
+    def sketch(self) -> Mapping[str, Any]:
+        """That of the first condition."""
+        sketch, common = self.plain.sketch(), self.plain.declaration.unconditional
+        if not sketch:
+            return sketch
+        first = self.operating.names[0]
+        parts = [
+            {**part, "shares": [name if name in common else f"{first}.{name}" for name in part["shares"]]}
+            for part in sketch["parts"]
+        ]
+        return {**sketch, "parts": parts}
 
     def shown_units(self, design: Array) -> UnitsShown | None:
         """Those of the first condition."""

@@ -714,10 +714,14 @@ class RvReducer(PromisingUnits, Machined):
 
     def faults(self) -> list[Fault]:
         ends = {name: super(RvReducer, self).interval(name) for name in ("dr_rp_mm", "dr_p_mm")}
+        shape = declared.faults(self.model.geometry, self.given, ends)
+        beyond = size_faults(self.count, MAX_CACHED_EVALUATIONS) or super().faults()
+        if shape:  # a profile that cannot be breaks the limits on it as well
+            beyond = [fault for fault in beyond if fault.place.removeprefix("limits.") not in declared.OF_THE_PROFILE]
         faults = [
-            *declared.faults(self.model.geometry, self.given, ends),
+            *shape,
             *unpriced_error_faults({variable.name for variable in self.free}, self.settings.costs),
-            *(size_faults(self.count, MAX_CACHED_EVALUATIONS) or super().faults()),
+            *beyond,
         ]
         if self.model.sorting is not None:
             asked = (*self.objectives, *(limit.name for limit in self.limits if limit.count))

@@ -157,6 +157,8 @@ def best(keys: Array) -> Rungs:
 
 VALUE_TOLERANCE = 1e-9
 """Relative difference below which two values count as equal."""
+PROPAGATED = 1e-6
+"""Fraction of a limit by which a value may differ between the lattices of two propagations."""
 NAMED = 8
 """Steps that a sentence names at most."""
 FEW, MOST = 8, 100
@@ -228,13 +230,17 @@ def _evaluate_designs(problem: ToleranceProblem, designs: Array) -> dict[str, Ar
 
 
 def _broken_limits(problem: ToleranceProblem, design: Array, outputs: Mapping[str, Array]) -> dict[str, str]:
-    """The limits that a full design (1, all) breaks, and by which values."""
-    broken = {}
+    """The limits that a full design (1, all) breaks, and by which values; those that it breaks by what a
+    propagation differs between designs only where it breaks no other.
+    """
+    broken, by_little = {}, set[str]()
     for limit in problem.limits:
         value = problem.values(design, outputs, limit.name)
         if not limit.kept(value)[0]:
             broken[limit.name] = f"{words(limit.name)} {value_against_limit(float(value[0]), limit)}"
-    return broken
+            if max(float(part[0]) for part in limit.violations(value)) <= PROPAGATED:
+                by_little.add(limit.name)
+    return {name: text for name, text in broken.items() if name not in by_little} or broken
 
 
 def value_against_limit(value: float, limit: Limit) -> str:
@@ -376,7 +382,7 @@ def _list_steps(rows: pd.DataFrame) -> str:
     ordered = rows.sort_values("cost_change", kind="stable").to_dict("records")
     named = [f"{step_words(row)}: {row['broken']}" for row in ordered[:NAMED]]
     more = len(ordered) - len(named)
-    return "; ".join([*named, f"{more} more break a limit"] if more else named)
+    return "; ".join([*named, f"{more} more break{'s' if more == 1 else ''} a limit"] if more else named)
 
 
 def _money(amount: float, currency: str) -> str:
