@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 import tolevo
 from tolevo.cli import app
 from tolevo.commands.run.answers import Sentences
+from tolevo.commands.run.changes import advice
 from tolevo.page import page
 from tolevo.page.figures import orders
 from tolevo.records import RunResult
@@ -275,3 +276,35 @@ def test_a_limit_on_the_cost_is_a_limit() -> None:
             "requirement": {"unit": "mm", "nominal": 0.0, "method": "worst_case"}}  # fmt: skip
     answer = tolevo.run(base | {"limits": {"cost": 12.0}}).record.answers["limits"]
     assert answer.endswith("the limit of cost at most 12 binds.")
+
+
+def test_what_a_reader_cannot_tell_is_no_advice() -> None:
+    """Savings below a millionth of the cost, and changes that a quantile is not known to."""
+    priced: Any = SimpleNamespace(priced="cost", objectives=("cost", "backlash_arcmin"), outputs=(), limits=(),
+                                  settings=SimpleNamespace(money=SimpleNamespace(currency="")))  # fmt: skip
+    at = {"cost": 10.0, "backlash_arcmin": 1.0}
+    rows = [{"variable": name, "to": "2 um", "cost_change": -saved, "breaks": "", "broken": "", "untried": 0,
+             "change_backlash_arcmin": moved}
+            for name, saved, moved in (("pin_um", 1e-8, 0.0), ("hole_um", 0.1, -1e-6))]  # fmt: skip
+    assert advice(priced, pd.DataFrame(rows[:1]), at).endswith("saves a millionth of the cost.")
+    assert advice(priced, pd.DataFrame(rows), at) == "Loosen first: hole, to 2 um: saves 0.1."
+    rows[1]["change_backlash_arcmin"] = 0.002
+    assert advice(priced, pd.DataFrame(rows), at) == "Loosen first: hole, to 2 um: saves 0.1; backlash rises by 0.002."
+    blocked = [{**rows[1], "variable": f"part{i}_um", "breaks": "gap", "broken": "gap 2"} for i in range(9)]
+    assert advice(priced, pd.DataFrame(blocked), at).endswith("; 1 more breaks a limit).")
+
+
+def test_a_limit_that_is_met_exactly_and_holds_nothing_back_is_told_so() -> None:
+    """g5 is min(dr_rp - dr_p, 0), which is 0 for every profile that opens: no step of the least cost breaks it."""
+    table = {"problem": "rv_backlash", "references": "none", "objectives": {"minimise": ["cost"]},
+             "limits": {"backlash_arcmin": 1.3, "interference_probability": 0.2},
+             "algorithm": {"name": "exact", "points": 2}}  # fmt: skip
+    told = tolevo.run(table).record.answers["limits"]
+    idle = "The limit of conjugate clearance min at least 0 mm is met exactly, and no small step of what is searched"
+    assert f"{idle} breaks it." in told
+    assert "the limit of backlash at most 1.3 arcmin binds" in told
+    assert "not known" not in told
+    steps = tolevo.run(table).record.changes
+    assert steps is not None
+    grade = steps[(steps["variable"] == "involute_grade") & (steps["breaks"] != "")]
+    assert set(grade["breaks"]) == {"backlash_arcmin"}  # interference does not depend on the gears
