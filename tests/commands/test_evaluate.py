@@ -81,3 +81,14 @@ def test_the_allocation_of_a_run_is_evaluated_as_rounded(tmp_path: Path) -> None
         tolevo.evaluate(table, tmp_path / "bad.csv", tmp_path / "out.csv")
     assert 'bad.csv: row 3: states b_t in "um", but this configuration has it in "mm"' in str(caught.value)
     assert f"bad.csv: row {len(rows) + 2}: states a_t of point {rows['point'][0]} again" in str(caught.value)
+
+
+def test_a_column_in_another_unit_by_its_name_is_converted(tmp_path: Path) -> None:
+    """`pitch_mm` was to be renamed to `pitch_um`, by a factor of 1000."""
+    path = tmp_path / "d.csv"
+    designs(pitch_um=4.0).to_csv(path, index=False)
+    same = tolevo.evaluate(STAGGERED, path)
+    designs(pitch_mm=0.004).drop(columns="pitch_um").to_csv(path, index=False)
+    found = tolevo.evaluate(STAGGERED, path)
+    np.testing.assert_allclose(found["pitch_um"], 4.0, rtol=1e-12)
+    np.testing.assert_allclose(found["backlash_arcmin"], same["backlash_arcmin"], rtol=1e-9)
