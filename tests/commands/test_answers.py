@@ -20,6 +20,7 @@ from tolevo.commands.run.answers import Sentences
 from tolevo.commands.run.changes import advice
 from tolevo.page import page
 from tolevo.page.figures import orders
+from tolevo.problems.limits import Limit
 from tolevo.records import RunResult
 
 STACK = """
@@ -308,3 +309,21 @@ def test_a_limit_that_is_met_exactly_and_holds_nothing_back_is_told_so() -> None
     assert steps is not None
     grade = steps[(steps["variable"] == "involute_grade") & (steps["breaks"] != "")]
     assert set(grade["breaks"]) == {"backlash_arcmin"}  # interference does not depend on the gears
+
+
+def test_a_sampled_value_near_its_limit_is_not_told_to_bind() -> None:
+    """0.034 of 128 units, with a standard error of 0.016, is no limit of 0.05 that is used up."""
+    limit = Limit("share", -np.inf, 0.05, 1.0, "")
+    for margin, words in ((0.016, "share 0.034 lies within 2 standard errors of its limit, at most 0.05"),
+                          (0.0, "the limit of share at most 0.05 binds")):  # fmt: skip
+        front = pd.DataFrame(
+            {"share": [0.05 - margin], "margin_share": [margin], "share_error": [0.016], "cost": [1.0]}
+        )
+        problem: Any = SimpleNamespace(
+            limits=(limit,), priced="cost", interval=lambda name: (-np.inf, np.inf), outputs=(), objectives=("cost",)
+        )
+        told: Any = Sentences.__new__(Sentences)
+        told.problem, told.priced, told.point, told.names, told.units = problem, "cost", 0, ["cost"], {"share": ""}
+        told.result = SimpleNamespace(front=front)
+        told._cost_of, told._moves = lambda limit: "", lambda limit: True
+        assert f"At this allocation {words}" in told.of_limits()

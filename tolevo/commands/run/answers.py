@@ -24,7 +24,7 @@ from .changes import step_words, words
 from .choice import ALL
 from .decide import Decisions
 from .plan import MAX_LIMIT_DISTANCE, RunPlan, chosen_point, shown_point
-from .prices import PERCENT, points_at_limit
+from .prices import ERRORS, PERCENT, points_at_limit
 from .promise import (
     capability_table,
     cheapest_at,
@@ -69,6 +69,10 @@ TABLES = {
 SMALL_STEP = 1e-4
 """Fraction of a range by which what is searched is moved to see whether that breaks a limit."""
 IDLE = "The limit of {} is met exactly, and no small step of what is searched breaks it."
+NEAR = (
+    f"At this allocation {{}} lies within {ERRORS:g} standard errors of its limit, {{}}; what loosening it would save "
+    "is not known."
+)
 FORMAT = 1
 """Version of the files of a run: `summary.json` names it; a reader refuses what is newer."""
 
@@ -290,6 +294,10 @@ class Sentences:
         saved |= {limit.name: self._cost_of(limit) for limit in held}
         idle = [limit for limit in held if not saved[limit.name] and not self._moves(limit)]
         saved |= {limit.name: IDLE.format(self.limit(limit)) for limit in idle}
+        exact = {o.name: row.assign(**{f"{o.name}_error": 0.0}) for o in held}
+        for o in (o for o in held if not saved[o.name] and not points_at_limit(o, exact[o.name])[0]):
+            end = self.limit(o).removeprefix(words(o.name)).strip()
+            saved[o.name] = NEAR.format(self.value(o.name, float(row[o.name].iloc[0])), end)
         unknown = [self.limit(limit) for limit in held if not saved[limit.name]]
         if unknown:
             plural = ("limit of", "binds", "it") if len(unknown) == 1 else ("limits of", "bind", "them")
