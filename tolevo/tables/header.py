@@ -362,7 +362,7 @@ def fit_columns(
             if (stated := table.units.get(name, "")) and unit and not is_same_unit(stated, unit):
                 text = f'is stated in "{stated}", but {wanted} is in "{unit}"; rename it or map it in [columns]'
                 faults.append(Fault(f"{place}: column {table.headers.get(name, name)}", text))
-    split = {name: split_unit(name) for name in cells if name not in table.units}
+    split = {str(name): split_unit(str(name)) for name in cells if name not in table.units}
     apart = {name: (name.casefold().replace(" ", "_"), unit) for name, unit in table.units.items()}
     apart |= {name: (stem.casefold(), unit) for name, (stem, unit) in split.items() if unit and name not in known}
     for wanted, unit in free.items():  # a column with the same name and another unit that fits
