@@ -18,6 +18,7 @@ import tolevo
 from tolevo.cli import app
 from tolevo.commands.run.answers import Sentences
 from tolevo.commands.run.changes import advice
+from tolevo.commands.run.promise import ASSURANCE, sentence
 from tolevo.page import page
 from tolevo.page.figures import orders
 from tolevo.problems.limits import Limit
@@ -327,3 +328,20 @@ def test_a_sampled_value_near_its_limit_is_not_told_to_bind() -> None:
         told.result = SimpleNamespace(front=front)
         told._cost_of, told._moves = lambda limit: "", lambda limit: True
         assert f"At this allocation {words}" in told.of_limits()
+
+
+def test_no_promise_is_told_to_be_certain() -> None:
+    told = [
+        sentence(
+            {ASSURANCE: percent, "assured_withheld": (), "statement": "plug_in"},
+            "95 %",
+            pd.DataFrame({"statement": [], "cost": []}),
+            "",
+        )
+        for percent in (99.97, 90.14, 0.01)
+    ]
+    assert [text.partition("probability of ")[2].split(".")[0] for text in told] == [
+        "more than 99",
+        "90",
+        "less than 0",
+    ]
