@@ -58,6 +58,12 @@ def limits_in_all(conditions: Iterable[str], limits: Mapping[str, Bound], output
     return spread
 
 
+THERMAL = "differential_thermal_expansion"
+DISC, HOUSING, APART = "disc_temperature_C", "housing_temperature_C", "temperature_difference_K"
+TEMPERATURES = ("temperature_C", DISC, HOUSING, APART)
+"""Keys of a condition, and the effect by which they act."""
+
+
 def contradictory(bounds: Mapping[str, Bound], place: str = "limits") -> list[Fault]:
     """A fault for each pair of limits on one output that no value keeps."""
     return [
@@ -172,7 +178,6 @@ class InConditions(ToleranceProblem):
     curves_of = _of_plain("curves_of")
     samples = _of_plain("samples")
     title = _of_plain("title")
-    sketch = _of_plain("sketch")
     tables = _of_plain("tables")
 
     def __init__(self, settings: Settings | None = None) -> None:
@@ -402,7 +407,21 @@ class InConditions(ToleranceProblem):
         ]
 
     def warnings(self) -> tuple[str, ...]:
-        return tuple(dict.fromkeys(text for problem in self.alone for text in problem.warnings()))
+        """Those of the conditions; what the unit alone is warned of only where every condition repeats it."""
+        each, unit = [problem.warnings() for problem in self.alone], self.plain.warnings()
+        texts = dict.fromkeys(text for texts in each for text in texts)
+        kept = tuple(text for text in texts if text not in unit or all(text in texts for texts in each))
+        return (*kept, *self._idle_temperatures())
+
+    def _idle_temperatures(self) -> Iterator[str]:
+        """Conditions whose parts are all at one temperature, which changes no angle of a drive."""
+        for condition in self.operating.conditions:
+            stated = [name for name in TEMPERATURES if name in condition.stated]
+            if stated and not any(active.effect.name == THERMAL for active in condition.effects):
+                yield (
+                    f"condition {condition.name}: {' and '.join(stated)} {'change' if stated[1:] else 'changes'} "
+                    f"nothing, as disc and housing grow alike; state temperatures that differ, or {APART}"
+                )
 
     def validity(self) -> tuple[str, ...]:
         texts = tuple(dict.fromkeys(text for problem in self.alone for text in problem.validity()))
@@ -422,6 +441,18 @@ class InConditions(ToleranceProblem):
     def shown_limit(self) -> tuple[str, float] | None:
         limit = self.plain.shown_limit()
         return None if limit is None else (f"{self.operating.names[0]}.{limit[0]}", limit[1])
+
+    def sketch(self) -> Mapping[str, Any]:
+        """That of the first condition."""
+        sketch, common = self.plain.sketch(), self.plain.declaration.unconditional
+        if not sketch:
+            return sketch
+        first = self.operating.names[0]
+        parts = [
+            {**part, "shares": [name if name in common else f"{first}.{name}" for name in part["shares"]]}
+            for part in sketch["parts"]
+        ]
+        return {**sketch, "parts": parts}
 
     def shown_units(self, design: Array) -> UnitsShown | None:
         """Those of the first condition."""

@@ -84,7 +84,7 @@ OUTPUTS: tuple[Output, ...] = (
     Output("pins_loaded", "", "pins of a disc that bear, mean over the pitch", low=0.0),
     Output(
         "stiffness_Nm_per_arcmin",
-        "Nm_per_arcmin",
+        "Nm/arcmin",
         "tangent stiffness of the unit under the torque, mean over the pitch",
         larger_is_better=True,
         low=0.0,

@@ -539,9 +539,15 @@ def tell(
     when this returns, and the directory holds the designs that are open then. Raises
     ConfigurationError with every fault; nothing is written then.
     """
+    from .commands.ask import no_search_faults
     from .commands.ask import tell as taking
 
-    table, place = readable(results, tables.ReadOptions(encoding, delimiter, decimal, shape))
+    faults = no_search_faults(Path(folder))
+    try:
+        table, place = readable(results, tables.ReadOptions(encoding, delimiter, decimal, shape))
+    except InputError as error:
+        raise InputError([*faults, *error.faults]) from None
+    raise_all(faults)
     found, notes = taking(Path(folder), table, place)
     report_lines(tell, "note", notes)
     return found

@@ -39,8 +39,6 @@ few rounds suffice."""
 OF_TAIL = 0.02
 """Fraction of the distance from a lower limit on a percentage to 100, by which it is moved
 farther."""
-HALVED = 10
-"""Times that the step to the tightest tolerances is halved, where nothing else keeps the limits."""
 HELD = 3e-5
 """Part of the range of an objective by which a point may lie beyond its level."""
 GROUP = 6
@@ -168,24 +166,12 @@ def _push_inside_limits(run: Run, branch: Branch, y: Array) -> Array:
         slack = np.where(excess > 0.0, np.maximum(slack, -violation) + BEYOND * excess + farther, slack)
         y = branch.restored(y, slack, MAX_RESTORATION_STEP)
     else:
-        y = _tighten_to_limits(run, branch, y)
+        y = branch.moved_inside(
+            y,
+            branch.tightest(y),
+            lambda at: not np.any(run.problem.tested(branch.smooth.vectors(at[None, :]))[1] > 0.0),
+        )
     return branch.smooth.vectors(y[None, :])
-
-
-def _tighten_to_limits(run: Run, branch: Branch, y: Array) -> Array:
-    """The point, where it breaks limits with all its tolerances tighter alike, by no more than it must be."""
-
-    def kept(fraction: float) -> bool:
-        x = branch.smooth.vectors(np.where(branch.smooth.log, (1.0 - fraction) * y, y)[None, :])
-        return not np.any(run.problem.tested(x)[1] > 0.0)
-
-    if kept(0.0) or not kept(1.0):
-        return y
-    low, high = 0.0, 1.0
-    for _ in range(HALVED):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if kept(middle) else (middle, high)
-    return np.asarray(np.where(branch.smooth.log, (1.0 - high) * y, y))
 
 
 def _limit_displacement(run: Run) -> Array:

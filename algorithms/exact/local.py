@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -166,6 +167,8 @@ RESTARTS, GAINED = 3, 1e-3
 kink it stops early, and a restart continues."""
 SETTLED = 1e-5
 """Fraction of a value by which a restart gains at least, to be followed by another."""
+HALVED = 10
+"""Times that the step to a point which keeps the limits is halved, where nothing else keeps them."""
 VIOLATION_TOLERANCE = 1e-6
 """Violation of a limit that counts as none."""
 ANALYTIC, NUMERIC, SAMPLED = (1e-7, 40), (1e-5, 15), (1e-5, 40, 25)
@@ -205,12 +208,27 @@ class Branch:
             if not (wrong or (gained and right)):
                 break
             y, f, g = again, better, broken
+        if sampled and len(f) == 1 and np.any(g > NEARLY):  # the kinks of a few units
+            y = self.moved_inside(y, start, lambda at: not np.any(self.smooth.values(at)[1] > 0.0))
+            f, g = self.smooth.values(y)
         if np.any(g > (NEARLY if sampled else VIOLATION_TOLERANCE)):
             return None
         at = int(np.searchsorted([point[1] for point in self.f], f[1])) if len(f) > 1 else 0
         self.y.insert(at, y)
         self.f.insert(at, f)
         return f
+
+    def moved_inside(self, y: Array, inside: Array, kept: Callable[[Array], bool]) -> Array:
+        """A point (size,) moved to one `inside` by no more than it must be for it to be `kept`; as it is where that one
+        is not.
+        """
+        if kept(y) or not kept(inside):
+            return y
+        low, high = 0.0, 1.0
+        for _ in range(HALVED):
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if kept(y + middle * (inside - y)) else (middle, high)
+        return np.asarray(y + high * (inside - y))
 
     def solved(self, objective: int, start: Array, limit: Array, slack: Array) -> Array:
         """Where SLSQP ends (size,) with f <= limit and violations of limits g <= -slack.

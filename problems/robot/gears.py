@@ -270,7 +270,7 @@ class Gears:
     @property
     def dimensions(self) -> int:
         """Independent errors of a unit of every drive."""
-        return len(self.fitted) * max(reducer.dimensions for reducer in self.nested)
+        return len(self.fitted) * max((reducer.dimensions for reducer in self.nested), default=0)
 
     # ---------------------------------------------------------------- columns
 
@@ -319,6 +319,8 @@ class Gears:
     def at(self, columns: Array) -> At:
         """Costs and mean squares of columns (n, all of the reducers')."""
         by_gear = [self._of_gear(columns, gear) for gear in range(len(self.nested))]
+        if not by_gear:  # every joint is driven directly
+            return At(*np.zeros((3, len(columns), 0)))
         return At(*(np.stack(part, axis=1) for part in zip(*by_gear, strict=True)))
 
     def _of_gear(self, columns: Array, gear: int) -> tuple[Array, Array, Array]:
@@ -338,12 +340,12 @@ class Gears:
             self.largest[1, gear] * self.wave.amplitude(self._half_widths(columns, gear))
             for gear in range(len(self.nested))
         ]
-        return np.asarray(np.max(by_gear, axis=0))
+        return np.asarray(np.max([np.zeros(len(columns)), *by_gear], axis=0))
 
     def quantiles(self, columns: Array) -> Array:
         """Quantile (n,) [arcmin] of the backlash of the worst drive."""
         by_gear = [self.largest[0, gear] * self._quantile(columns, gear) for gear in range(len(self.nested))]
-        return np.asarray(np.max(by_gear, axis=0))
+        return np.asarray(np.max([np.zeros(len(columns)), *by_gear], axis=0))
 
     def _quantile(self, columns: Array, gear: int) -> Array:
         reducer = self.nested[gear]
@@ -363,7 +365,7 @@ class Gears:
                 continue
             at = scipy.optimize.brentq(_excess, low, high, args=(reducer, most / factor))
             least.append(factor * float(at))
-        return float(min(least))
+        return float(min(least, default=0.0))
 
     # ---------------------------------------------------------------- Monte Carlo
 
@@ -373,7 +375,7 @@ class Gears:
         half_widths = [self._half_widths(columns, gear) for gear in range(len(every))]
         roots = [smooth_root(self.wave.covariance(of_gear)) for of_gear in half_widths]
         return [
-            Built(tuple(whole[at] for whole in every), np.stack([root[at] for root in roots]))
+            Built(tuple(whole[at] for whole in every), np.array([root[at] for root in roots]).reshape(-1, 2, 2))
             for at in range(len(columns))
         ]
 
@@ -381,7 +383,7 @@ class Gears:
         """Backlash with hysteresis (units, drives) [arcmin], the hysteresis (drives,) [arcmin], and
         roots (drives, 2, 2) of the waves' covariance [arcmin], of one design.
         """
-        width = points.shape[1] // len(self.fitted)
+        width = points.shape[1] // max(1, len(self.fitted))
         play = []
         for drive, gear in enumerate(self.gear_of):
             reducer = self.nested[gear]
@@ -389,7 +391,7 @@ class Gears:
             play.append(reducer.backlashes(built.designs[gear], drive_points))
         lost = self.hysteresis * self.factors
         roots = self.te_factors[:, None, None] * built.roots[list(self.gear_of)]
-        return self.factors * np.stack(play, axis=1), lost, roots
+        return self.factors * np.array(play).reshape(len(play), len(points)).T, lost, roots
 
     # ---------------------------------------------------------------- derivatives
 

@@ -124,7 +124,8 @@ class Machine(ABC):
     @property
     def held_percent(self) -> float:
         """Poses and drives at which gravity holds a flank, in percent."""
-        return float(100.0 * (1.0 - self.places.mean(self.free(self.places)).mean()))
+        free = self.places.mean(self.free(self.places))
+        return float(100.0 * (1.0 - free.mean())) if free.size else 0.0  # no joint has a reducer
 
     @cached_property
     def wound_up(self) -> Array:

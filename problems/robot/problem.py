@@ -392,17 +392,15 @@ def remarks_of(front: pd.DataFrame) -> tuple[str, ...]:
     where = f"at cost {float(row['cost']):.4g} (A {float(row['pose_accuracy_mm']):.3g} mm)"
     bought = ", ".join(f"{name} {value:.3g} um" for name, value in _largest(values, "price_", ""))
     largest = ", ".join(f"{name} {value:.3g} %" for name, value in _largest(values, "share_", "_percent"))
-    return (
-        f"{where} a further unit of cost lowers R most where it is spent on {bought}; the largest fractions of R^2 "
-        f"are {largest}",
-    )
+    spent = f"a further unit of cost lowers R most where it is spent on {bought}" if bought else "no cost lowers R"
+    return (f"{where} {spent}" + f"; the largest fractions of R^2 are {largest}" * bool(largest),)
 
 
 def _largest(values: dict[str, float], begins: str, ends: str) -> list[tuple[str, float]]:
     ranked = [
         (name.removeprefix(begins).removesuffix(ends), value)
         for name, value in values.items()
-        if name.startswith(begins)
+        if name.startswith(begins) and value > 0.0
     ]
     return sorted(ranked, key=lambda pair: -pair[1])[:MAX_NAMED_TOLERANCES]
 
@@ -488,7 +486,7 @@ class RobotProblem(ToleranceProblem):
             "pose_rms_mm": rms,
             "squareness_mrad": tilt,
             "yaw_mrad": turn,
-            "backlash_rms_arcmin": np.sqrt(square.max(axis=1)),
+            "backlash_rms_arcmin": np.sqrt(square.max(axis=1, initial=0.0)),
             "reversal_mm": np.sqrt(square @ mean["backlash"]),
             "path_te_mm": np.sqrt(2.0 * wave @ mean["wave"]),
         }
@@ -711,7 +709,7 @@ class RobotProblem(ToleranceProblem):
     def _without_effect(self) -> list[Fault]:
         """Objectives that calibration, or gravity, removes entirely."""
         faults = []
-        for at, name in enumerate(self.objectives):
+        for at, name in enumerate(self.objectives if self.free else ()):
             low, high = self.interval(name)
             if np.isfinite(low) and np.isfinite(high) and high <= low + 1e-15:
                 cause = "transmission errors and links" if name == "reversal_mm" else "nothing"

@@ -711,7 +711,9 @@ MAX_CRANK_CIRCLE_DEVIATION = 0.02
 """Fraction by which the crank circle may differ from the centre distance of the gears."""
 LEAST_GAP_MM = 0.007
 """Radial gap [mm] below which pins that the population leaves out may close the backlash."""
+OF_THE_PROFILE = ("dr_rp_mm", "dr_p_mm", "radial_gap_mm", "modification_backlash_arcmin")
 LATTICES = ("positions", "search_positions", "te_positions")
+WEAR = ("wear_um_per_1000h", "running_in_um")
 
 
 def faults(geometry: ContactGeometry, given: Settings, ends: Mapping[str, Interval]) -> list[Fault]:
@@ -760,6 +762,9 @@ def _unused_setting_faults(geometry: ContactGeometry, given: Settings) -> Iterat
             yield Fault(f"variables.{name}", text)
     if not geometry.involute_stage and "involute_grade" in given.costs:
         yield Fault("costs.involute_grade", text)
+    for name in (name for name in OF_THE_STAGE[1:] if name in DEFAULTS and not geometry.involute_stage):
+        if given.parameters.get(name, DEFAULTS[name]) != DEFAULTS[name]:  # a resolved configuration has all of them
+            yield Fault(f"parameters.{name}", text)
 
 
 # ---------------------------------------------------------------- warnings
@@ -774,6 +779,16 @@ def warnings(geometry: ContactGeometry, parameters: Mapping[str, Value], radial_
         yield (
             f"no limit keeps radial_gap_mm at {LEAST_GAP_MM:g} mm or above: pins near tip and root may close the "
             "backlash of a nearly unmodified profile, and units are computed without these pins"
+        )
+
+
+def idle_wear(parameters: Mapping[str, Value]) -> Iterator[str]:
+    """A warning of wear that has no hours to act in, as `hours` without wear are a fault."""
+    stated = [name for name in WEAR if number(parameters[name])]
+    if stated and not number(parameters["hours"]):
+        yield (
+            f"{', '.join(stated)}: nothing wears in 0 hours; state parameters.hours, or hours of a condition "
+            "(of the machine, where it is nested in one)"
         )
 
 

@@ -713,10 +713,14 @@ class RvReducer(PromisingUnits, Machined):
 
     def faults(self) -> list[Fault]:
         ends = {name: super(RvReducer, self).interval(name) for name in ("dr_rp_mm", "dr_p_mm")}
+        shape = declared.faults(self.model.geometry, self.given, ends)
+        beyond = size_faults(self.count, MAX_CACHED_EVALUATIONS) or super().faults()
+        if shape:  # a profile that cannot be breaks the limits on it as well
+            beyond = [fault for fault in beyond if fault.place.removeprefix("limits.") not in declared.OF_THE_PROFILE]
         faults = [
-            *declared.faults(self.model.geometry, self.given, ends),
+            *shape,
             *unpriced_error_faults({variable.name for variable in self.free}, self.settings.costs),
-            *(size_faults(self.count, MAX_CACHED_EVALUATIONS) or super().faults()),
+            *beyond,
         ]
         if self.model.sorting is not None:
             asked = (*self.objectives, *(limit.name for limit in self.limits if limit.count))
@@ -744,6 +748,7 @@ class RvReducer(PromisingUnits, Machined):
         given = self.settings
         gap = given.limits.get("radial_gap_mm", Bound())
         odd = declared.warnings(self.model.geometry, given.parameters, gap)
+        odd = (*declared.idle_wear(given.parameters), *odd)
         return (*default_values_sentence(self.given, given.parameters), *odd)
 
     # ---------------------------------------------------------------- what a reader is shown

@@ -199,8 +199,10 @@ class SerialArmAllocation(RobotProblem):
 
     def _singular(self) -> list[Fault]:
         joints = enumerate(singular_joints(self.machine.chain, self.machine.frames))
-        reason = "is singular: joints {} move the tool in the same direction"
-        messages = [(at, reason.format(names)) for at, names in joints if names]
+        one, several = "joint {} does not move the tool", "joints {} move the tool in the same direction"
+        messages = [
+            (at, f"is singular: {(several if ' ' in names else one).format(names)}") for at, names in joints if names
+        ]
         return self._at_poses(messages, "move the cell, or give another posture (near_deg)")
 
     def _at_poses(self, messages: list[tuple[int, str]], remedy: str) -> list[Fault]:

@@ -17,8 +17,11 @@ from typer.testing import CliRunner
 import tolevo
 from tolevo.cli import app
 from tolevo.commands.run.answers import Sentences
+from tolevo.commands.run.changes import advice
+from tolevo.commands.run.promise import ASSURANCE, sentence
 from tolevo.page import page
 from tolevo.page.figures import orders
+from tolevo.problems.limits import Limit
 from tolevo.records import RunResult
 
 STACK = """
@@ -275,3 +278,70 @@ def test_a_limit_on_the_cost_is_a_limit() -> None:
             "requirement": {"unit": "mm", "nominal": 0.0, "method": "worst_case"}}  # fmt: skip
     answer = tolevo.run(base | {"limits": {"cost": 12.0}}).record.answers["limits"]
     assert answer.endswith("the limit of cost at most 12 binds.")
+
+
+def test_what_a_reader_cannot_tell_is_no_advice() -> None:
+    """Savings below a millionth of the cost, and changes that a quantile is not known to."""
+    priced: Any = SimpleNamespace(priced="cost", objectives=("cost", "backlash_arcmin"), outputs=(), limits=(),
+                                  settings=SimpleNamespace(money=SimpleNamespace(currency="")))  # fmt: skip
+    at = {"cost": 10.0, "backlash_arcmin": 1.0}
+    rows = [{"variable": name, "to": "2 um", "cost_change": -saved, "breaks": "", "broken": "", "untried": 0,
+             "change_backlash_arcmin": moved}
+            for name, saved, moved in (("pin_um", 1e-8, 0.0), ("hole_um", 0.1, -1e-6))]  # fmt: skip
+    assert advice(priced, pd.DataFrame(rows[:1]), at).endswith("saves a millionth of the cost.")
+    assert advice(priced, pd.DataFrame(rows), at) == "Loosen first: hole, to 2 um: saves 0.1."
+    rows[1]["change_backlash_arcmin"] = 0.002
+    assert advice(priced, pd.DataFrame(rows), at) == "Loosen first: hole, to 2 um: saves 0.1; backlash rises by 0.002."
+    blocked = [{**rows[1], "variable": f"part{i}_um", "breaks": "gap", "broken": "gap 2"} for i in range(9)]
+    assert advice(priced, pd.DataFrame(blocked), at).endswith("; 1 more breaks a limit).")
+
+
+def test_a_limit_that_is_met_exactly_and_holds_nothing_back_is_told_so() -> None:
+    """g5 is min(dr_rp - dr_p, 0), which is 0 for every profile that opens: no step of the least cost breaks it."""
+    table = {"problem": "rv_backlash", "references": "none", "objectives": {"minimise": ["cost"]},
+             "limits": {"backlash_arcmin": 1.3, "interference_probability": 0.2},
+             "algorithm": {"name": "exact", "points": 2}}  # fmt: skip
+    told = tolevo.run(table).record.answers["limits"]
+    idle = "The limit of conjugate clearance min at least 0 mm is met exactly, and no small step of what is searched"
+    assert f"{idle} breaks it." in told
+    assert "the limit of backlash at most 1.3 arcmin binds" in told
+    assert "not known" not in told
+    steps = tolevo.run(table).record.changes
+    assert steps is not None
+    grade = steps[(steps["variable"] == "involute_grade") & (steps["breaks"] != "")]
+    assert set(grade["breaks"]) == {"backlash_arcmin"}  # interference does not depend on the gears
+
+
+def test_a_sampled_value_near_its_limit_is_not_told_to_bind() -> None:
+    """0.034 of 128 units, with a standard error of 0.016, is no limit of 0.05 that is used up."""
+    limit = Limit("share", -np.inf, 0.05, 1.0, "")
+    for margin, words in ((0.016, "share 0.034 lies within 2 standard errors of its limit, at most 0.05"),
+                          (0.0, "the limit of share at most 0.05 binds")):  # fmt: skip
+        front = pd.DataFrame(
+            {"share": [0.05 - margin], "margin_share": [margin], "share_error": [0.016], "cost": [1.0]}
+        )
+        problem: Any = SimpleNamespace(
+            limits=(limit,), priced="cost", interval=lambda name: (-np.inf, np.inf), outputs=(), objectives=("cost",)
+        )
+        told: Any = Sentences.__new__(Sentences)
+        told.problem, told.priced, told.point, told.names, told.units = problem, "cost", 0, ["cost"], {"share": ""}
+        told.result = SimpleNamespace(front=front)
+        told._cost_of, told._moves = lambda limit: "", lambda limit: True
+        assert f"At this allocation {words}" in told.of_limits()
+
+
+def test_no_promise_is_told_to_be_certain() -> None:
+    told = [
+        sentence(
+            {ASSURANCE: percent, "assured_withheld": (), "statement": "plug_in"},
+            "95 %",
+            pd.DataFrame({"statement": [], "cost": []}),
+            "",
+        )
+        for percent in (99.97, 90.14, 0.01)
+    ]
+    assert [text.partition("probability of ")[2].split(".")[0] for text in told] == [
+        "more than 99",
+        "90",
+        "less than 0",
+    ]

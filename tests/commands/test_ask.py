@@ -115,6 +115,17 @@ def test_other_searches_and_directories_are_refused(folder: Path, tmp_path: Path
         tolevo.ask(stack(), tmp_path / "mine")
     with pytest.raises(InputError, match="holds no search that was asked"):
         tolevo.tell(tmp_path / "mine", pd.DataFrame({"id": [1]}))
+    with pytest.raises(InputError) as caught:
+        tolevo.tell(tmp_path / "mine", tmp_path / "none.csv")
+    assert [fault.message.partition(":")[0] for fault in caught.value.faults] == [
+        "holds no search that was asked",
+        "does not exist",
+    ]
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    for options in ({"overwrite": True}, {"resume": True}):  # what a bench has measured cannot be computed again
+        with pytest.raises(InputError, match="holds a search of `tolevo ask` and the results that it was told"):
+            tolevo.run(stack(), folder, **options)
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
     with pytest.raises(InputError, match="evaluates designs itself"):
         tolevo.ask(stack(algorithm={"name": "exact"}), tmp_path / "exact")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from types import SimpleNamespace
 from typing import Any
 
@@ -165,3 +166,27 @@ def test_least_values_are_bounds_whatever_the_start() -> None:
         bound = least_value([cost, variation], np.array([2.0]), (LOW, HIGH), start)
         assert exact * (1.0 - 1e-6) <= bound <= exact * (1.0 + 1e-12)
     assert least_value([cost, variation], np.array([0.1]), (LOW, HIGH), LOW) == np.inf  # nothing is so tight
+
+
+def test_what_a_run_reports_as_kept_is_kept(tmp_path: Any) -> None:
+    """The coarse lattice of a search has the backlash 1e-6 beyond a limit that the reported value meets."""
+    table = {"problem": "rv_backlash", "references": "none", "objectives": {"minimise": ["cost"]},
+             "limits": {"backlash_arcmin": 1.3, "interference_probability": 0.2},
+             "algorithm": {"name": "exact", "points": 2}}  # fmt: skip
+    front = tolevo.run(table).front
+    found = tolevo.certify(tolevo.read(table), front, **FEW)
+    assert found.points["feasible"].tolist() == [True]
+    assert "designs keep the limits" not in str(found)
+    assert "inf" not in str(found)
+
+
+def test_a_result_better_than_the_other_algorithm_is_told_below_it() -> None:
+    """At 100 evaluations hybrid has not found the tightest corner, which is the result."""
+    found = tolevo.certify(Costs(), np.array([HIGH]), seeds=1, evaluations=100)
+    (line,) = [line for line in found.lines if line.startswith("best known")]
+    side = "below" if found.points["distance_percent"].iloc[0] < 0.0 else "above"
+    assert re.fullmatch(
+        rf"best known: in the median f1 is [\d.e-]+ % {side} what hybrid found from 1 seed at no worse values of the "
+        rf"others, at the worst point [\d.e-]+ % {side}; that is no bound",
+        line,
+    )

@@ -1,3 +1,4 @@
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -5,6 +6,7 @@ import pandas as pd
 import pytest
 
 import tolevo
+from tests.small_jobs import TWO_PARTS
 from tolevo.errors import InputError
 from tolevo.problems.rv_backlash import RvBacklash
 
@@ -60,3 +62,33 @@ def test_grade_without_a_cost_is_a_limit_too(tmp_path: Path) -> None:
     path = tmp_path / "d.csv"
     designs(involute_grade=9).to_csv(path, index=False)
     assert np.isinf(tolevo.evaluate(STAGGERED, path, tmp_path / "out.csv")["cost"].iloc[-1])
+
+
+def test_the_allocation_of_a_run_is_evaluated_as_rounded(tmp_path: Path) -> None:
+    """Its rows are variables; `choices.csv` of the run has the cost of the rounded values."""
+    table = tomllib.loads(TWO_PARTS.replace("[requirement]", "[rounding]\nsteps = 0.02\n[requirement]"))
+    run = tmp_path / "run"
+    tolevo.run(table | {"objectives": {"minimise": ["cost", "variation"]}}, run)
+    found = tolevo.evaluate(table, run / "allocation.csv", tmp_path / "e.csv")
+    choices = pd.read_csv(run / "choices.csv").drop_duplicates("point")
+    assert len(found) == len(choices) > 1
+    np.testing.assert_allclose(found["cost"], choices["rounded_cost"], rtol=1e-12)
+    np.testing.assert_allclose(found["a_t"] / 0.02, np.rint(found["a_t"] / 0.02), atol=1e-9)
+    rows = pd.read_csv(run / "allocation.csv")
+    rows.loc[1, "unit"] = "um"
+    pd.concat([rows, rows.iloc[:1]]).to_csv(tmp_path / "bad.csv", index=False)
+    with pytest.raises(InputError) as caught:
+        tolevo.evaluate(table, tmp_path / "bad.csv", tmp_path / "out.csv")
+    assert 'bad.csv: row 3: states b_t in "um", but this configuration has it in "mm"' in str(caught.value)
+    assert f"bad.csv: row {len(rows) + 2}: states a_t of point {rows['point'][0]} again" in str(caught.value)
+
+
+def test_a_column_in_another_unit_by_its_name_is_converted(tmp_path: Path) -> None:
+    """`pitch_mm` was to be renamed to `pitch_um`, by a factor of 1000."""
+    path = tmp_path / "d.csv"
+    designs(pitch_um=4.0).to_csv(path, index=False)
+    same = tolevo.evaluate(STAGGERED, path)
+    designs(pitch_mm=0.004).drop(columns="pitch_um").to_csv(path, index=False)
+    found = tolevo.evaluate(STAGGERED, path)
+    np.testing.assert_allclose(found["pitch_um"], 4.0, rtol=1e-12)
+    np.testing.assert_allclose(found["backlash_arcmin"], same["backlash_arcmin"], rtol=1e-9)

@@ -118,6 +118,18 @@ def test_copies_cannot_be_told_apart(tmp_path: Path) -> None:
                for n in result.notes)  # fmt: skip
 
 
+def test_rows_that_were_joined_twice_are_said(tmp_path: Path) -> None:
+    """The interval is narrower by the root of 2, without a new measurement."""
+    once = bench(60).drop(columns="clock")
+    head = HEAD.replace('"clock" = { role = "time", unit = "s" }\n', "")
+    single, double = found(tmp_path, once, head), found(tmp_path, pd.concat([once, once]), head)
+    assert not any("others again" in note for note in single.notes)
+    (note,) = [note for note in double.notes if "others again" in note]
+    assert note.startswith("60 of 120 rows are others again, the measured values included")
+    widths = [result.effects[0].parameters[0].high - result.effects[0].parameters[0].low for result in (single, double)]
+    assert widths[0] / widths[1] == pytest.approx(np.sqrt(2.0), rel=0.1)
+
+
 def test_collinear_columns_are_said(tmp_path: Path) -> None:
     frame = bench()
     frame["third"] = 0.3 * frame["torque"] + 4.0 * frame["warmth"]

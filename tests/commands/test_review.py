@@ -148,6 +148,8 @@ def test_faults(first: Path, tmp_path: Path) -> None:
          ("none.csv: does not exist", "is not a result of `tolevo gap`")),
         ((run, other), ("hold no characteristic of the run",)),
         ((str(tmp_path / "empty"), other), ("does not exist", "has no allocation.csv")),
+        ((str(tmp_path / "none"), other), ("none: does not exist: name the directory of a run",)),
+        ((other, other), ("other.csv: is a file: name the directory of a run",)),
     ):  # fmt: skip
         done = CliRunner().invoke(app, ["review", *arguments])
         assert done.exit_code == 2

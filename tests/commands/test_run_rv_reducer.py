@@ -189,3 +189,18 @@ def test_a_limit_that_no_design_keeps_is_refused_with_the_least_found(tmp_path: 
     assert "the least value found is" in shown
     assert "dr_rp_mm" in shown  # the design that has it
     assert not (tmp_path / "out").exists()
+
+
+def test_kinks_of_a_few_units_do_not_end_at_the_tightest_tolerances(tmp_path: Path) -> None:
+    """32 units whose SLSQP ended outside of the limits: 40.62, the tightest corner, where 128 units find 17.2."""
+    table = SMALL.replace("dr_rp_mm = { low = -0.06, high = -0.02 }", "").replace(
+        "dr_p_mm = { low = -0.09, high = -0.05 }", ""
+    )
+    objectives = "[objectives]\nminimise = ['cost']\n"
+    path = written(tmp_path, table + EXACT + LIMITED + "backlash_max_arcmin = 0.907\n" + objectives)
+    told = tolevo("run", path, "--out", tmp_path / "a", "--workers", 1)
+    assert told.exit_code == 0, told.output
+    (front,) = pd.read_csv(tmp_path / "a" / "front.csv").to_dict("records")
+    assert front["cost"] < 18.0
+    assert front["backlash_max_arcmin"] <= 0.907
+    assert front["interference_probability"] <= 0.05

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import tolevo
+from tolevo.commands.run.run import drawn
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.problems.conditions import InConditions
@@ -307,3 +308,33 @@ def test_three_conditions_take_less_than_three_times_the_time_of_one() -> None:
         assert len(tolevo.run(run).front) > 20
         seconds.append(time.process_time() - start)
     assert seconds[1] <= 3.0 * seconds[0]
+
+
+def test_temperatures_and_wear_that_change_nothing_are_warned_of() -> None:
+    even = {**WARM, "name": "even", "disc_temperature_C": 80.0, "housing_temperature_C": 80.0}
+    del even["temperature_difference_K"]
+    hot = {**COLD, "name": "hot", "temperature_C": 80.0}
+    warned = problem_of({**TWO, "condition": [hot, even, WARM]}).cautions()
+    found = [text for text in warned if "grow alike" in text]
+    assert [text.partition(" nothing")[0] for text in found] == [
+        "condition hot: temperature_C changes",
+        "condition even: disc_temperature_C and housing_temperature_C change",
+    ]
+    worn = {"parameters": {**SMALL, **WORN}}
+    assert not any("wears" in text for text in problem_of(
+        {**TWO, **worn, "condition": [COLD, {**WARM, "hours": 100.0}]}).cautions())  # fmt: skip
+    assert sum("wears" in text for text in problem_of({**TWO, **worn}).cautions()) == 1
+
+
+def test_the_drawing_of_an_arm_has_the_shares_of_the_first_condition() -> None:
+    """A run of `serial_arm` with conditions ended in a traceback: its columns have the names of conditions."""
+    limits = {"pose_accuracy_mm": 3.0}
+    conditions = [
+        {"name": name, "payload_kg": load, "limits": limits} for name, load in (("empty", 0.0), ("full", 5.0))
+    ]
+    problem = problem_of({"problem": "serial_arm", "seed": 1, "objectives": {"minimise": ["cost"]},
+                          "condition": conditions})  # fmt: skip
+    front = problem.frame(problem.complete(0.5 * (problem.xl + problem.xu)[None, :]))
+    shares = [part["share"] for part in drawn(problem, front)["machine"]["parts"]]
+    assert sum(shares) == pytest.approx(100.0, abs=0.1)
+    assert {name for part in problem.sketch()["parts"] for name in part["shares"]} <= set(front)

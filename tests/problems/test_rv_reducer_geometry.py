@@ -257,3 +257,43 @@ def test_a_limit_that_nothing_searched_moves_is_not_said_to_cost_an_unknown_amou
     )
     assert "the limit of backlash max at most 1.3 arcmin binds" in told.stdout
     assert "is not known" not in told.stdout
+
+
+# ---------------------------------------------------------------- what is stated and acts on nothing
+
+
+def test_gear_deviations_without_an_involute_stage_are_faults(config: Path) -> None:
+    stated = ["parameters.gear_runout_um=40", "parameters.planet_share=0.2", "parameters.helix_deviation_um=11"]
+    assert faults_of(config, [*PLAIN, *stated]) == [  # the last is the default, as in a resolved configuration
+        f"parameters.{name}: there is no involute stage (parameters.involute_stage = false): leave it out"
+        for name in ("planet_share", "gear_runout_um")
+    ]
+
+
+def test_wear_without_hours_is_warned_of(config: Path) -> None:
+    (warning,) = [text for text in problem_of(config, ["parameters.running_in_um=0.5"]).cautions() if "wears" in text]
+    assert warning.startswith("running_in_um: nothing wears in 0 hours; state parameters.hours")
+    worn = problem_of(config, ["parameters.running_in_um=0.5", "parameters.hours=100"])
+    assert not any("wears" in text for text in worn.cautions())
+
+
+def test_a_profile_that_interferes_is_one_fault(config: Path) -> None:
+    """Its limits are broken for the same reason: raising them would not help."""
+    (fault,) = faults_of(config, ["variables.dr_rp_mm.value=0.0", "variables.dr_p_mm.value=0.02"])
+    assert fault.startswith("variables.dr_p_mm: the modified profile interferes with the pins by 20 um")
+
+
+def test_a_reducer_of_which_nothing_is_searched_is_told_so(config: Path, tmp_path: Path) -> None:
+    """The search for what limits can be kept ended in a traceback."""
+    free = [v.name for v in problem_of(config).free]
+    values = {name: 5 if name == "involute_grade" else 1.0 for name in free}
+    values |= {"stagger_arcmin": 0.0, "dr_rp_mm": -0.04, "dr_p_mm": -0.07}
+    given = ["objectives.minimise=['cost']", "limits.backlash_max_arcmin=3",
+             *(f"variables.{name}.value={value}" for name, value in values.items())]  # fmt: skip
+    overrides = [word for one in given for word in ("--set", one)]
+    checked = CliRunner().invoke(app, ["check", str(config), *overrides])
+    assert checked.exit_code == 0, checked.output
+    ended = CliRunner().invoke(app, ["run", str(config), "--out", str(tmp_path / "r"), *overrides])
+    assert ended.exit_code == 2
+    assert "every variable is fixed: there is nothing to optimise; use `tolevo evaluate`" in ended.output
+    assert not (tmp_path / "r").exists()

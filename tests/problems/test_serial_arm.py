@@ -21,6 +21,7 @@ from tolevo.algorithms.exact.solver import Exact, exact_vectors
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.configuration.reader import read
+from tolevo.errors import InputError
 from tolevo.models.serial_arm.kinematics import Chain, positions, singular_joints
 from tolevo.problems.serial_arm import SerialArmAllocation
 from tolevo.problems.serial_arm.definition import Definition, shipped_arm
@@ -335,3 +336,28 @@ class TestFewJoints:
         assert np.all(problem.machine.links[0] < 1e-20)
         assert problem.machine.links[1].sum() > 0.0
         assert optimum(problem, 0.05)[1]["pose_rms_mm"] == pytest.approx(0.05, rel=1e-9)
+
+    def test_an_arm_of_direct_drives_alone(self) -> None:
+        """A joint of 400 mm: its zero turns the tool by 0.4 mm/mrad, d and a move it as much as they are off."""
+        table = {"joint": [{"d_mm": 300.0, "a_mm": 400.0, "alpha_deg": 0.0, "offset_deg": 0.0, "reducer": "none",
+                            "beta_mrad": "none"}],
+                 "problem": "serial_arm", "cell": {"joints_deg": [[30.0]]},
+                 "parameters": {"flanks": "held"}}  # fmt: skip
+        problem = read(table).problem
+        assert problem is not None
+        names = {"zero_1_mrad": 0.1, "d_1_um": 20.0, "a_1_um": 30.0, "alpha_1_mrad": 0.2}
+        design = np.array([[names[name] for name in problem.names]])
+        values = problem.outputs_of(design)
+        assert values["pose_rms_mm"][0] == pytest.approx(np.sqrt(0.04**2 + 0.02**2 + 0.03**2), rel=1e-12)
+        assert values["backlash_rms_arcmin"][0] == values["te_amplitude_arcsec"][0] == values["cost_reducers"][0] == 0.0
+        fixed = {"variables": {name: {"value": value} for name, value in names.items()}}
+        alone = read({**table, **fixed}).problem  # its cost is one value for every design, and no fault
+        assert alone is not None
+        assert not alone.free
+
+    def test_a_joint_that_does_not_move_the_tool_is_told_so(self) -> None:
+        joints = [{"d_mm": 0.0, "a_mm": a, "alpha_deg": 0.0, "offset_deg": 0.0, "beta_mrad": "none"}
+                  for a in (400.0, 0.0)]  # fmt: skip
+        with pytest.raises(InputError, match="is singular: joint 2 does not move the tool; move the cell"):
+            read({"problem": "serial_arm", "joint": joints, "cell": {"joints_deg": [[30.0, 2.0]]},
+                  "parameters": {"flanks": "held"}})  # fmt: skip

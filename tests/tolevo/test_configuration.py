@@ -235,6 +235,8 @@ FAULTS = {
     "parameters = 1": "parameters: must be a table, got 1",
     "variables.bor_um.value = 1": "variables.bor_um: is not a known key (did you mean `bore_um`?)",
     "variables.bore_um.low = 12": "variables.bore_um.low: must be below high (10), got 12",
+    "variables.bore_um.low = 10": "variables.bore_um.low: must be below high (10), got 10; a variable that is not "
+                                  "searched has value = 10",
     "variables.bore_um = { value = 1, low = 2 }":
         "variables.bore_um: give either value or low and high, not both",
     "variables.bore_um.low = 0": "variables.bore_um.low: must have a finite cost, but 0 um costs "

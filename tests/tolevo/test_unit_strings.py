@@ -380,3 +380,11 @@ def test_an_angle_is_a_quantity_of_its_own() -> None:
     assert dimension("N m") == "kilogram meter^2 second^-2"
     assert dimension("N m/rad") == "kilogram meter^2 radian^-1 second^-2"
     assert dimension("percent") == dimension("1") == dimension("") == ""
+
+
+def test_units_of_parameters_and_outputs_are_written_as_on_drawings() -> None:
+    """`check` printed 200000 N_per_mm: a name has _per_ where a unit has a slash."""
+    declared = [registry.load("problems", name).declaration for name in registry.names("problems")]
+    units = {each.unit for one in declared for each in (*one.parameters, *one.variables, *one.outputs)}
+    assert {"N/mm", "Nm/arcmin"} <= units
+    assert not [unit for unit in units if "_" in unit]

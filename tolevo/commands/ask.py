@@ -22,14 +22,14 @@ from ..algorithms.settings import Budget
 from ..asking import DESIGN_TOLERANCE, Search, askable
 from ..configuration.configuration import Configuration
 from ..configuration.source import BUDGET_AND_ENGINE_KEYS
-from ..directory import BUSY, LOCK, OCCUPIED, is_occupied
+from ..directory import BUSY, LOCK, OCCUPIED, TOLD, is_occupied
 from ..directory.lock import Held, acquire
 from ..errors import Fault, raise_all, refuse
 from ..files import clear_parts, csv_text, read_own_csv, write_text
 from ..problems.tolerance_problem import designs_frame, designs_of
 from ..section import Array
 
-CONFIGURATION, DESIGNS, TOLD, FRONT = "config.toml", "designs.csv", "told.csv", "front.csv"
+CONFIGURATION, DESIGNS, FRONT = "config.toml", "designs.csv", "front.csv"
 ID, FAILED = "id", "failed"
 MARKS = (FAILED, "nan", "na", "n/a", "error", "inf", "-inf")
 """Texts, in small letters, that mark an evaluation that failed."""
@@ -83,6 +83,13 @@ def ask(configuration: Configuration, folder: Path) -> Standing:
     return found
 
 
+def no_search_faults(folder: Path) -> list[Fault]:
+    """A fault of a directory that holds no search which was asked."""
+    if (folder / CONFIGURATION).is_file() and (folder / TOLD).is_file():
+        return []
+    return [Fault(str(folder), "holds no search that was asked: begin with `tolevo ask CONFIG --out DIR`")]
+
+
 def tell(folder: Path, results: tables.Table, place: str) -> tuple[Standing, tuple[str, ...]]:
     """Take a table of results, in any order and of some of the designs alone; notes for the user.
 
@@ -90,8 +97,7 @@ def tell(folder: Path, results: tables.Table, place: str) -> tuple[Standing, tup
     not answered yet, one that is marked as failed counts as infeasible. What was told before is
     left as it is. Raises InputError with every fault, and nothing is written then.
     """
-    if not ((folder / CONFIGURATION).is_file() and (folder / TOLD).is_file()):
-        raise refuse(str(folder), "holds no search that was asked: begin with `tolevo ask CONFIG --out DIR`")
+    raise_all(no_search_faults(folder))
     from ..configuration.reader import read
 
     configuration = read(folder / CONFIGURATION)

@@ -131,6 +131,8 @@ def certify(
     """
     designs, stated = designs_of_result(problem, result)
     f, g = problem.searched(_vectors(problem, designs))
+    if not isinstance(problem, PlainProblem):  # what a run reports as kept is kept
+        g = problem.tested(_vectors(problem, designs))[1]
     feasible = np.all(g <= 0.0, axis=1) & np.isfinite(f).all(axis=1)
     points = designs_frame(problem, designs)[[variable.name for variable in problem.free]]
     points = points.assign(**dict(zip(problem.objectives, f.T, strict=True)), feasible=feasible)
@@ -326,12 +328,22 @@ def _lines(points: pd.DataFrame, found: _Bounds, scatter: pd.DataFrame, problem:
     lines.append(f"proof: {found.statement}")
     distance = points["distance_percent"].dropna()
     runs = scatter[scatter["source"] != "result"]
+    seeds = f"{len(runs)} seed{'s' * (len(runs) > 1)}"
     if len(distance):
-        middle, most = plain_number(float(distance.median())), plain_number(float(distance.max()))
+        middle, most = _apart(float(distance.median())), _apart(float(distance.max()))
         at = " at no worse values of the others" if problem.n_obj > 1 else ""
-        text = f"best known: {problem.objectives[0]} is {middle} % in the median and {most} % at most above what hybrid"
-        lines.append(f"{text} found from {len(runs)} seeds{at}; that is no bound")
+        text = f"best known: in the median {problem.objectives[0]} is {middle} what hybrid found from {seeds}{at}"
+        lines.append(f"{text}, at the worst point {most}; that is no bound")
     measure = "least" if problem.n_obj == 1 else "hypervolume"
     low, high, own = runs[measure].min(), runs[measure].max(), scatter[measure].iloc[-1]
-    text = f"scatter: {measure} from {plain_number(float(low))} to {plain_number(float(high))} over {len(runs)} seeds"
-    return [*lines, f"{text}, {plain_number(float(own))} of the result"]
+    if not np.isfinite(low):
+        return [*lines, f"scatter: from none of {seeds} hybrid found a design within the limits"]
+    text = f"scatter: {measure} from {plain_number(float(low))}"
+    text += f" to {plain_number(float(high))}" if np.isfinite(high) else ", none from some,"
+    of_result = f", {plain_number(float(own))} of the result" if np.isfinite(own) else ""
+    return [*lines, f"{text} over {seeds}{of_result}"]
+
+
+def _apart(percent: float) -> str:
+    """Like "1.2 % above"."""
+    return f"{plain_number(abs(percent))} % {'below' if percent < 0.0 else 'above'}"

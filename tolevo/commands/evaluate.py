@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import pandas as pd
 
 from .. import tables
 from ..blocks import ArrayRows, Computed
-from ..errors import nearest, raise_all
+from ..errors import Fault, nearest, raise_all
 from ..problems.settings import unit_slip
 from ..problems.tolerance_problem import ToleranceProblem
 from ..section import Array, Variable
@@ -17,6 +17,8 @@ from ..units import unit_hint
 
 WITHIN = 1e-9
 """Fraction of a range by which a design may leave it: the last digits of a table."""
+ALLOCATION = ("choice", "point", "variable", "unit", "rounded")
+"""Columns of the table of the chosen points of a run, a row for each variable."""
 GRAIN = 64
 """Designs that are evaluated at once."""
 REPORTED, SEARCH = "reported", "search"
@@ -51,11 +53,13 @@ def designs_in(
     """Full designs (n, all variables) in a table that faults call `place`.
 
     A column may be left out where the problem fixes that variable; where it is given, it counts.
-    `[columns]` of the configuration says what columns of the file are.
+    `[columns]` of the configuration says what columns of the file are. Of an `allocation.csv`, whose rows are
+    variables, the designs are the rounded ones.
     A tolerance of 0 is evaluated as a limit: its cost may be infinite (`inf`).
     A design outside of the ranges that are searched is a fault where it is to be `searched`, else
     it is reported. Raises InputError with every fault of the table.
     """
+    table = _designs_of_allocation(problem, table, place)
     names = [variable.name for variable in problem.variables]
     needed = [name for name in names if name not in problem.fixed]
     labelled = [variable.name for variable in problem.variables if variable.labels]
@@ -84,6 +88,30 @@ def designs_in(
     raise_all(faults)
     understood(_range_notes(left))
     return designs
+
+
+def _designs_of_allocation(problem: ToleranceProblem, table: tables.Table, place: str) -> tables.Table:
+    """The table; that of the allocation of a run with a row for each chosen point and a column for each variable."""
+    if not set(ALLOCATION) <= set(table.columns.names):
+        return table
+    cells = table.cells.astype({"point": str, "variable": str})
+    units = {variable.name: variable.unit for variable in problem.variables}
+    keys = zip(cells.index, cells["point"], cells["variable"], cells["unit"], strict=True)
+    seen, faults = set[tuple[str, str]](), list[Fault]()
+    for line, point, name, unit in keys:
+        if (point, name) in seen:
+            faults.append(Fault(f"{place}: row {line}", f"states {name} of point {point} again: keep one of them"))
+        elif name in units and str(unit) != units[name]:
+            text = f'states {name} in "{unit}", but this configuration has it in "{units[name]}"'
+            faults.append(Fault(f"{place}: row {line}", text))
+        seen.add((point, name))
+    raise_all(faults)
+    points, columns = (list(dict.fromkeys(cells[name])) for name in ("point", "variable"))
+    wide = cells.set_index(["point", "variable"])["rounded"].unstack().loc[points, columns]  # noqa: PD010
+    made, _ = tables.table_of(wide, place)
+    note = f"rounded values of the chosen point{'s' * (len(points) > 1)} {', '.join(points)}"
+    numeric = tuple(v.name for v in problem.variables if v.name in columns and not v.labels)
+    return replace(made, dialect=table.dialect, notes=(note,), numeric=numeric)
 
 
 def _range_violations(problem: ToleranceProblem, designs: Array, index: pd.Index[Any]) -> dict[str, dict[object, str]]:

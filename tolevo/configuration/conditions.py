@@ -10,7 +10,17 @@ from typing import Any
 from .. import registry
 from ..errors import nearest
 from ..models.effects.measurements import Active
-from ..problems.conditions import Condition, InConditions, OperatingConditions, declaration_in, limitable
+from ..problems.conditions import (
+    APART,
+    DISC,
+    HOUSING,
+    THERMAL,
+    Condition,
+    InConditions,
+    OperatingConditions,
+    declaration_in,
+    limitable,
+)
 from ..problems.declaration import ConfiguredProblem, Declaration
 from ..section import Range, Section, Value
 from .parameters import read_effects, read_parameters, resolved_effects
@@ -24,8 +34,6 @@ HOURS = Range(0.0, 1e6)
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 RESERVED = ("min", "max")
 """Keys of a limit, which no condition can be named after."""
-THERMAL = "differential_thermal_expansion"
-DISC, HOUSING, APART = "disc_temperature_C", "housing_temperature_C", "temperature_difference_K"
 
 
 def with_conditions(

@@ -181,7 +181,8 @@ def _order(section: Section, variable: Variable, low: float | None, high: float 
     least = variable.low if low is None else low
     most = variable.high if high is None else high
     if least >= most and not (low is None and high is None):
-        section.fault("low", f"must be below high ({most:g}), got {least:g}")
+        fixed = f"; a variable that is not searched has value = {least:g}" if least == most else ""
+        section.fault("low", f"must be below high ({most:g}), got {least:g}{fixed}")
 
 
 def _mid(section: Section, variable: Variable) -> float | None:

@@ -9,15 +9,17 @@ directory is that of an unfinished result; and marks the set of files that it ha
 from __future__ import annotations
 
 from .lock import LOCK, holders
-from .ownership import BUSY, OCCUPIED, Ownership, busy_faults, own_folder
+from .ownership import ASKED, BUSY, OCCUPIED, TOLD, Ownership, busy_faults, own_folder
 from .standing import KINDS, MANIFEST, UNFINISHED, Standing, incompleteness, is_occupied, kind_of, seal_of, standing
 
 __all__ = [
+    "ASKED",
     "BUSY",
     "KINDS",
     "LOCK",
     "MANIFEST",
     "OCCUPIED",
+    "TOLD",
     "UNFINISHED",
     "Ownership",
     "Standing",

@@ -33,6 +33,9 @@ from .standing import (
 
 BUSY = "is in use by {}: wait for it, end it, or name another directory"
 OCCUPIED = "{} is not empty; name another directory, or add --overwrite or --resume"
+TOLD = "told.csv"
+"""The results that `tolevo tell` took, which no other command can repeat."""
+ASKED = "{} holds a search of `tolevo ask` and the results that it was told; name another directory"
 UNCHANGED = (
     "cannot be written ({}: {}): nothing was changed; {} and run the same command again, or name another directory"
 )
@@ -68,6 +71,8 @@ class Ownership:
 
     def check(self, resume: bool, overwrite: bool, apart: Sequence[str] = ()) -> None:
         """Check what is there. Raises InputError where it cannot be continued or replaced."""
+        if (self.folder / TOLD).is_file():
+            raise refuse("--out", ASKED.format(self.folder))
         if not resume:
             if not overwrite and is_occupied(self.folder):
                 raise refuse("--out", OCCUPIED.format(self.folder))

@@ -362,13 +362,16 @@ def fit_columns(
             if (stated := table.units.get(name, "")) and unit and not is_same_unit(stated, unit):
                 text = f'is stated in "{stated}", but {wanted} is in "{unit}"; rename it or map it in [columns]'
                 faults.append(Fault(f"{place}: column {table.headers.get(name, name)}", text))
+    split = {str(name): split_unit(str(name)) for name in cells if name not in table.units}
+    apart = {name: (name.casefold().replace(" ", "_"), unit) for name, unit in table.units.items()}
+    apart |= {name: (stem.casefold(), unit) for name, (stem, unit) in split.items() if unit and name not in known}
     for wanted, unit in free.items():  # a column with the same name and another unit that fits
         stem = split_unit(wanted)[0].casefold()
-        alike = (name for name in table.units if name.casefold().replace(" ", "_") == stem and name not in names)
-        name = next((name for name in alike if unit and fits(table.units[name], unit)), None)
+        alike = (name for name, (own, _) in apart.items() if own == stem and name not in names)
+        name = next((name for name in alike if unit and fits(apart[name][1], unit)), None)
         if wanted not in names.values() and name is not None:
             names[name] = wanted
-            cells[name] = _convert_cells(cells[name], table.units[name], unit, 1)
+            cells[name] = _convert_cells(cells[name], apart[name][1], unit, 1)
             notes.append(f'"{table.headers[name]}" is read as {wanted}')
     if table.dialect.kind == AQDEF:  # its times and batches, where no entry of [columns] maps them
         for name, target in OF_AQDEF.items():

@@ -20,14 +20,14 @@ PARAMETERS: tuple[Parameter, ...] = (
     _assumed_parameter(
         "normal_stiffness_N_per_mm",
         2e5,
-        "N_per_mm",
+        "N/mm",
         "normal stiffness of one pin contact",
         "linear; loads 5.4 pins of a disc of the RV-40E-121 at 412 N m",
     ),
     _assumed_parameter(
         "series_stiffness_Nm_per_arcmin",
         58.5,
-        "Nm_per_arcmin",
+        "Nm/arcmin",
         "stiffness between one disc and the carrier: crank bearings, cranks, carrier",
         "gives the RV-40E-121 its catalogue's 108 N m/arcmin",
     ),

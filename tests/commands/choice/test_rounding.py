@@ -449,3 +449,15 @@ def test_a_search_by_prices_finds_what_trying_everything_finds(steps: str) -> No
         assert keys[0] <= best_keys[0] * (1.0 + 1e-9) + 1e-12
         assert keys[2] <= best_keys[2] * 1.002
         assert len(searched) < 0.05 * len(every)
+
+
+def test_rounding_tells_what_it_does_to_other_objectives() -> None:
+    plan = read(RandomStack(3).tables()).plan()
+    design = plan.problem.complete(0.5 * (plan.problem.xl + plan.problem.xu)[None])[0]
+    rounded = round_design(plan.problem, design, tables(plan.problem, plan.choice))
+    others = {"pose_accuracy_mm": (0.02, 0.021), "yaw_mrad": (0.1, 0.1 * (1.0 + 1e-5)), "backlash_arcmin": (1.0, 0.9)}
+    told = rounding_sentence(plan.problem, rounded, 10.0, 9.0, "", others)
+    assert told == (
+        "Rounded for the drawing, it costs 9 (10 % less); pose accuracy rises from 0.02 to 0.021; backlash falls from "
+        "1 to 0.9."
+    )

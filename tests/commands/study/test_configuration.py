@@ -60,6 +60,9 @@ LEVELS = '"algorithm.population" = [10, 20]'
         ('"algorithm.population" = { low = 20, hihg = 30 }', "vary.algorithm.population.hihg",
          "did you mean `high`"),
         ('"algorithm.population" = [20, 20]', "vary.algorithm.population", "names 20 twice"),
+        ('"algorithm.population" = { values = [20] }', "vary.algorithm.population",
+         "must be a list of values or a table with low and high, not a table with values$"),
+        ('"limits.backlash" = { values = [20] }', "vary.limits.backlash.values", "is not a setting of this run"),
         ('"algorithm.population" = ["a", "b"]', "vary.algorithm.population[0]",
          "must be a whole number"),
         ('"algorithm.name" = ["ga", "nsga3"]', "vary.algorithm.name",
@@ -75,6 +78,7 @@ LEVELS = '"algorithm.population" = [10, 20]'
 def test_settings_that_make_no_sense(tmp_path: Path, vary: str, place: str, message: str) -> None:
     found = faults_of(study_file(tmp_path, vary))
     assert re.search(message, found[place])
+    assert not any(re.search(r"did you mean `[^`]*values`", text) for text in found.values())  # one cause, one fault
 
 
 def test_a_fault_of_a_combination_names_the_point(tmp_path: Path) -> None:

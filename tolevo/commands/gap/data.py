@@ -20,6 +20,8 @@ from .plan import GapPlan
 
 LATE = 0.05
 """Fraction of its span by which the start of a clock may differ from 0."""
+COPIES = 0.1
+"""Fraction of the rows up to which measurements in steps may repeat one another by chance."""
 MAX_BACKSTEP_FRACTION = 0.02
 """Fraction of a session's rows up to which a clock that goes back was reset; above it the rows are
 in disorder."""
@@ -63,6 +65,19 @@ def late_clock_messages(frame: pd.DataFrame, columns: Sequence[Column]) -> list[
         f"{c.name} begins at {t.min():g} {c.unit}: wear and creep are counted from 0; subtract the value at the start"
         for c, t in clocks
         if abs(t.min()) > LATE * np.ptp(t)
+    ]
+
+
+def copied_rows_messages(frame: pd.DataFrame) -> list[str]:
+    """A message where many rows are others again, as files that were joined twice have them: each counts as a
+    measurement of its own.
+    """
+    copies = int(frame.duplicated().sum())
+    if copies <= COPIES * len(frame):
+        return []
+    return [
+        f"{copies} of {len(frame)} rows are others again, the measured values included: if they are copies, remove "
+        "them, as each counts as a measurement and makes the intervals narrower"
     ]
 
 

@@ -26,6 +26,7 @@ from .data import (
     assemble_data,
     average_repeats,
     clock_faults,
+    copied_rows_messages,
     late_clock_messages,
     number_units,
     of_one_measurement,
@@ -271,7 +272,7 @@ def checked_table(
             f"every {SESSION} may have a separate level; [validation] blocks = "
             f'"{SESSION}" would hold out each {SESSION} in turn'
         )
-    notes += [*column_messages(frame, present), *late_clock_messages(frame, present)]
+    notes += [*column_messages(frame, present), *late_clock_messages(frame, present), *copied_rows_messages(frame)]
     if unused:
         notes.append(f"not used, without a role: {abbreviated_list(unused)} (docs/conventions.md lists the roles)")
     data = assemble_data(plan, frame, present, outputs, predictions, stds, notes)

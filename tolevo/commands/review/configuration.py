@@ -86,6 +86,10 @@ def review_text(run: Path, parts: Sequence[Path], since: Sequence[Path], options
 
 def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, Any]]:
     """The resolved tables of a run and the rounded design of its first choice, as the files have it."""
+    if not run.is_dir():
+        missing = "is a file" if run.exists() else "does not exist"
+        faults.append(Fault(str(run), f"{missing}: name the directory of a run"))
+        return None, {}
     table = load(run / "config.toml", faults)
     try:
         allocation = read_own_csv(run / "allocation.csv")

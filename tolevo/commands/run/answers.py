@@ -24,7 +24,7 @@ from .changes import step_words, words
 from .choice import ALL
 from .decide import Decisions
 from .plan import MAX_LIMIT_DISTANCE, RunPlan, chosen_point, shown_point
-from .prices import PERCENT, points_at_limit
+from .prices import ERRORS, PERCENT, points_at_limit
 from .promise import (
     capability_table,
     cheapest_at,
@@ -39,6 +39,13 @@ from .references import gain_column
 # The choices of a front, as parts of the result of a run.
 
 
+SMALL_STEP = 1e-4
+"""Fraction of a range by which what is searched is moved to see whether that breaks a limit."""
+IDLE = "The limit of {} is met exactly, and no small step of what is searched breaks it."
+NEAR = (
+    f"At this allocation {{}} lies within {ERRORS:g} standard errors of its limit, {{}}; what loosening it would save "
+    "is not known."
+)
 FORMAT = 1
 """Version of the files of a run: `summary.json` names it; a reader refuses what is newer."""
 
@@ -258,6 +265,12 @@ class Sentences:
             return " ".join(filter(None, (margin, *saved.values())))
         held = [o for o in held if o not in unmoved]
         saved |= {limit.name: self._cost_of(limit) for limit in held}
+        idle = [limit for limit in held if not saved[limit.name] and not self._moves(limit)]
+        saved |= {limit.name: IDLE.format(self.limit(limit)) for limit in idle}
+        exact = {o.name: row.assign(**{f"{o.name}_error": 0.0}) for o in held}
+        for o in (o for o in held if not saved[o.name] and not points_at_limit(o, exact[o.name])[0]):
+            end = self.limit(o).removeprefix(words(o.name)).strip()
+            saved[o.name] = NEAR.format(self.value(o.name, float(row[o.name].iloc[0])), end)
         unknown = [self.limit(limit) for limit in held if not saved[limit.name]]
         if unknown:
             plural = ("limit of", "binds", "it") if len(unknown) == 1 else ("limits of", "bind", "them")
@@ -351,6 +364,20 @@ class Sentences:
             if price * small <= max(self._cost - self.floor, 0.0):
                 return f"{binds}: {change} would save about {self.money(price * small)} ({how})."
         return self._relaxed(limit.name)
+
+    def _moves(self, limit: Limit) -> bool:
+        """Whether a small step of something that is searched breaks a limit that is met exactly."""
+        problem, value = self.problem, float(self.result.front.iloc[self.point][limit.name])
+        ends = [end for end in (limit.low, limit.high) if np.isfinite(end)]
+        if problem.declaration.sampled or all(abs(value - end) > limit.room(end) for end in ends):
+            return True
+        design = designs_of(problem, self.result.front.iloc[[self.point]])
+        at = [problem.names.index(v.name) for v in problem.free]
+        whole = np.array([variable.integer for variable in problem.free], dtype=bool)
+        steps = np.where(whole, 1.0, SMALL_STEP * (problem.xu - problem.xl))
+        moved = np.concatenate([design[:, at] + np.diag(steps), design[:, at] - np.diag(steps)])
+        designs = problem.complete(np.clip(moved, problem.xl, problem.xu))
+        return not limit.kept(problem.values(designs, problem.needed_outputs(designs), limit.name)).all()
 
     def _above(self, limit: Limit) -> float:
         return limit.high - float(self.result.front.iloc[self.point][limit.name])

@@ -157,6 +157,8 @@ def best(keys: Array) -> Rungs:
 
 VALUE_TOLERANCE = 1e-9
 """Relative difference below which two values count as equal."""
+PROPAGATED = 1e-6
+"""Fraction of a limit by which a value may differ between the lattices of two propagations."""
 NAMED = 8
 """Steps that a sentence names at most."""
 FEW, MOST = 8, 100
@@ -228,13 +230,17 @@ def _evaluate_designs(problem: ToleranceProblem, designs: Array) -> dict[str, Ar
 
 
 def _broken_limits(problem: ToleranceProblem, design: Array, outputs: Mapping[str, Array]) -> dict[str, str]:
-    """The limits that a full design (1, all) breaks, and by which values."""
-    broken = {}
+    """The limits that a full design (1, all) breaks, and by which values; those that it breaks by what a
+    propagation differs between designs only where it breaks no other.
+    """
+    broken, by_little = {}, set[str]()
     for limit in problem.limits:
         value = problem.values(design, outputs, limit.name)
         if not limit.kept(value)[0]:
             broken[limit.name] = f"{words(limit.name)} {value_against_limit(float(value[0]), limit)}"
-    return broken
+            if max(float(part[0]) for part in limit.violations(value)) <= PROPAGATED:
+                by_little.add(limit.name)
+    return {name: text for name, text in broken.items() if name not in by_little} or broken
 
 
 def value_against_limit(value: float, limit: Limit) -> str:
@@ -337,9 +343,10 @@ def advice(problem: ToleranceProblem, tried: pd.DataFrame, design_values: Mappin
     currency = problem.settings.money.currency
     others = [name for name in problem.objectives if name != COST]
     size = max(abs(float(design_values.get(COST, 0.0))), 1e-300)
-    saving = tried[tried["cost_change"] < -VALUE_TOLERANCE * size]
+    saving = tried[tried["cost_change"] < -NOTABLE_SAVING * size]
     if saving.empty:
-        return "No step of one tolerance by itself to the next value that can be ordered saves anything."
+        much = "a millionth of the cost" if (tried["cost_change"] < 0.0).any() else "anything"
+        return f"No step of one tolerance by itself to the next value that can be ordered saves {much}."
     kept = saving[saving["breaks"] == ""]
     if kept.empty:
         untried = int(tried["untried"].iloc[0])
@@ -354,7 +361,7 @@ def advice(problem: ToleranceProblem, tried: pd.DataFrame, design_values: Mappin
     for name in others:
         change, unit = float(best[f"change_{name}"]), units.get(name, "")
         direction = "rises" if change > 0.0 else "falls"
-        if change:
+        if abs(change) > NOTABLE_CHANGE * abs(design_values[name]):
             text += f"; {words(name)} {direction} by {plain_number(abs(change), 3)} {unit}".rstrip()
     text += "; every limit is kept" if _limited_outputs(problem) else ""
     blocked = saving[saving["breaks"] != ""]
@@ -375,7 +382,7 @@ def _list_steps(rows: pd.DataFrame) -> str:
     ordered = rows.sort_values("cost_change", kind="stable").to_dict("records")
     named = [f"{step_words(row)}: {row['broken']}" for row in ordered[:NAMED]]
     more = len(ordered) - len(named)
-    return "; ".join([*named, f"{more} more break a limit"] if more else named)
+    return "; ".join([*named, f"{more} more break{'s' if more == 1 else ''} a limit"] if more else named)
 
 
 def _money(amount: float, currency: str) -> str:
@@ -403,6 +410,10 @@ VERIFIED = 24
 """Best candidates that are tested by the full model."""
 NEGLIGIBLE = 0.01
 """Part of the cost that rounding may add without a reason."""
+NOTABLE_SAVING, NOTABLE_CHANGE = 1e-6, 1e-4
+"""Fractions of the cost and of another objective below which a change is not told: quantiles of sums are
+approximated to the latter.
+"""
 PENALTY = 1e3
 """Price of breaking a limit, over the largest saving of a change per room that it uses."""
 
@@ -457,9 +468,17 @@ def round_design(
     return rounded
 
 
-def rounding_sentence(problem: ToleranceProblem, rounded: Rounded, before: float, after: float, broken: str) -> str:
+def rounding_sentence(
+    problem: ToleranceProblem,
+    rounded: Rounded,
+    before: float,
+    after: float,
+    broken: str,
+    others: Mapping[str, tuple[float, float]] = MappingProxyType({}),
+) -> str:
     """What rounding a design does to its cost, and why nothing cheaper is chosen where that is above
-    `NEGLIGIBLE`; `broken` are the limits that the rounded design breaks, separated by spaces.
+    `NEGLIGIBLE`; `broken` are the limits that the rounded design breaks, separated by spaces, `others` the
+    values of further objectives before and after.
     """
     near, share = rounded.near, (after - before) / (abs(before) or 1.0)
     if near is None:
@@ -473,6 +492,11 @@ def rounding_sentence(problem: ToleranceProblem, rounded: Rounded, before: float
     amount = f"{100.0 * abs(share):.2g} % {'more' if share > 0.0 else 'less'}"
     amount = amount if abs(share) > VALUE_TOLERANCE else "as much"
     text = f"Rounded for the drawing, it costs {plain_number(after)} {currency}".rstrip() + f" ({amount})"
+    for name, (was, now) in others.items():
+        if abs(now - was) > NOTABLE_CHANGE * abs(was):
+            unit = next((output.unit for output in problem.outputs if output.name == name), "")
+            change = f"{'rises' if now > was else 'falls'} from {plain_number(was)} to {plain_number(now)} {unit}"
+            text += f"; {words(name)} {change}".rstrip()
     if share <= NEGLIGIBLE:
         return f"{text}."
     values, at = near.design[near.columns], np.arange(len(near.columns))

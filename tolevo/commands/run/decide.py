@@ -158,8 +158,19 @@ def _table(
     records = selected.to_dict("records")
     if COST in selected and COST in after:
         table["rounding"] = [
-            rounding_sentence(problem, rounded[at], float(before), float(cost), str(limits))
-            for at, before, cost, limits in zip(choices.values(), selected[COST], after[COST], broken, strict=True)
+            rounding_sentence(
+                problem,
+                rounded[point],
+                float(selected[COST][at]),
+                float(after[COST][at]),
+                broken[at],
+                {
+                    name: (float(selected[name][at]), float(after[name][at]))
+                    for name in problem.objectives
+                    if name != COST
+                },
+            )
+            for at, point in enumerate(choices.values())
         ]
     table["loosen_first"] = [
         advice(problem, steps, records[at]) if len(steps := tried[tried["point"] == point]) else ""

@@ -572,19 +572,26 @@ def _least_of(row: Mapping[Any, Any], name: str) -> float:
     return min(map(float, values), default=float("nan"))
 
 
+def _probability(percent: float) -> str:
+    """Like 90.1 %; nothing is certain, and nothing out of the question, by the samples of parts."""
+    if percent >= 99.95:
+        return "more than 99.9 %"
+    return f"{percent:.1f} %" if percent >= 0.05 else "less than 0.1 %"
+
+
 def sentence(summary: dict[str, Any], words: str, costs: pd.DataFrame, currency: str) -> str:
     """The promise in one sentence, and what it costs in a currency."""
     kept = float(summary[ASSURANCE])
     text = f"Promised: {words}"
     if summary["assured_withheld"] and summary["statement"] == ASSURED:
         text += f" (if all parts were normal; it is not called assured, for {'; '.join(summary['assured_withheld'])})"
-    text += f"; given the uncertainty of the samples it is kept with a probability of {kept:.1f} %"
+    text += f"; given the uncertainty of the samples it is kept with a probability of {_probability(kept)}"
     if summary.get("kept") is False:
         text += ", less than the confidence that was asked for: it is not assured"
     if summary.get("rounded_kept") is False:
         text += (
             f"; as rounded for the drawing it is not kept (probability "
-            f"{float(summary[f'rounded_{ASSURANCE}']):.1f} %): state finer steps in "
+            f"{_probability(float(summary[f'rounded_{ASSURANCE}']))}): state finer steps in "
             "[rounding]"
         )
     if "bootstrap_percent" in summary:

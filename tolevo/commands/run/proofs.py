@@ -347,7 +347,8 @@ def unreachable_limits(problem: ToleranceProblem) -> list[Fault]:
     the finest grades, which proves nothing but is rarely wrong by more than its sample. There is no
     search where one of the problem's own starts keeps all limits.
     """
-    starts = problem.starts() if problem.declaration.sampled else np.empty((0, 0))
+    sought = problem.declaration.sampled and bool(problem.free)
+    starts = problem.starts() if sought else np.empty((0, 0))
     if not len(starts) or _any_feasible(problem, starts):
         return []
     return [

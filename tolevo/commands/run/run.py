@@ -29,6 +29,7 @@ from ...execution import Background, Closing, Execution, Executor, Lost, Process
 from ...files import WORKBOOK, csv_text, write_bytes, write_text
 from ...journal import recording_steps
 from ...page_data import as_json, label_tables, records, table_files
+from ...problems.stack import Stack
 from ...problems.tolerance_problem import ToleranceProblem, designs_frame
 from ...records import Axis, RunResult, mechanism_lines, model_lines
 from ...units import plain_number
@@ -286,10 +287,9 @@ def run(
     replaced (`overwrite`); RunError where the disk is full.
     """
     if not plan.problem.free:
-        raise refuse(
-            "problem",
-            "every variable is fixed: there is nothing to optimise; use `tolevo analyse` or `tolevo evaluate`",
-        )
+        other = "`tolevo analyse` or " if isinstance(plan.problem, Stack) else ""
+        text = f"every variable is fixed: there is nothing to optimise; use {other}`tolevo evaluate`"
+        raise refuse("problem", text)
     searchable(plan.problem, plan.algorithm)
     with own_folder(out, "run", resume, overwrite) as place, pinned():
         return _run(plan, place, workers, progress, resume)
@@ -340,7 +340,6 @@ def _run(
 def _write_workbook(plan: RunPlan, result: RunResult, folder: Path) -> None:
     """The workbook of a stack with sheets of the first choice, where there is one."""
     from ...configuration.workbook import with_result
-    from ...problems.stack import Stack
 
     point = chosen_point(result)
     design = rounded_design(result, plan.problem, point)

@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import asdict, replace
+from itertools import accumulate
 from os.path import abspath
 from pathlib import Path
 from typing import Any
@@ -92,10 +93,13 @@ def read_factors(section: Section, table: Table, base: Mapping[str, Any]) -> tup
     """
     factors = []
     for key, value in _entries(table).items():
-        section.accept([key.split(".")[0], key])
+        section.accept([*accumulate(key.split("."), "{}.{}".format)])
         if key == SEED or key.startswith("run."):
             hint = "replicates differ by their seeds: set seeds" if key == SEED else "leave out `run.`"
             section.fault(key, f"cannot be varied: {hint}")
+        elif key not in base and (parent := key.rpartition(".")[0]) in base:
+            given = f"not a table with {key.rpartition('.')[2]}"
+            section.fault(parent, f"must be a list of values or a table with low and high, {given}")
         elif key not in base:
             known = ", ".join(_neighbours(key, base))
             text = f"is not a setting of this run that has a value{nearest(key, base)}"
