@@ -16,8 +16,6 @@ from os.path import exists, getsize
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
-import pandas as pd
-
 from . import tables
 from .arguments import choice_faults, file_faults, page_faults, page_next_to, source_faults, start_faults, watch_faults
 from .configuration.configuration import Configuration
@@ -29,6 +27,7 @@ from .files import unwritable
 from .results import Analysis, Gap, Reproduction, Run, Scratch, Study
 
 if TYPE_CHECKING:
+    import pandas as pd
     from pymoo.core.problem import Problem
 
     from .algorithms.run import Progress
@@ -53,9 +52,9 @@ Raw: TypeAlias = "AnyPath | Mapping[str, Any] | ToleranceProblem | Problem"
 place of problem and algorithm, or a problem alone: of this suite, or of pymoo itself."""
 Source: TypeAlias = "Raw | Configuration"
 """A configuration, or what `read` returns."""
-Frame = AnyPath | pd.DataFrame
+Frame: TypeAlias = "AnyPath | pd.DataFrame"
 """A table: a path, or a frame whose columns bear the names that the file would have."""
-Starts = Frame | Sequence[AnyPath]
+Starts: TypeAlias = "Frame | Sequence[AnyPath]"
 """Designs to start from: a table, the directory of a run, or several paths of these."""
 READ = "read"
 NOTES = "notes"
@@ -113,7 +112,7 @@ def table_faults_of(
     from .blocks import Target, folder_faults
 
     faults = choice_faults(None, resume, overwrite)
-    read = None if isinstance(source, pd.DataFrame) else Path(source)
+    read = Path(source) if isinstance(source, str | PathLike) else None
     if out is None:
         options = {"--resume": resume, "--overwrite": overwrite, "--partitioned": partitioned}
         text = "needs a file or directory to write to: out"
@@ -150,7 +149,7 @@ def raw(source: Raw) -> Path | Mapping[str, Any]:
 
 def opened(source: Frame, options: tables.ReadOptions) -> tuple[tables.Table | None, list[Fault], str]:
     """A table, the faults of its form, and how they name it."""
-    if isinstance(source, pd.DataFrame):
+    if not isinstance(source, str | PathLike):
         return *tables.table_of(source, "frame"), "frame"
     path = Path(source)
     return *tables.open_table(path, path.name, options), path.name
@@ -273,7 +272,7 @@ def simulate(
     )
     understood, notes, index = list[str](), list[str](), None
     rows: Any = None
-    if not isinstance(inputs, pd.DataFrame):
+    if isinstance(inputs, str | PathLike):
         rows = streamed(simulation, Path(inputs), model_settings.columns, understood.extend, notes.extend)
     if rows is not None:
         columns = list(rows.names.values())
@@ -352,11 +351,9 @@ def read(
 
 def stated(start: Starts | None) -> Any:
     """The value of the key `start`; paths are relative to the working directory."""
-    if start is None or isinstance(start, pd.DataFrame):
-        return start
     if isinstance(start, str | PathLike):
         return str(Path(start).absolute())
-    return [str(Path(path).absolute()) for path in start]
+    return [str(Path(path).absolute()) for path in start] if isinstance(start, Sequence) else start
 
 
 def check(source: Source, settings: Sequence[str] = ()) -> str:
@@ -613,7 +610,7 @@ def gap(
     where = executing(tables_given, settings, workers, dask, faults)
     plan, plan_faults = gap_plan(tables_given, settings)
     table, form_faults, place = opened(data, tables.ReadOptions(encoding, delimiter, decimal, shape))
-    file = None if isinstance(data, pd.DataFrame) else Path(data)
+    file = Path(data) if isinstance(data, str | PathLike) else None
     measurements, data_faults = checked_table(plan, table, form_faults, place, file)
     raise_all([*plan_faults, *faults, *data_faults])
     assert plan is not None
