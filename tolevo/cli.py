@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import atexit
-import gc
 import json
 import os
 import sys
@@ -197,8 +196,6 @@ def _options(group: Any) -> list[Parameter]:
     return parameters
 
 
-GARBAGE = 200_000
-"""New objects between two searches for cycles: imports make many objects and no garbage."""
 STATUS = {"done": 0, "no_feasible_point": 1, "interrupted": INTERRUPTED}
 
 app = typer.Typer(
@@ -220,7 +217,6 @@ def main() -> None:
     and would restore what a signal does by default.
     """
     interrupts = listen()
-    gc.set_threshold(GARBAGE)
     keep_standard_streams()
     try:
         app()
