@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import optimize
 
 from ...models.effects.measurements import SESSION
 from ...models.measurable import Role
@@ -165,7 +165,7 @@ def _fit_within_bounds(coefficients: Array, members: Sequence[Member], x: Array,
     training[out] = False
     size = np.maximum(np.linalg.norm(x, axis=0), 1e-300)
     q, r = np.linalg.qr(x[training] / size)
-    solution = optimize.lsq_linear(r, q.T @ y[training], (low * size, high * size), method="bvls")
+    solution = scipy.optimize.lsq_linear(r, q.T @ y[training], (low * size, high * size), method="bvls")
     return np.asarray(solution.x / size)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from operator import itemgetter
 
 import numpy as np
-from scipy import optimize
+import scipy
 
 from ...journal import recall_arrays
 from ...models.effects import EffectParameter
@@ -281,7 +281,7 @@ class Fitter:
         if (coefficients < low).any() or (coefficients > high).any():
             q, r = np.linalg.qr(x / size)
             ends = (low * size, high * size)
-            coefficients = optimize.lsq_linear(r, q.T @ self.y, ends, method="bvls").x / size
+            coefficients = scipy.optimize.lsq_linear(r, q.T @ self.y, ends, method="bvls").x / size
         residual = self.y - x @ coefficients
         sizes = [part.shape[1] for part in parts]
         split = np.split(coefficients, np.cumsum([self.base.shape[1], *sizes])[:-1])
@@ -339,7 +339,7 @@ class Fitter:
         def computed() -> tuple[Array, Array]:
             losses.clear()
             simplex = np.vstack([np.zeros(len(free)), 0.5 * np.eye(len(free))])  # half a cell of the grid
-            best = optimize.minimize(
+            best = scipy.optimize.minimize(
                 loss,
                 simplex[0],
                 method="Nelder-Mead",

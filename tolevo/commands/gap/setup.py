@@ -10,7 +10,7 @@ from operator import attrgetter
 from typing import Any
 
 import numpy as np
-from scipy import optimize
+import scipy
 
 from ...errors import raise_all
 from ...models.effects.effect import InsideSeveral, kind_of
@@ -342,7 +342,7 @@ def recalibrate(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) ->
             return np.append(np.sqrt(len(data)) * np.mean(scaled), x)
         return project_out(scaled, q)
 
-    solution = optimize.least_squares(
+    solution = scipy.optimize.least_squares(
         residual,
         np.zeros(len(half)),
         bounds=(-1.0, 1.0),
