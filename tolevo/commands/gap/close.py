@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import scipy
 
+from ...journal import Arrays, recall_arrays
 from ...models.effects.measurements import Active, apply_output_actions, changes_of, effect_actions
 from ...models.measurable import MeasurableModel
 from ...section import Array
@@ -164,10 +165,14 @@ def corrected(setup: Setup, space: Space, fit: Fit, plain: bool = False) -> Corr
     jacobian = np.zeros((space.rows_per_output * len(space.noises) + space.prior, 0))
     if len(x):
         residual, white = _residual(setup, used, model, scale), used.whiten(residual_of(setup, fit))
-        fitted = least_squares(residual, x, (low, high), float(white @ white))
-        x = np.where(np.isfinite(low) & (fitted.x - low < BOUND_TOLERANCE), low, fitted.x)
+
+        def computed() -> Arrays:
+            fitted = least_squares(residual, x, (low, high), float(white @ white))
+            return np.asarray(fitted.x), np.asarray(fitted.jac), np.asarray(fitted.fun)
+
+        best, jacobian, residuals = recall_arrays(("corrected", x, white), computed)
+        x = np.where(np.isfinite(low) & (best - low < BOUND_TOLERANCE), low, best)
         x = np.asarray(np.where(np.isfinite(high) & (high - x < BOUND_TOLERANCE), high, x))
-        jacobian, residuals = np.asarray(fitted.jac), np.asarray(fitted.fun)
         if (np.abs(x) < STEP).any():  # relative steps fail at 0
             jacobian = _derivatives(residual, x, residuals, high)
     else:
