@@ -168,9 +168,10 @@ def corrected(setup: Setup, space: Space, fit: Fit, plain: bool = False) -> Corr
 
         def computed() -> Arrays:
             fitted = least_squares(residual, x, (low, high), float(white @ white))
-            return np.asarray(fitted.x), np.asarray(fitted.jac), np.asarray(fitted.fun)
+            return np.asarray(fitted.x), np.ascontiguousarray(fitted.jac.T), np.asarray(fitted.fun)
 
-        best, jacobian, residuals = recall_arrays(("corrected", x, white), computed)
+        best, by_number, residuals = recall_arrays(("corrected", x, white), computed)
+        jacobian = by_number.T
         x = np.where(np.isfinite(low) & (best - low < BOUND_TOLERANCE), low, best)
         x = np.asarray(np.where(np.isfinite(high) & (high - x < BOUND_TOLERANCE), high, x))
         if (np.abs(x) < STEP).any():  # relative steps fail at 0
