@@ -18,10 +18,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from . import tables
 from .arguments import choice_faults, file_faults, page_faults, page_next_to, source_faults, start_faults, watch_faults
-from .configuration.configuration import Configuration
-from .configuration.reader import read as read_raw
-from .configuration.source import at_hand as once_read
-from .configuration.source import workbook_of
 from .errors import Fault, InputError, raise_all, refuse
 from .files import unwritable
 from .results import Analysis, Gap, Reproduction, Run, Scratch, Study
@@ -40,6 +36,7 @@ if TYPE_CHECKING:
     from .commands.report import Report
     from .commands.reproduce.claims import ClaimsProgress
     from .commands.study.plan import StudyProgress
+    from .configuration.configuration import Configuration
     from .execution import Execution
     from .problems.tolerance_problem import ToleranceProblem
 
@@ -83,6 +80,7 @@ def executing(
     """Where a command computes: by its options and, where they state nothing, by its configuration;
     faults are added to `faults`.
     """
+    from .configuration.configuration import Configuration
     from .configuration.search import read_execution
     from .execution import Execution
 
@@ -137,6 +135,8 @@ def folder_for(out: AnyPath | None) -> tuple[Path, Scratch | None]:
 
 def at_hand(source: Given) -> Given | Path | Mapping[str, Any]:
     """The configuration, read at once where it comes through a pipe: that can be read but once."""
+    from .configuration.source import at_hand as once_read
+
     return once_read(Path(source)) if isinstance(source, str | PathLike) else source
 
 
@@ -338,6 +338,9 @@ def read(
     `tolevo.algorithms.NSGA2(population=40)`) and a `seed` take the place of those in the source,
     whose budget stays, as do the designs to `start` from. Raises ConfigurationError with every fault.
     """
+    from .configuration.configuration import Configuration
+    from .configuration.reader import read as read_raw
+
     if not isinstance(source, Configuration):
         return read_raw(raw(source), settings, algorithm, seed, start=stated(start))
     if settings:
@@ -362,6 +365,7 @@ def check(source: Source, settings: Sequence[str] = ()) -> str:
     Raises ConfigurationError with every fault, those of `[execution]` included: a scheduler that it
     names is asked for an answer.
     """
+    from .configuration.configuration import Configuration
     from .configuration.description import checked, describe
 
     faults: list[Fault] = []
@@ -394,6 +398,9 @@ def analyse(
     ConfigurationError with every fault.
     """
     from .commands.analyse.analyse import analysis_of, lines_of, workbook_with_analysis, write_analysis
+    from .configuration.configuration import Configuration
+    from .configuration.reader import read as read_raw
+    from .configuration.source import workbook_of
 
     faults = start_faults_of(out, None, False, overwrite)
     source = at_hand(source)
@@ -437,6 +444,7 @@ def run(
     """
     from .commands.run.proofs import searchable
     from .commands.run.run import run as running
+    from .configuration.source import workbook_of
 
     faults = start_faults_of(out, workers, resume, overwrite)
     source = at_hand(source)

@@ -22,7 +22,6 @@ from .arguments import template_faults
 from .errors import TolevoError, raise_all
 from .files import cause, write_bytes, write_text
 from .interrupts import INTERRUPTED, current, keep_standard_streams, listen, warn_in_a_line
-from .models.manipulator.maps import SOURCES
 from .results import Finished
 from .section import force_counts
 
@@ -485,6 +484,8 @@ def list_(json_: Annotated[bool, typer.Option("--json", help="As JSON.")] = Fals
 
 def list_as_text(as_json: bool = False) -> str:
     """Models, problems, algorithms, effects, calculations, and the elementary errors."""
+    from .models.manipulator.maps import SOURCES
+
     groups = registry.listing() | {
         "elementary_errors": [
             {"name": error.name, "description": error.meaning, "origin": "manipulator"} for error in SOURCES

@@ -49,6 +49,37 @@ class UnitsShown:
     torque_rotation: pd.DataFrame
 
 
+TABLES = {
+    "front": "front.csv",
+    "references": "references.csv",
+    "convergence": "convergence.csv",
+    "before": "front_without_effects.csv",
+    "moved": "allocation_moved.csv",
+    "choices": "choices.csv",
+    "choice_sensitivity": "choice_sensitivity.csv",
+    "allocation": "allocation.csv",
+    "contributions": "contributions.csv",
+    "exact_front": "exact_front.csv",
+    "overlays": "overlays.csv",
+    "unit_turn": "unit_turn.csv",
+    "population": "population.csv",
+    "torque_rotation": "torque_rotation.csv",
+    "assumptions_cost": "assumptions_cost.csv",
+    "analysis": "analysis.csv",
+    "requirements": "requirements.csv",
+    "drivers": "drivers.csv",
+    "prices": "prices.csv",
+    "changes": "changes.csv",
+    "relaxed": "relaxed.csv",
+    "promise": "promise.csv",
+    "next_parts": "next_parts.csv",
+    "capability": "capability.csv",
+}
+"""The files of the tables of a `RunResult`, by its field; `overlays` holds several fronts."""
+FORMAT = 1
+"""Version of the files of a run: `summary.json` names it; a reader refuses what is newer."""
+
+
 @dataclass(frozen=True, slots=True)
 class RunResult:
     """One finished optimisation.

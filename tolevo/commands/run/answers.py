@@ -17,7 +17,7 @@ from ...algorithms.settings import Budget
 from ...problems.limits import Limit
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem, designs_of
-from ...records import Axis, RunResult
+from ...records import FORMAT, Axis, RunResult
 from ...section import Array, Kind
 from ...units import drawing_number, plain_number
 from .changes import step_words, words
@@ -37,37 +37,6 @@ from .proofs import EXACT, ProvenFront, are_informative_bounds, costs_less, dist
 from .references import gain_column
 
 # The choices of a front, as parts of the result of a run.
-
-
-TABLES = {
-    "front": "front.csv",
-    "references": "references.csv",
-    "convergence": "convergence.csv",
-    "before": "front_without_effects.csv",
-    "moved": "allocation_moved.csv",
-    "choices": "choices.csv",
-    "choice_sensitivity": "choice_sensitivity.csv",
-    "allocation": "allocation.csv",
-    "contributions": "contributions.csv",
-    "exact_front": "exact_front.csv",
-    "overlays": "overlays.csv",
-    "unit_turn": "unit_turn.csv",
-    "population": "population.csv",
-    "torque_rotation": "torque_rotation.csv",
-    "assumptions_cost": "assumptions_cost.csv",
-    "analysis": "analysis.csv",
-    "requirements": "requirements.csv",
-    "drivers": "drivers.csv",
-    "prices": "prices.csv",
-    "changes": "changes.csv",
-    "relaxed": "relaxed.csv",
-    "promise": "promise.csv",
-    "next_parts": "next_parts.csv",
-    "capability": "capability.csv",
-}
-"""The files of the tables of a `RunResult`, by its field; `overlays` holds several fronts."""
-FORMAT = 1
-"""Version of the files of a run: `summary.json` names it; a reader refuses what is newer."""
 
 
 def add_choices(result: RunResult, decisions: Decisions, plan: RunPlan, exact: ProvenFront | None) -> RunResult:

@@ -30,19 +30,10 @@ from ...files import WORKBOOK, csv_text, write_bytes, write_text
 from ...journal import recording_steps
 from ...page_data import as_json, records
 from ...problems.tolerance_problem import ToleranceProblem, designs_frame
-from ...records import Axis, RunResult, mechanism_lines, model_lines
+from ...records import TABLES, Axis, RunResult, mechanism_lines, model_lines
 from ...units import plain_number
 from . import references as effects
-from .answers import (
-    TABLES,
-    add_analysis,
-    add_assumptions,
-    add_capability,
-    add_choices,
-    add_promise,
-    answers,
-    rounded_design,
-)
+from .answers import add_analysis, add_assumptions, add_capability, add_choices, add_promise, answers, rounded_design
 from .changes import value_against_limit, words
 from .decide import decide
 from .front import (
