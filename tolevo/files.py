@@ -281,6 +281,13 @@ def csv_text(frame: pd.DataFrame, header: bool = True) -> str:
     )
 
 
+def exact_reading() -> dict[str, Any]:
+    """Options with which pandas reads every number as it was written; before 3.1 the last digit of some was lost."""
+    import pandas as pd
+
+    return {} if tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1) else {"float_precision": "round_trip"}
+
+
 def read_own_csv(path: Path | TextIO) -> pd.DataFrame:
     """A CSV table that `csv_text` wrote, every text and number as it was.
 
@@ -288,9 +295,7 @@ def read_own_csv(path: Path | TextIO) -> pd.DataFrame:
     """
     import pandas as pd
 
-    # Before 3.1 pandas lost the last digit of some numbers.
-    exact: Any = {} if tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1) else {"float_precision": "round_trip"}
-    table = _change_texts(pd.read_csv(path, **exact), restore_cell)
+    table = _change_texts(pd.read_csv(path, **exact_reading()), restore_cell)
     return table.set_axis([restore_cell(name) for name in table.columns], axis="columns")
 
 
