@@ -19,10 +19,10 @@ from ..models.inputs import Distribution
 from ..models.machine_offers import PLUG_IN as ESTIMATED
 from ..models.machine_offers import Offer
 from ..section import Array, Assumption, Output, Range, Section, Value, Variable
-from ..tables import ColumnUse
 from ..units import unit_hint
 
 if TYPE_CHECKING:
+    from ..tables import ColumnUse
     from .conditions import OperatingConditions
     from .cost_columns import CostColumn, Robust
     from .tolerance_problem import ToleranceProblem

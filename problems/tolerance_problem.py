@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-import pandas as pd
 from pymoo.core.problem import Problem
 
 from ..errors import Fault, ModelError
@@ -31,6 +30,8 @@ from .settings import (
 )
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from ..models.capability import PartSample
     from ..models.costs import CostCurve
     from .forms import CostBound, Form
@@ -40,6 +41,8 @@ if TYPE_CHECKING:
 
 def designs_frame(problem: ToleranceProblem, designs: Array) -> pd.DataFrame:
     """Full designs (n, all variables) as a table holds them, a column per variable."""
+    import pandas as pd
+
     columns: dict[str, Any] = {}
     for variable in problem.variables:
         values = problem.column(designs, variable.name)
@@ -360,6 +363,8 @@ class ToleranceProblem(Problem):
         `outputs` are those of the designs without `errors`, where they are known. With `searching`
         they are as a search evaluates them: coarser, and NaN where it does not need them.
         """
+        import pandas as pd
+
         outputs = self.outputs_of(designs, searching, known=outputs)
         columns: dict[str, Any] = dict(designs_frame(self, designs))
         columns |= {output.name: outputs[output.name] for output in self.outputs}

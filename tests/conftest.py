@@ -9,10 +9,10 @@ import pandas as pd
 import pytest
 
 from tolevo.cli import Into
-from tolevo.files import EXACT
+from tolevo.files import exact_reading
 
-if EXACT:  # tests read tables as tolevo does
-    pd.read_csv = partial(pd.read_csv, **EXACT)  # type: ignore[assignment]
+if options := exact_reading():  # tests read tables as tolevo does
+    pd.read_csv = partial(pd.read_csv, **options)  # type: ignore[assignment]
 
 
 @pytest.fixture(scope="session", autouse=True)

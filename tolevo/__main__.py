@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import gc
+
 from .interrupts import listen
+
+GARBAGE = 200_000
+"""New objects between two searches for cycles: imports make many objects and no garbage."""
 
 
 def main() -> None:
     """Entry point of the command."""
     listen()
+    gc.set_threshold(GARBAGE)
     from .cli import main as command
 
     command()

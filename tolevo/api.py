@@ -16,19 +16,14 @@ from os.path import exists, getsize
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
-import pandas as pd
-
 from . import tables
 from .arguments import choice_faults, file_faults, page_faults, page_next_to, source_faults, start_faults, watch_faults
-from .configuration.configuration import Configuration
-from .configuration.reader import read as read_raw
-from .configuration.source import at_hand as once_read
-from .configuration.source import workbook_of
 from .errors import Fault, InputError, raise_all, refuse
 from .files import unwritable
 from .results import Analysis, Gap, Reproduction, Run, Scratch, Study
 
 if TYPE_CHECKING:
+    import pandas as pd
     from pymoo.core.problem import Problem
 
     from .algorithms.run import Progress
@@ -41,6 +36,7 @@ if TYPE_CHECKING:
     from .commands.report import Report
     from .commands.reproduce.claims import ClaimsProgress
     from .commands.study.plan import StudyProgress
+    from .configuration.configuration import Configuration
     from .execution import Execution
     from .problems.tolerance_problem import ToleranceProblem
 
@@ -53,9 +49,9 @@ Raw: TypeAlias = "AnyPath | Mapping[str, Any] | ToleranceProblem | Problem"
 place of problem and algorithm, or a problem alone: of this suite, or of pymoo itself."""
 Source: TypeAlias = "Raw | Configuration"
 """A configuration, or what `read` returns."""
-Frame = AnyPath | pd.DataFrame
+Frame: TypeAlias = "AnyPath | pd.DataFrame"
 """A table: a path, or a frame whose columns bear the names that the file would have."""
-Starts = Frame | Sequence[AnyPath]
+Starts: TypeAlias = "Frame | Sequence[AnyPath]"
 """Designs to start from: a table, the directory of a run, or several paths of these."""
 READ = "read"
 NOTES = "notes"
@@ -84,6 +80,7 @@ def executing(
     """Where a command computes: by its options and, where they state nothing, by its configuration;
     faults are added to `faults`.
     """
+    from .configuration.configuration import Configuration
     from .configuration.search import read_execution
     from .execution import Execution
 
@@ -113,7 +110,7 @@ def table_faults_of(
     from .blocks import Target, folder_faults
 
     faults = choice_faults(None, resume, overwrite)
-    read = None if isinstance(source, pd.DataFrame) else Path(source)
+    read = Path(source) if isinstance(source, str | PathLike) else None
     if out is None:
         options = {"--resume": resume, "--overwrite": overwrite, "--partitioned": partitioned}
         text = "needs a file or directory to write to: out"
@@ -138,6 +135,8 @@ def folder_for(out: AnyPath | None) -> tuple[Path, Scratch | None]:
 
 def at_hand(source: Given) -> Given | Path | Mapping[str, Any]:
     """The configuration, read at once where it comes through a pipe: that can be read but once."""
+    from .configuration.source import at_hand as once_read
+
     return once_read(Path(source)) if isinstance(source, str | PathLike) else source
 
 
@@ -150,7 +149,7 @@ def raw(source: Raw) -> Path | Mapping[str, Any]:
 
 def opened(source: Frame, options: tables.ReadOptions) -> tuple[tables.Table | None, list[Fault], str]:
     """A table, the faults of its form, and how they name it."""
-    if isinstance(source, pd.DataFrame):
+    if not isinstance(source, str | PathLike):
         return *tables.table_of(source, "frame"), "frame"
     path = Path(source)
     return *tables.open_table(path, path.name, options), path.name
@@ -273,7 +272,7 @@ def simulate(
     )
     understood, notes, index = list[str](), list[str](), None
     rows: Any = None
-    if not isinstance(inputs, pd.DataFrame):
+    if isinstance(inputs, str | PathLike):
         rows = streamed(simulation, Path(inputs), model_settings.columns, understood.extend, notes.extend)
     if rows is not None:
         columns = list(rows.names.values())
@@ -339,6 +338,9 @@ def read(
     `tolevo.algorithms.NSGA2(population=40)`) and a `seed` take the place of those in the source,
     whose budget stays, as do the designs to `start` from. Raises ConfigurationError with every fault.
     """
+    from .configuration.configuration import Configuration
+    from .configuration.reader import read as read_raw
+
     if not isinstance(source, Configuration):
         return read_raw(raw(source), settings, algorithm, seed, start=stated(start))
     if settings:
@@ -352,11 +354,9 @@ def read(
 
 def stated(start: Starts | None) -> Any:
     """The value of the key `start`; paths are relative to the working directory."""
-    if start is None or isinstance(start, pd.DataFrame):
-        return start
     if isinstance(start, str | PathLike):
         return str(Path(start).absolute())
-    return [str(Path(path).absolute()) for path in start]
+    return [str(Path(path).absolute()) for path in start] if isinstance(start, Sequence) else start
 
 
 def check(source: Source, settings: Sequence[str] = ()) -> str:
@@ -365,6 +365,7 @@ def check(source: Source, settings: Sequence[str] = ()) -> str:
     Raises ConfigurationError with every fault, those of `[execution]` included: a scheduler that it
     names is asked for an answer.
     """
+    from .configuration.configuration import Configuration
     from .configuration.description import checked, describe
 
     faults: list[Fault] = []
@@ -397,6 +398,9 @@ def analyse(
     ConfigurationError with every fault.
     """
     from .commands.analyse.analyse import analysis_of, lines_of, workbook_with_analysis, write_analysis
+    from .configuration.configuration import Configuration
+    from .configuration.reader import read as read_raw
+    from .configuration.source import workbook_of
 
     faults = start_faults_of(out, None, False, overwrite)
     source = at_hand(source)
@@ -440,6 +444,7 @@ def run(
     """
     from .commands.run.proofs import searchable
     from .commands.run.run import run as running
+    from .configuration.source import workbook_of
 
     faults = start_faults_of(out, workers, resume, overwrite)
     source = at_hand(source)
@@ -619,7 +624,7 @@ def gap(
     where = executing(tables_given, settings, workers, dask, faults)
     plan, plan_faults = gap_plan(tables_given, settings)
     table, form_faults, place = opened(data, tables.ReadOptions(encoding, delimiter, decimal, shape))
-    file = None if isinstance(data, pd.DataFrame) else Path(data)
+    file = Path(data) if isinstance(data, str | PathLike) else None
     measurements, data_faults = checked_table(plan, table, form_faults, place, file)
     raise_all([*plan_faults, *faults, *data_faults])
     assert plan is not None

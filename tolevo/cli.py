@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import atexit
-import gc
 import json
 import os
 import sys
@@ -23,7 +22,6 @@ from .arguments import template_faults
 from .errors import TolevoError, raise_all
 from .files import cause, write_bytes, write_text
 from .interrupts import INTERRUPTED, current, keep_standard_streams, listen, warn_in_a_line
-from .models.manipulator.maps import SOURCES
 from .results import Finished
 from .section import force_counts
 
@@ -197,8 +195,6 @@ def _options(group: Any) -> list[Parameter]:
     return parameters
 
 
-GARBAGE = 200_000
-"""New objects between two searches for cycles: imports make many objects and no garbage."""
 STATUS = {"done": 0, "no_feasible_point": 1, "interrupted": INTERRUPTED}
 
 app = typer.Typer(
@@ -220,7 +216,6 @@ def main() -> None:
     and would restore what a signal does by default.
     """
     interrupts = listen()
-    gc.set_threshold(GARBAGE)
     keep_standard_streams()
     try:
         app()
@@ -489,6 +484,8 @@ def list_(json_: Annotated[bool, typer.Option("--json", help="As JSON.")] = Fals
 
 def list_as_text(as_json: bool = False) -> str:
     """Models, problems, algorithms, effects, calculations, and the elementary errors."""
+    from .models.manipulator.maps import SOURCES
+
     groups = registry.listing() | {
         "elementary_errors": [
             {"name": error.name, "description": error.meaning, "origin": "manipulator"} for error in SOURCES

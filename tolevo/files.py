@@ -16,14 +16,16 @@ import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from .errors import Fault
 from .section import is_forced, size
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 REASONS = {
     errno.ENOSPC: ("the disk is full", "make room"),
@@ -266,11 +268,6 @@ _NUMBERS = re.compile(rf"(?:{_NUMBER})(?:; (?:{_NUMBER}))*")
 _ACTIVE = re.compile(r"'*[=+\-@\t\r]")
 """How a formula begins, or a text that has apostrophes in front of such a beginning already."""
 _MARKED = re.compile(r"'+[=+\-@\t\r]")
-EXACT: Mapping[str, Any] = (
-    {} if tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1) else {"float_precision": "round_trip"}
-)
-"""Options with which pandas reads every number as it was written; before 3.1 the last digit of some
-was lost."""
 
 
 def csv_text(frame: pd.DataFrame, header: bool = True) -> str:
@@ -284,12 +281,21 @@ def csv_text(frame: pd.DataFrame, header: bool = True) -> str:
     )
 
 
+def exact_reading() -> dict[str, Any]:
+    """Options with which pandas reads every number as it was written; before 3.1 the last digit of some was lost."""
+    import pandas as pd
+
+    return {} if tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1) else {"float_precision": "round_trip"}
+
+
 def read_own_csv(path: Path | TextIO) -> pd.DataFrame:
     """A CSV table that `csv_text` wrote, every text and number as it was.
 
     Raises OSError where the file cannot be read, ValueError where it is not a table.
     """
-    table = _change_texts(pd.read_csv(path, **EXACT), restore_cell)
+    import pandas as pd
+
+    table = _change_texts(pd.read_csv(path, **exact_reading()), restore_cell)
     return table.set_axis([restore_cell(name) for name in table.columns], axis="columns")
 
 

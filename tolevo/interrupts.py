@@ -3,7 +3,8 @@
 While a command has nothing to save it ends at once, wherever it is: an exception would leave a
 half-loaded library. Later the first interrupt raises KeyboardInterrupt, so that the command saves
 its result so far; the second one ends it at once, and so does CPU time beyond `GRACE`. What ends at
-once is what a kill would leave: files are whole, and `--resume` continues.
+once is what a kill would leave: files are whole, and `--resume` continues. While a command only
+writes its files (`writing`), the first one lets it end as usual, within `WRITTEN`.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ import io
 import os
 import signal
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from types import FrameType
 from typing import Any, NoReturn
 
@@ -22,6 +23,8 @@ INTERRUPTED = 130
 REQUESTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 GRACE = 1.2
 """CPU time [s] within which an interrupted command saves what it has."""
+WRITTEN = 1.7
+"""CPU time [s] within which an interrupted command writes the files of its complete result."""
 FRAGILE = ("importlib._bootstrap", "numba.", "llvmlite.")
 """Modules through which no exception can be raised safely: imports and compilers."""
 SHOW_CURSOR = b"\x1b[?25h"
@@ -33,15 +36,35 @@ class Interrupts:
     def __init__(self) -> None:
         self.requested = False
         self._kept: Callable[[], str] | None = None
+        self._save: Callable[[], None] | None = None
         self._said = False
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
-        if self.requested or self._kept is None or _is_fragile(frame):
+        save, self._save = self._save, None
+        if save is not None:
+            self._quit_after(WRITTEN)
+            with suppress(OSError):
+                save()
+            return
+        if self.requested or self._kept is None or signal.getitimer(signal.ITIMER_VIRTUAL)[0] or _is_fragile(frame):
             self.quit()
         self.requested = True
-        signal.signal(signal.SIGVTALRM, lambda *_: self.quit())
-        signal.setitimer(signal.ITIMER_VIRTUAL, GRACE)
+        self._quit_after(GRACE)
         raise KeyboardInterrupt
+
+    def _quit_after(self, seconds: float) -> None:
+        signal.signal(signal.SIGVTALRM, lambda *_: self.quit())
+        signal.setitimer(signal.ITIMER_VIRTUAL, seconds)
+
+    @contextmanager
+    def writing(self, save: Callable[[], None]) -> Iterator[None]:
+        """Within this context the first signal is answered by `save`, for what follows may take too long."""
+        self._save = save
+        try:
+            yield
+        finally:
+            self._save = None
+            signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
 
     def ignored(self, unraisable: Any) -> None:
         """`sys.unraisablehook`: an interrupt that a callback cannot raise ends the command."""
@@ -103,6 +126,11 @@ def keeps(kept: Callable[[], str]) -> None:
     """A command has begun to save, and can go on from there: see `Interrupts.keeps`."""
     if (interrupts := current()) is not None:
         interrupts.keeps(kept)
+
+
+def writing(save: Callable[[], None]) -> AbstractContextManager[None]:
+    """The result of a command is complete but for its files: see `Interrupts.writing`."""
+    return nullcontext() if (interrupts := current()) is None else interrupts.writing(save)
 
 
 def _is_fragile(frame: FrameType | None) -> bool:

@@ -103,6 +103,10 @@ class UnitsShown:
     torque_rotation: pd.DataFrame
 
 
+FORMAT = 1
+"""Version of the files of a run: `summary.json` names it; a reader refuses what is newer."""
+
+
 @dataclass(frozen=True, slots=True)
 class RunResult:
     """One finished optimisation.

@@ -14,7 +14,15 @@ from dataclasses import is_dataclass
 from functools import lru_cache
 from importlib import import_module
 from importlib.machinery import ModuleSpec
-from importlib.metadata import Distribution, EntryPoint, PackageNotFoundError, distribution, entry_points, version
+from importlib.metadata import (
+    Distribution,
+    EntryPoint,
+    EntryPoints,
+    PackageNotFoundError,
+    distribution,
+    entry_points,
+    version,
+)
 from importlib.util import resolve_name
 from inspect import getattr_static
 from pathlib import Path
@@ -53,9 +61,15 @@ def _offers(group: str) -> tuple[EntryPoint, ...]:
 
 @lru_cache(maxsize=32)
 def _entry_points_on_path(group: str, path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
-    """The entry points of the distributions on `path` (`sys.path`), which are read once."""
-    offers = entry_points(group=f"tolevo.{group}")
+    """The entry points of a group of the distributions on `path` (`sys.path`)."""
+    offers = _all_on_path(path).select(group=f"tolevo.{group}")
     return tuple(sorted(offers, key=lambda offer: (offer.name, offer.value)))
+
+
+@lru_cache(maxsize=4)
+def _all_on_path(path: tuple[str, ...]) -> EntryPoints:
+    """Those of every group: the metadata of all distributions are read once."""
+    return entry_points()
 
 
 def _origin(offer: EntryPoint) -> str:

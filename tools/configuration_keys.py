@@ -19,11 +19,12 @@ from typing import Any
 
 import tomli_w
 
-from tolevo.commands.gap.configuration import is_gap, read_gap
+from tolevo.commands.gap.configuration import read_gap
 from tolevo.commands.reproduce.configuration import read_claims, shipped_claims
-from tolevo.commands.study.configuration import is_study, read_study
+from tolevo.commands.study.configuration import read_study
 from tolevo.configuration.reader import read
 from tolevo.configuration.search import read_execution
+from tolevo.configuration.source import is_gap, is_study
 from tolevo.errors import InputError
 from tolevo.execution import Execution
 from tolevo.section import ANY, Range, Section

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from ...errors import Fault
 from ...models.manipulator import pose as declared
@@ -45,6 +44,9 @@ from .outputs import (
     unit_of,
     variables_of,
 )
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # The one pose that `[parameters.pose]` names.
 

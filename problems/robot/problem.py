@@ -6,10 +6,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from ...errors import Fault
 from ...models.costs import CostCurve
@@ -23,6 +22,9 @@ from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import ToleranceProblem
 from .gears import RMS, SECONDS, TE, Built, Fitted, Gears, gear_variables
 from .machine import Machine, Sampled
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # Parameters and outputs that every machine of links and reducers declares.
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from math import ceil, log
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from ...models.inputs import Distribution
 from ...models.rv_reducer.contact.contact import LOST_MOTION_SHARE
@@ -36,6 +36,9 @@ from ...units import ARCMIN, MM
 from ..settings import VariableSetting
 from .counterparts import Change, ChangedMeasures
 from .declared import LEAST, LOADED, MEASURES, part_of
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def classes_of(parameters: Mapping[str, Value]) -> PinClasses | None:
@@ -352,6 +355,8 @@ def _rank_at_coverage(evaluation: Evaluation, units: int) -> int:
 
 def _torque_rotation(evaluation: Evaluation) -> pd.DataFrame:
     """Rotation by torque of the units of median and of high lost motion, half the mean of phi_1 on each side."""
+    import pandas as pd
+
     loaded = evaluation.units_under_load("lost_motion_arcmin")
     lost = loaded.values["lost_motion"]
     order = np.argsort(lost, kind="stable")
@@ -395,6 +400,8 @@ def _turn(evaluation: Evaluation) -> pd.DataFrame:
 
     `measured` marks the positions of the population; between them the turn is drawn finely.
     """
+    import pandas as pd
+
     largest = _largest_backlash(evaluation)
     unit = int(np.argsort(largest, kind="stable")[len(largest) // 2])
     rough = evaluation.turn.play[:, unit].astype(float)
@@ -424,6 +431,8 @@ def _fine_turn(evaluation: Evaluation, unit: int) -> Array:
 
 def _population(evaluation: Evaluation) -> pd.DataFrame:
     """Fraction of units up to each value of their largest backlash, phi_1 integrated."""
+    import pandas as pd
+
     largest = _largest_backlash(evaluation)
     low, high = evaluation.involute.ends()
     at = np.linspace(low + largest.min(), high + largest.max(), BINS + 1)

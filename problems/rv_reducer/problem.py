@@ -9,7 +9,6 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 import scipy
 
 from ...errors import Fault, ModelError
@@ -64,6 +63,8 @@ from .evaluation import STEP_OF_GRADE, Evaluation, Populations, UnitModel, class
 from .promising import PromisingUnits
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from .bound import CommonErrorBound
 
 # Designs of `rv_reducer` that a search by gradients begins from.

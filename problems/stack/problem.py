@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from scipy.special import ndtr
 
 from ...errors import Fault, ModelError
@@ -45,6 +44,9 @@ from .parts import drawn, labels_of, placeholder_part, price_remark
 from .promises import WINDOW, Measured, Promises, measured
 from .reading import assumptions_of, read_definition, tables_of
 from .rows import shortfall
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # Linear against nonlinear spread: whether the root sum square is exceeded as rarely as stated.
 

@@ -10,7 +10,8 @@ import pandas as pd
 import pytest
 
 from tests.small_jobs import GAP
-from tolevo.commands.gap import scan, uncertainty
+from tolevo import journal
+from tolevo.commands.gap import blocks, close, null_model, scan, uncertainty
 from tolevo.commands.gap.configuration import read_gap
 from tolevo.commands.gap.gap import GapOutcome, gap
 from tolevo.commands.gap.plan import GapProgress
@@ -99,6 +100,48 @@ def test_the_search_is_recalled(folder: Path, monkeypatch: pytest.MonkeyPatch) -
     assert analysed(folder, "cut", "settings.bootstrap=9").status == "done"
     with pytest.raises(AssertionError):
         analysed(folder, "anew")
+
+
+def test_held_out_tests_noise_and_least_squares_are_recalled(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Interrupted where only the files are missing: no digit differs, whatever the order in memory was."""
+
+    def again(*arguments: object) -> None:
+        raise AssertionError("computed again")
+
+    def interrupt(*arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(journal, "MIN_RECORDED_SECONDS", 0.0)
+    analysed(folder, "whole")
+    with monkeypatch.context() as patch:
+        patch.setattr("tolevo.commands.gap.gap.write", interrupt)
+        assert analysed(folder, "cut").status == "interrupted"
+    for module, name in ((blocks, "_held_out_fits"), (null_model, "_estimate_noise"), (close, "least_squares")):
+        monkeypatch.setattr(module, name, again)
+    assert analysed(folder, "cut").status == "done"
+    assert (folder / "cut" / "gap.json").read_bytes() == (folder / "whole" / "gap.json").read_bytes()
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.5, 0.7, 0.9])
+def test_every_step_can_be_the_last_before_an_interrupt(
+    share: float, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken, step = list[int](), journal.Section.step
+
+    def counted(section: journal.Section, check: int, compute: Any) -> Any:
+        taken.append(check)
+        if len(taken) == stop:
+            raise KeyboardInterrupt
+        return step(section, check, compute)
+
+    monkeypatch.setattr(journal.Section, "step", counted)
+    stop = -1
+    analysed(folder, "whole")
+    stop = int(share * len(taken))
+    taken.clear()
+    assert analysed(folder, "cut").status == "interrupted"
+    assert analysed(folder, "cut").status == "done"
+    assert (folder / "cut" / "gap.json").read_bytes() == (folder / "whole" / "gap.json").read_bytes()
 
 
 def test_units_of_a_model_are_not_computed_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -247,6 +247,35 @@ def test_an_interrupt_at_any_moment_ends_a_command_with_one_line(config: Path, t
     assert resources.ru_utime + resources.ru_stime - used < 2.0
 
 
+WRITING = """
+import os, signal
+from tolevo.interrupts import listen
+interrupts = listen()
+interrupts.keeps(lambda: "kept")
+with interrupts.writing(lambda: print("saved", flush=True)):
+    os.kill(os.getpid(), signal.SIGINT)
+    print("written", flush=True)
+    {more}
+print("ended", interrupts.requested, flush=True)
+"""
+
+
+@pytest.mark.parametrize(
+    ("more", "lines", "status"),
+    [
+        ("", ["saved", "written", "ended False"], 0),
+        ("os.kill(os.getpid(), signal.SIGINT)", ["saved", "written"], 130),
+        ("while True: pass", ["saved", "written"], 130),
+    ],
+)
+def test_an_interrupt_lets_the_files_of_a_complete_result_be_written(more: str, lines: list[str], status: int) -> None:
+    """The first one alone, and for a limited time."""
+    code = WRITING.format(more=more)
+    hears = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, preexec_fn=hears, timeout=60)
+    assert (done.stdout.splitlines(), done.returncode) == (lines, status)
+
+
 LATE = """
 import os, sys
 sys.argv = ["tolevo", "list"]

@@ -5,9 +5,11 @@ import sys
 from importlib.resources import files
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 
-from tests.small_jobs import HOUSING_AND_SHAFT
+from tests.small_jobs import GAP, HOUSING_AND_SHAFT
 
 STACK = f"""{HOUSING_AND_SHAFT}
 [algorithm]
@@ -33,18 +35,52 @@ def test_a_run_imports_no_statistics_and_no_registry_of_units(tmp_path: Path) ->
     assert done.stdout.splitlines() == ["[]", "[]"]
 
 
-CHECK = """
-import sys, tolevo
-for name in sys.argv[1:]:
-    tolevo.check(name)
-print("numba" in sys.modules)
+LOADED = """
+import sys
+from tolevo.cli import app
+try:
+    app(sys.argv[2:], standalone_mode=False)
+finally:
+    print(sorted(set(sys.argv[1].split()) & set(sys.modules)))
 """
+SCIENTIFIC = "pandas numba pint scipy.stats scipy.optimize scipy.interpolate matplotlib openpyxl moocore"
 
 
-def test_what_computes_no_rotation_and_no_unit_by_contact_imports_no_compiler() -> None:
-    configs = files("tolevo.configs")
-    names = [str(configs.joinpath(f"{name}.toml")) for name in ("tooth_modification", "rv_transmission_error")]
-    done = subprocess.run([sys.executable, "-c", CHECK, *names], capture_output=True, text=True, check=True)
+def loaded(names: str, *words: object) -> str:
+    """Which of these modules a command loads, as it is printed last."""
+    command = [sys.executable, "-c", LOADED, names, *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()[-1]
+
+
+@pytest.mark.parametrize("name", ["rv40e_backlash", "tooth_modification", "rv_transmission_error", "pose_accuracy"])
+def test_a_check_imports_neither_tables_nor_compilers_nor_solvers(name: str) -> None:
+    others = "tolevo.commands.gap.configuration tolevo.commands.study.configuration"
+    config = files("tolevo.configs").joinpath(f"{name}.toml")
+    assert loaded(f"{SCIENTIFIC} {others}", "check", config, "--quiet") == "[]"
+
+
+def test_a_page_is_rebuilt_without_models_and_algorithms(tmp_path: Path) -> None:
+    (tmp_path / "c.toml").write_text(STACK, encoding="utf-8")
+    assert loaded("pint numba", "run", tmp_path / "c.toml", "--out", tmp_path / "o", "--quiet") == "[]"
+    computing = (
+        "scipy numba pint pymoo sqlalchemy openpyxl tolevo.problems tolevo.models.inputs tolevo.algorithms.exact"
+    )
+    assert loaded(computing, "report", tmp_path / "o") == "[]"
+
+
+def test_a_gap_analysis_imports_no_compiler_and_no_statistics(tmp_path: Path) -> None:
+    torque = np.linspace(-400.0, 400.0, 60)
+    table = pd.DataFrame({"torque": torque, "te": 0.25 * torque, "te_predicted": 0.2 * torque})
+    table.to_csv(tmp_path / "d.csv", index=False)
+    (tmp_path / "g.toml").write_text(GAP, encoding="utf-8")
+    unused = "numba pint scipy.stats openpyxl sqlalchemy moocore tolevo.algorithms.exact tolevo.problems.stack"
+    words = ("gap", tmp_path / "g.toml", tmp_path / "d.csv", "--out", tmp_path / "o", "--quiet", "--workers", 1)
+    assert loaded(unused, *words) == "[]"
+
+
+def test_drawings_do_not_compose_the_documentation_of_artists() -> None:
+    code = "import tolevo.page.drawing; from matplotlib.lines import Line2D as L; print('agg_filter' in L.set.__doc__)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
 
 

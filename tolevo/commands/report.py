@@ -11,11 +11,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
 from .. import page_data
 from ..algorithms.checkpoint import Checkpoint
@@ -28,17 +27,15 @@ from ..page.document import add_reload, unfinished_page
 from ..page.drawing import as_png, as_svg
 from ..page.page import figures as run_figures
 from ..page.page import page
-from ..records import AnalysisResult, Axis, Bars, RunResult, StudyResult, Table, tables_of
+from ..records import FORMAT, AnalysisResult, Axis, Bars, RunResult, StudyResult, Table, tables_of
 from ..units import split_unit
 from .comparison import compare_runs
 from .comparison_page import comparison_figure, comparison_page
 from .gap.records import GapResult
-from .gap.uncertainty import FILE
 from .reproduce.records import ClaimsResult
-from .run.answers import FORMAT
-from .run.front import CHECKPOINT
-from .study.plan import RESPONSES
-from .study.storage import DAMAGE, DATABASE, Database, Unusable
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__ = ["Report", "report", "watch"]
 
@@ -63,6 +60,8 @@ def remark_of(here: Standing) -> str:
 
 def course(folder: Path) -> pd.DataFrame | None:
     """The convergence of a run as far as its search was saved, None where it was not."""
+    from .run.front import CHECKPOINT
+
     path = folder / CHECKPOINT
     if not path.is_file():
         return None
@@ -103,6 +102,8 @@ def tables(folder: Path, here: Standing) -> dict[str, pd.DataFrame]:
 
 def _responses(folder: Path) -> dict[str, pd.DataFrame]:
     """Median of every response over the runs that have ended, by point of the design."""
+    from .study.plan import RESPONSES
+
     runs = _runs(folder)
     names = [name for name in RESPONSES if name in runs and runs[name].notna().any()]
     if runs.empty or not names:
@@ -129,6 +130,8 @@ def _checked_claims(folder: Path) -> dict[str, pd.DataFrame]:
 
 def _replicates(folder: Path) -> dict[str, pd.DataFrame]:
     """Effects identified in the replicates of a bootstrap that have ended, and their estimates."""
+    from .gap.uncertainty import FILE  # with the whole analysis
+
     values: dict[tuple[str, str], list[float]] = {}
     named: dict[str, int] = {}
     ended = 0
@@ -154,6 +157,9 @@ def _replicates(folder: Path) -> dict[str, pd.DataFrame]:
 
 def _runs(folder: Path) -> pd.DataFrame:
     """The runs of a study that have ended, with their responses; none where nothing can be read."""
+    from .study.plan import RESPONSES
+    from .study.storage import DAMAGE, DATABASE, Database, Unusable
+
     try:
         with Database(folder / DATABASE, reading=True) as database:
             rows = database.responses_by_point()

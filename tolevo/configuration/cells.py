@@ -17,7 +17,6 @@ from ..errors import nearest, raise_all, refuse
 from ..models.measurable import Role
 from ..models.serial_arm import MAX_JOINTS
 from ..section import Section, Variable, shown
-from ..tables import ColumnUse
 from ..units import fits
 from .plugins import ModelClass, ProblemClass, sign_of
 
@@ -127,7 +126,7 @@ VARIABLE = "variable"
 """The role of a column of a table of designs."""
 
 
-def read_model_columns(top: Section, kind: ModelClass) -> dict[str, ColumnUse]:
+def read_model_columns(top: Section, kind: ModelClass) -> dict[str, tables.ColumnUse]:
     """What each listed column of a file of measurements or operating points is.
 
     A column is given by the name that the model has for it (`"Spiel" = "backlash_arcmin"`), or by a
@@ -136,16 +135,16 @@ def read_model_columns(top: Section, kind: ModelClass) -> dict[str, ColumnUse]:
     return _read_column(top, _allowed_columns(kind))
 
 
-def read_design_columns(top: Section, variables: Iterable[Variable]) -> dict[str, ColumnUse]:
+def read_design_columns(top: Section, variables: Iterable[Variable]) -> dict[str, tables.ColumnUse]:
     """What each listed column of a table of designs is: a variable by its name
     (`"Bohrung" = "bore_t"`), or by `{ of = "bore_t", unit = "um" }`.
     """
     return _read_column(top, {variable.name: (VARIABLE, variable.unit) for variable in variables})
 
 
-def _read_column(top: Section, known: Mapping[str, tuple[str, str]]) -> dict[str, ColumnUse]:
+def _read_column(top: Section, known: Mapping[str, tuple[str, str]]) -> dict[str, tables.ColumnUse]:
     section = top.section("columns")
-    uses: dict[str, ColumnUse] = {}
+    uses: dict[str, tables.ColumnUse] = {}
     for key in section.all_keys():
         stated = section.take(key)
         if isinstance(stated, str):
@@ -161,13 +160,13 @@ def _read_column(top: Section, known: Mapping[str, tuple[str, str]]) -> dict[str
     return uses
 
 
-def resolved_columns(uses: Mapping[str, ColumnUse]) -> dict[str, Any]:
+def resolved_columns(uses: Mapping[str, tables.ColumnUse]) -> dict[str, Any]:
     """The `[columns]` table."""
     written = {key: {"role": "ignore"} if not use.target else _column_entry(use) for key, use in uses.items()}
     return {"columns": written} if written else {}
 
 
-def _column_entry(use: ColumnUse) -> dict[str, Any]:
+def _column_entry(use: tables.ColumnUse) -> dict[str, Any]:
     sense = {"sense": use.sense} if use.sense != 1 else {}
     return {"of": use.target, **({"unit": use.unit} if use.unit else {}), **sense}
 
@@ -180,28 +179,30 @@ def _allowed_columns(kind: ModelClass) -> dict[str, tuple[str, str]]:
     return columns | {column.name: (column.role.value, column.unit) for column in kind.columns}
 
 
-def _column_by_name(section: Section, key: str, name: str, known: Mapping[str, tuple[str, str]]) -> ColumnUse | None:
+def _column_by_name(
+    section: Section, key: str, name: str, known: Mapping[str, tuple[str, str]]
+) -> tables.ColumnUse | None:
     """A column by its name."""
     if name == "ignore":
-        return ColumnUse("")
+        return tables.ColumnUse("")
     if name not in known:
         text = f'"{name}" is not a column {_owner(known)}{nearest(name, known)}'
         section.fault(key, f"{text}; it has {', '.join(known)}")
         return None
-    return ColumnUse(name)
+    return tables.ColumnUse(name)
 
 
 def _owner(known: Mapping[str, tuple[str, str]]) -> str:
     return "of the problem" if all(role == VARIABLE for role, _ in known.values()) else "of the model"
 
 
-def _column_by_role(section: Section, known: Mapping[str, tuple[str, str]]) -> ColumnUse | None:
+def _column_by_role(section: Section, known: Mapping[str, tuple[str, str]]) -> tables.ColumnUse | None:
     """A column by its role."""
     role, unit = section.text("role", ROLES), section.text("unit") or ""
     of, sense = section.text("of") or "", sign_of(section, "sense") or 1
     section.finish()
     if role == "ignore":
-        return ColumnUse("")
+        return tables.ColumnUse("")
     if role is None and not of:
         return None  # without a role it is not used, and a note says so
     if role == "std" and f"{of}_std" in known:
@@ -216,7 +217,7 @@ def _column_by_role(section: Section, known: Mapping[str, tuple[str, str]]) -> C
         section.fault("role", text if fitting else f'no column {_owner(known)} has the role "{role}"')
         return None
     target = of or fitting[0]
-    return ColumnUse(target, unit, sense) if _unit_fits(section, unit, known[target][1]) else None
+    return tables.ColumnUse(target, unit, sense) if _unit_fits(section, unit, known[target][1]) else None
 
 
 def _unit_fits(section: Section, unit: str, wanted: str) -> bool:

@@ -13,16 +13,18 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from .. import tables
 from ..errors import Fault, InputError, nearest, raise_all, refuse
 from ..models.cost_reading import EXTRAS
 from ..models.iso286 import GRADES
 from ..units import converted, dimension, fits, split_unit, to_unit
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 COLUMNS = ("variable", "part", "process", "t", "grade", "cost")
 _HEADER = re.compile(r"^\s*(\w+?)\s*(?:\[([^\]]*)\]|\(([^)]*)\))?\s*$")
@@ -604,6 +606,8 @@ def opened_parts(path: Path, options: tables.ReadOptions) -> MeasuredFile:
 
 def _measures(column: pd.Series[Any]) -> bool:
     """Whether a column holds a number, and does not just count its rows (1, 2, 3, ...)."""
+    import pandas as pd
+
     values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=float)
     return bool(np.any(np.isfinite(values)) and not np.all(np.diff(values) == 1.0))
 
@@ -632,6 +636,8 @@ def _numbers(table: tables.Table, name: str, place: str) -> tuple[list[float], l
 
     Raises InputError with a fault for every cell that holds anything else.
     """
+    import pandas as pd
+
     numbers, lines, bad = [], [], {}
     for line, cell, value in zip(table.columns.lines, table.cells[name], table.frame[name], strict=True):
         number = tables.number_in(value)

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from .. import registry
-from ..commands.gap.configuration import is_gap, read_gap
 from ..commands.run.proofs import searchable
 from ..commands.run.tolerances import roughness_assumptions
-from ..commands.study.configuration import is_study, read_study
-from ..commands.study.plan import StudyPlan
 from ..models.effects.effect import Target
 from ..models.effects.measurements import target_of
 from ..problems.settings import VariableSetting, unit_of_cost
 from ..section import Assumption, Variable
 from .configuration import TABLE, Configuration, table_model
 from .reader import build_model, read
-from .source import Source
+from .source import Source, is_gap, is_study
+
+if TYPE_CHECKING:
+    from ..commands.study.plan import StudyPlan
 
 
 def describe(configuration: Configuration) -> str:
@@ -115,8 +116,12 @@ CHECKED = 300
 def checked(source: Source, overrides: Sequence[str] = ()) -> str:
     """The resolved configuration as TOML with comments. Raises InputError with every fault."""
     if is_study(source):
+        from ..commands.study.configuration import read_study
+
         return describe_plan(read_study(source, overrides, CHECKED))
     if is_gap(source):
+        from ..commands.gap.configuration import read_gap
+
         return read_gap(source, overrides).configuration
     configuration = read(source, overrides)
     if configuration.problem is None:

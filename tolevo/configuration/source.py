@@ -287,3 +287,22 @@ def _setting(key: str, value: str) -> Table | None:
         except (ValueError, RecursionError):
             continue
     return None
+
+
+# What a configuration is of: a run, a study or a gap analysis.
+
+
+GAP_ONLY = ("built_to", "free", "effects", "noise", "validation", "data", "settings", "next_measurement")
+"""Tables that only the configuration of a gap analysis has."""
+
+
+def is_gap(source: Source) -> bool:
+    """Whether a configuration has a table that only that of a gap analysis has."""
+    table = load(source, [])
+    return table is not None and "model" in table and not table.keys().isdisjoint(GAP_ONLY)
+
+
+def is_study(source: Source) -> bool:
+    """Whether a configuration is that of a study."""
+    table = load(source, [])
+    return table is not None and "run" in table and "vary" in table

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from .. import tables
 from ..algorithms.settings import Budget
@@ -40,6 +39,8 @@ def open_start(top: Section, folder: Path) -> Opened | None:
 
     It is a file, a directory of a run, several of them, or a table of columns.
     """
+    import pandas as pd
+
     stated = top.take(START)
     if stated is None:
         return None

@@ -13,15 +13,24 @@ from weakref import WeakKeyDictionary
 import matplotlib as mpl
 import pandas as pd
 from matplotlib import artist
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.category import StrCategoryLocator
-from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator
 
 from ..records import Axis, Bars
 from ..units import split_unit
+
+# The documentation that matplotlib composes for every artist takes a quarter of its import, and nobody
+# reads the properties of `Artist.set` in a process that draws a figure for a report. Artists that are
+# defined later have it.
+_documentation = artist.kwdoc
+artist.kwdoc = lambda artist: ""
+try:
+    from matplotlib.axes import Axes
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.category import StrCategoryLocator
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import FixedLocator
+finally:
+    artist.kwdoc = _documentation
 
 SIZE = (7.0, 4.6)
 """Width and height [inch]: a text column and a half."""
@@ -167,18 +176,3 @@ def bars_figure(bars: Bars) -> Figure:
     axes.set_xlabel(label_with_unit(bars.title, bars.unit))
     style_axes(axes)
     return figure
-
-
-# Imports matplotlib without the documentation that it composes for every artist.
-#
-# The documentation takes a quarter of the import, and nobody reads the properties of `Artist.set` in
-# a process that draws a figure for a report. Artists that are defined later have it.
-
-
-_documentation = artist.kwdoc
-artist.kwdoc = lambda artist: ""
-try:
-    import matplotlib.axes
-    import matplotlib.figure
-finally:
-    artist.kwdoc = _documentation

@@ -7,25 +7,25 @@ The index of a table is the line number in its file (the row number in a Parquet
 from typing import TYPE_CHECKING
 
 from ..lazy import lazily
-from .header import ColumnUse, Tell, discard_lines, drop_unused, fit_columns
-from .reading import (
-    PARQUET,
-    SHOWN,
-    cell_faults,
-    columns_of,
-    open_or_raise,
-    open_table,
-    parse_columns,
-    read_table,
-    table_of,
-    write,
-)
-from .record import AQDEF_SUFFIXES, AS_DETECTED, KEYS, NO_OPTIONS, ReadOptions, Specification, Table
-from .shapes import group_of
-from .signs import is_missing, number_in
 
 if TYPE_CHECKING:
     from .aqdef import Characteristic, aqdef_text, names_of_characteristics, read_aqdef
+    from .header import ColumnUse, Tell, discard_lines, drop_unused, fit_columns
+    from .reading import (
+        PARQUET,
+        SHOWN,
+        cell_faults,
+        columns_of,
+        open_or_raise,
+        open_table,
+        parse_columns,
+        read_table,
+        table_of,
+        write,
+    )
+    from .record import AQDEF_SUFFIXES, AS_DETECTED, KEYS, NO_OPTIONS, ReadOptions, Specification, Table
+    from .shapes import group_of
+    from .signs import is_missing, number_in
 
 __all__ = [
     "AQDEF_SUFFIXES",
@@ -59,7 +59,13 @@ __all__ = [
     "write",
 ]
 
-_OF_AQDEF = ("Characteristic", "aqdef_text", "names_of_characteristics", "read_aqdef")
-
-if not TYPE_CHECKING:  # files of Q-DAS are rare: their module is loaded at the first use of it
-    __getattr__ = lazily(__name__, dict.fromkeys(_OF_AQDEF, ".aqdef"))
+if not TYPE_CHECKING:  # a configuration that names no table needs no pandas: loaded at the first use
+    _ROOMS = {
+        ".aqdef": ("Characteristic", "aqdef_text", "names_of_characteristics", "read_aqdef"),
+        ".header": ("ColumnUse", "Tell", "discard_lines", "drop_unused", "fit_columns"),
+        ".record": ("AQDEF_SUFFIXES", "AS_DETECTED", "KEYS", "NO_OPTIONS", "ReadOptions", "Specification", "Table"),
+        ".shapes": ("group_of",),
+        ".signs": ("is_missing", "number_in"),
+    }
+    _PLACES = {name: room for room, names in _ROOMS.items() for name in names}
+    __getattr__ = lazily(__name__, dict.fromkeys(__all__, ".reading") | _PLACES)

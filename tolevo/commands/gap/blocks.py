@@ -8,9 +8,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import optimize
 
+from ...journal import Arrays, recall_arrays
 from ...models.effects.measurements import SESSION
 from ...models.measurable import Role
 from ...section import Array
@@ -135,10 +136,30 @@ class HeldOut:
 
 def predict_held_out(training: Training, members: Sequence[Member]) -> HeldOut:
     """Every block predicted by a fit of the others; nonlinear parameters are fitted there too."""
-    fitter, count = training.fitter, training.count
-    white, folds = np.zeros(count), []
+    grid = training.dictionary.members
+
+    def computed() -> Arrays:
+        white, chosen, coefficients = _held_out_fits(training, members)
+        numbers = {id(member): number for number, member in enumerate(grid)}
+        pairs = [zip(of_block, members, strict=True) for of_block in chosen]
+        places = [[-1 if own is m else numbers[id(own)] for own, m in of_block] for of_block in pairs]
+        return white, np.array(places, dtype=np.int64).reshape(len(chosen), len(members)), np.array(coefficients)
+
+    keys = (member.key for member in members)
+    white, places, coefficients = recall_arrays(("held out", *keys, training.fitter.y), computed)
+    folds = [
+        Fold(rows, tuple(m if at < 0 else grid[at] for at, m in zip(places_of, members, strict=True)), numbers)
+        for rows, places_of, numbers in zip(training.rows, places.astype(np.int64).tolist(), coefficients, strict=True)
+    ]
+    return HeldOut(white, training.fitter, tuple(folds))
+
+
+def _held_out_fits(training: Training, members: Sequence[Member]) -> tuple[Array, list[list[Member]], list[Array]]:
+    """Whitened residuals (N,) of held-out rows; members and coefficients (k,) of the fit without each block."""
+    fitter, chosen = training.fitter, training.chosen(members)
+    white, fits = np.zeros(training.count), []
     known: dict[tuple[object, ...], tuple[Array, Trained]] = {}
-    for rows, fold_members in zip(training.rows, training.chosen(members), strict=True):
+    for rows, fold_members in zip(training.rows, chosen, strict=True):
         key = tuple(member.key for member in fold_members)
         if key not in known:
             x = np.hstack([fitter.base, *(fitter.white(member) for member in fold_members)])
@@ -146,8 +167,8 @@ def predict_held_out(training: Training, members: Sequence[Member]) -> HeldOut:
         x, trained = known[key]
         coefficients = _fit_within_bounds(trained.without(rows, fitter.y), fold_members, x, fitter.y, rows)
         white[rows] = fitter.y[rows] - x[rows] @ coefficients
-        folds.append(Fold(rows, tuple(fold_members), coefficients))
-    return HeldOut(white, fitter, tuple(folds))
+        fits.append(coefficients)
+    return white, chosen, fits
 
 
 def _fit_within_bounds(coefficients: Array, members: Sequence[Member], x: Array, y: Array, out: Rows) -> Array:
@@ -165,7 +186,7 @@ def _fit_within_bounds(coefficients: Array, members: Sequence[Member], x: Array,
     training[out] = False
     size = np.maximum(np.linalg.norm(x, axis=0), 1e-300)
     q, r = np.linalg.qr(x[training] / size)
-    solution = optimize.lsq_linear(r, q.T @ y[training], (low * size, high * size), method="bvls")
+    solution = scipy.optimize.lsq_linear(r, q.T @ y[training], (low * size, high * size), method="bvls")
     return np.asarray(solution.x / size)
 
 
@@ -222,7 +243,7 @@ class Training:
     def __init__(self, fitter: Fitter, labels: NDArray[np.int64], dictionary: Dictionary, white: Groups) -> None:
         self.fitter, self.count = fitter, len(labels)
         self.rows = [_rows(np.flatnonzero(labels == label)) for label in np.unique(labels)]
-        self._dictionary, self._white = dictionary, white
+        self.dictionary, self._white = dictionary, white
         self._grids: dict[str, Grid] = {}
         self._grid_products: dict[tuple[object, ...], Array] = {}
 
@@ -241,13 +262,13 @@ class Training:
             alike: dict[tuple[object, ...], list[int]] = {}
             for block, block_members in enumerate(by_block):
                 alike.setdefault(tuple(m.key for m in block_members), []).append(block)
-            first, _ = self._dictionary.places[member.name]
+            first, _ = self.dictionary.places[member.name]
             for blocks in alike.values():
                 grid, kept = self.gains(by_block[blocks[0]], at, blocks)
                 best = np.argmax(grid >= (1.0 - GAIN_TIE_TOLERANCE) * grid.max(axis=1, keepdims=True), axis=1)
                 for block, k, gains, kept_gain in zip(blocks, best, grid, kept[:, 0], strict=True):
                     if gains[k] > kept_gain + EXCLUSION_GAIN:
-                        by_block[block][at] = self._dictionary.members[first + int(k)]
+                        by_block[block][at] = self.dictionary.members[first + int(k)]
         return by_block
 
     def gains(self, members: Sequence[Member], at: int, blocks: Sequence[int]) -> tuple[Array, Array]:
@@ -272,7 +293,7 @@ class Training:
 
     def _grid(self, name: str) -> Grid:
         if name not in self._grids:
-            self._grids[name] = self._as_grid(self._white.part(*self._dictionary.places[name]))
+            self._grids[name] = self._as_grid(self._white.part(*self.dictionary.places[name]))
         return self._grids[name]
 
     def _as_grid(self, groups: Groups) -> Grid:

@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy import optimize, special
+import scipy
 
+from ...journal import Arrays, recall_arrays
 from ...models.effects.measurements import Active, apply_output_actions, changes_of, effect_actions
 from ...models.measurable import MeasurableModel
 from ...section import Array
@@ -90,7 +91,7 @@ class Corrected:
         ratio = self.values[sizes] / errors[here]
         statistic = float(ratio @ precision @ ratio) / len(sizes)
         level = self.plan.settings.interval
-        return statistic < float(special.fdtri(len(sizes), self.freedom, level))
+        return statistic < float(scipy.special.fdtri(len(sizes), self.freedom, level))
 
     def undetermined(self, member: Member) -> bool:
         """Whether the interval of every size of an effect contains 0."""
@@ -122,7 +123,7 @@ class Corrected:
 
     def interval(self, owner: str, name: str) -> tuple[float, float]:
         """The linearised interval of a number, within its bounds; nan where it was not fitted."""
-        half = float(special.stdtrit(self.freedom, 0.5 + 0.5 * self.plan.settings.interval))
+        half = float(scipy.special.stdtrit(self.freedom, 0.5 + 0.5 * self.plan.settings.interval))
         half *= min(1.0 + CHOSEN * max(len(self.members) - 1, 0), MOST_CHOSEN)
         for number, value, error in zip(self.numbers, self.values, self.errors, strict=True):
             if (number.owner, number.name) == (owner, name):
@@ -164,10 +165,15 @@ def corrected(setup: Setup, space: Space, fit: Fit, plain: bool = False) -> Corr
     jacobian = np.zeros((space.rows_per_output * len(space.noises) + space.prior, 0))
     if len(x):
         residual, white = _residual(setup, used, model, scale), used.whiten(residual_of(setup, fit))
-        fitted = least_squares(residual, x, (low, high), float(white @ white))
-        x = np.where(np.isfinite(low) & (fitted.x - low < BOUND_TOLERANCE), low, fitted.x)
+
+        def computed() -> Arrays:
+            fitted = least_squares(residual, x, (low, high), float(white @ white))
+            return np.asarray(fitted.x), np.ascontiguousarray(fitted.jac.T), np.asarray(fitted.fun)
+
+        best, by_number, residuals = recall_arrays(("corrected", x, white), computed)
+        jacobian = by_number.T
+        x = np.where(np.isfinite(low) & (best - low < BOUND_TOLERANCE), low, best)
         x = np.asarray(np.where(np.isfinite(high) & (high - x < BOUND_TOLERANCE), high, x))
-        jacobian, residuals = np.asarray(fitted.jac), np.asarray(fitted.fun)
         if (np.abs(x) < STEP).any():  # relative steps fail at 0
             jacobian = _derivatives(residual, x, residuals, high)
     else:
@@ -177,14 +183,14 @@ def corrected(setup: Setup, space: Space, fit: Fit, plain: bool = False) -> Corr
 
 def least_squares(
     residual: Callable[[Array], Array], x: Array, ends: tuple[Array, Array], expected: float
-) -> optimize.OptimizeResult:
+) -> scipy.optimize.OptimizeResult:
     """Least squares from x (k,) within bounds. Where the squares exceed by far those that are
     expected of a linear model it is repeated with larger steps, and the better fit is returned.
     """
-    first = optimize.least_squares(residual, x, bounds=ends, max_nfev=12, diff_step=[STEP])
+    first = scipy.optimize.least_squares(residual, x, bounds=ends, max_nfev=12, diff_step=[STEP])
     if 2.0 * first.cost <= AS_EXPECTED * expected:
         return first
-    second = optimize.least_squares(residual, x, bounds=ends, max_nfev=MORE, diff_step=[COARSE])
+    second = scipy.optimize.least_squares(residual, x, bounds=ends, max_nfev=MORE, diff_step=[COARSE])
     return second if second.cost < first.cost else first
 
 

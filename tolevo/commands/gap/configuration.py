@@ -28,7 +28,7 @@ from ...configuration.parameters import (
 from ...configuration.plugins import KEYS as LABELS
 from ...configuration.plugins import RECORD, SENSE, ZERO, ModelClass, foreign_model_message, model_belongs
 from ...configuration.reader import PROBLEM_ONLY, build_model, read_table, rebuild_model
-from ...configuration.source import Source, folder_of, load, override_source
+from ...configuration.source import GAP_ONLY, Source, folder_of, load, override_source
 from ...directory import kind_of, standing
 from ...errors import Fault, InputError, nearest, raise_all
 from ...models.effects.effect import Effect
@@ -300,8 +300,6 @@ def counterparts(text: str) -> dict[str, str]:
     return {active.effect.name: counterpart for active, counterpart in pairs}
 
 
-GAP_ONLY = ("built_to", "free", "effects", "noise", "validation", "data", "settings", "next_measurement")
-"""Tables that only the configuration of a gap analysis has."""
 MODEL_KEYS = (*RUN_KEYS, "effect", UNRESOLVED, ZERO, SENSE, RECORD)
 NEEDS = {
     "simulations": Need("simulation", bytes=3.2e3),  # 400 columns of noise
@@ -320,12 +318,6 @@ def read_gap(source: Source, overrides: Sequence[str] = ()) -> GapPlan:
     raise_all(faults)
     assert plan is not None
     return plan
-
-
-def is_gap(source: Source) -> bool:
-    """Whether a configuration has a table that only that of a gap analysis has."""
-    table = load(source, [])
-    return table is not None and "model" in table and not table.keys().isdisjoint(GAP_ONLY)
 
 
 def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | None, list[Fault]]:

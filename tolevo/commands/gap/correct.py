@@ -9,8 +9,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import scipy
 import tomli_w
-from scipy import special
 
 from ...configuration.plugins import RECORD
 from ...errors import InputError
@@ -196,7 +196,7 @@ def _delays_by_kind(fitter: Fitter, fit: Fit, q: Array, member: Member, name: st
     statistic = float(differences @ np.linalg.solve(spread, differences)) / len(differences)
     weights = np.sum(g**2, axis=0) / np.sum(g**2)
     scatter = np.sqrt(float(weights @ (corrections - weights @ corrections) ** 2))
-    limit = float(special.fdtri(len(differences), STRETCHES - 1, 1.0 - CHANCE))
+    limit = float(scipy.special.fdtri(len(differences), STRETCHES - 1, 1.0 - CHANCE))
     return late + corrections if statistic > limit and scatter > MIN_DELAY_SCATTER * abs(late) else None
 
 

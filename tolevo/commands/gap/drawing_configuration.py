@@ -6,9 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
 from ... import registry, tables
 from ...configuration.configuration import TABLE, Configuration
@@ -25,6 +23,9 @@ from ...models.inputs import Distribution, Uniform
 from ...problems.settings import Settings, VariableSetting
 from ...section import Kind, Range, Section, Value, Variable, shown
 from .records import Dimension, Drawing, DrawnZone
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 ALLOCATION, FRONT, CONFIG = "allocation.csv", "front.csv", "config.toml"
 CHOICE = ("choice", "point", "variable", "rounded")

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from operator import itemgetter
 
 import numpy as np
-from scipy import optimize
+import scipy
 
 from ...journal import recall_arrays
 from ...models.effects import EffectParameter
@@ -281,14 +281,19 @@ class Fitter:
         """The fit of these members, their nonlinear parameters as they are."""
         parts = [self.white(member) for member in members]
         x = np.hstack([self.base, *parts])
-        size = np.maximum(np.linalg.norm(x, axis=0), 1e-300)
-        low, high = self._bounds(members)
-        coefficients, *_ = np.linalg.lstsq(x / size, self.y, rcond=1e-9)
-        coefficients = coefficients / size
-        if (coefficients < low).any() or (coefficients > high).any():
-            q, r = np.linalg.qr(x / size)
-            ends = (low * size, high * size)
-            coefficients = optimize.lsq_linear(r, q.T @ self.y, ends, method="bvls").x / size
+
+        def computed() -> tuple[Array]:
+            size = np.maximum(np.linalg.norm(x, axis=0), 1e-300)
+            low, high = self._bounds(members)
+            coefficients, *_ = np.linalg.lstsq(x / size, self.y, rcond=1e-9)
+            coefficients = coefficients / size
+            if (coefficients < low).any() or (coefficients > high).any():
+                q, r = np.linalg.qr(x / size)
+                ends = (low * size, high * size)
+                coefficients = scipy.optimize.lsq_linear(r, q.T @ self.y, ends, method="bvls").x / size
+            return (coefficients,)
+
+        (coefficients,) = recall_arrays(("fit", *(member.key for member in members), self.y), computed)
         residual = self.y - x @ coefficients
         sizes = [part.shape[1] for part in parts]
         split = np.split(coefficients, np.cumsum([self.base.shape[1], *sizes])[:-1])
@@ -346,7 +351,7 @@ class Fitter:
         def computed() -> tuple[Array, Array]:
             losses.clear()
             simplex = np.vstack([np.zeros(len(free)), 0.5 * np.eye(len(free))])  # half a cell of the grid
-            best = optimize.minimize(
+            best = scipy.optimize.minimize(
                 loss,
                 simplex[0],
                 method="Nelder-Mead",

@@ -19,6 +19,7 @@ from ... import page_data
 from ...directory import own_folder
 from ...execution import Execution
 from ...files import write_bytes, write_text
+from ...interrupts import writing
 from ...journal import recording_steps
 from ...models.effects.measurements import Active, predicted
 from ...models.measurable import MeasurableModel, Role
@@ -320,8 +321,9 @@ def gap(
         try:
             result = analysis_result(plan, data, workers, progress, replicates)
             lines = lines_of(result)
-            write(result, out, lines)
-            place.complete()
+            with writing(replicates.save_steps):
+                write(result, out, lines)
+                place.complete()
         except KeyboardInterrupt:
             replicates.save_steps()
             return GapOutcome("interrupted", out, (_saved_message(replicates, plan.settings.bootstrap),), None)

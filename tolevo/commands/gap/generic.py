@@ -11,8 +11,8 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import linalg
 
 from ...models.effects.effect import kind_of
 from ...models.effects.measurements import SESSION, labels_of, unit_numbers
@@ -332,7 +332,7 @@ def stack_columns(groups: Groups, outputs: int) -> tuple[Groups, NDArray[np.int6
     which = np.repeat(np.arange(outputs), len(groups.starts))
     if outputs == 1:
         return groups, which
-    whole = linalg.block_diag(*[groups.columns] * outputs)
+    whole = scipy.linalg.block_diag(*[groups.columns] * outputs)
     starts = np.concatenate([groups.starts + at * groups.columns.shape[1] for at in range(outputs)])
     return Groups(whole, starts, np.tile(groups.one_sided, outputs)), which
 

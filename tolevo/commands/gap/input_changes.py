@@ -14,8 +14,6 @@ from typing import Any
 import numpy as np
 import scipy
 from numpy.typing import NDArray
-from scipy import fft
-from scipy.interpolate import CubicSpline
 from scipy.special import chdtri
 
 from ...journal import Arrays, recall_arrays
@@ -173,7 +171,7 @@ class UnitLaw:
         mass = window(clipped, start, at, POINTS)
         zero = POINTS // 2
         mass[:, zero] += mass[:, :zero].sum(axis=1)
-        kept = fft.rfft(mass[:, zero:], n=POINTS, axis=1)
+        kept = scipy.fft.rfft(mass[:, zero:], n=POINTS, axis=1)
         product = kept * free
         begin = np.full(len(product), self.first)
         values = window(product, np.broadcast_to(free_start, len(product)), begin, POINTS)
@@ -244,7 +242,7 @@ class Change:
     @cached_property
     def _dense(self) -> tuple[Array, Array]:
         """The log likelihood interpolated between the points of the grid, finely about its peak."""
-        curve = CubicSpline(self.grid, self.log)
+        curve = scipy.interpolate.CubicSpline(self.grid, self.log)
         near = self.likely
         ends = np.clip([self.low, self.high], self.grid[0], self.grid[-1])
         x = np.unique(np.concatenate([np.linspace(*near, DENSE), self.grid, ends]))

@@ -12,8 +12,8 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
 from ... import registry
 from ...journal import recall_columns
@@ -581,5 +581,5 @@ class OfMeanUnit(_OfModel):
             for name, value in self.means.items():
                 curve = np.array([mean[name] for mean in means]) - value
                 degree = min(3, len(at) - 1)
-                outputs[name] += make_interp_spline(at, curve, degree)(values) if degree else curve[0]
+                outputs[name] += scipy.interpolate.make_interp_spline(at, curve, degree)(values) if degree else curve[0]
         return outputs

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import linalg
 
 from ...section import Array
 
@@ -23,7 +23,7 @@ def basis(columns: Array) -> Array:
     kept = columns[:, size > 0] / size[size > 0]
     if kept.shape[1] == 0:
         return np.zeros((len(columns), 0))
-    q, r, _ = linalg.qr(kept, mode="economic", pivoting=True)
+    q, r, _ = scipy.linalg.qr(kept, mode="economic", pivoting=True)
     return np.ascontiguousarray(q[:, np.abs(np.diag(r)) > np.sqrt(GONE)], dtype=np.float64)
 
 

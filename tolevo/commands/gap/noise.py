@@ -8,8 +8,8 @@ from functools import cached_property
 from operator import itemgetter
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import linalg, special
 
 from ...section import Array
 from .linear import basis, project_out, whitening
@@ -18,7 +18,7 @@ GRID = np.arange(0.0, 0.91, 0.05)
 """Autocorrelations that are tried."""
 OUTLYING = 4.5
 """Robust standard deviations beyond which a measurement is an outlier."""
-NORMAL = float(special.ndtri(0.75))
+NORMAL = float(scipy.special.ndtri(0.75))
 """Median magnitude of normal noise, in its standard deviation."""
 
 
@@ -69,7 +69,7 @@ class Noise:
         """
         scaled = columns * self.sigma[:, None]
         bands = np.array([np.full(len(scaled), -self.rho), np.ones(len(scaled))])
-        summed = linalg.solve_banded((0, 1), bands, scaled)
+        summed = scipy.linalg.solve_banded((0, 1), bands, scaled)
         summed[1:] *= np.sqrt(1.0 - self.rho**2)
         return np.asarray(summed)
 
@@ -155,7 +155,7 @@ def whiteness(white: Array) -> float:
     n, centred = len(white), white - white.mean()
     lags = np.arange(1, min(10, n // 5) + 1)
     correlations = np.array([centred[k:] @ centred[:-k] for k in lags]) / (centred @ centred)
-    return float(special.chdtrc(len(lags), n * (n + 2) * np.sum(correlations**2 / (n - lags))))
+    return float(scipy.special.chdtrc(len(lags), n * (n + 2) * np.sum(correlations**2 / (n - lags))))
 
 
 def size_follows(residual: Array, inputs: Mapping[str, Array], good: NDArray[np.bool_]) -> tuple[str, Array] | None:
@@ -181,7 +181,7 @@ def _explain_by_columns(target: Array, x: Array, good: NDArray[np.bool_]) -> tup
     if rank < 2 or total == 0.0:
         return fitted, 1.0
     freedom = int(good.sum()) - rank
-    return fitted, float(special.betainc(0.5 * freedom, 0.5 * (rank - 1), min(rss / total, 1.0)))
+    return fitted, float(scipy.special.betainc(0.5 * freedom, 0.5 * (rank - 1), min(rss / total, 1.0)))
 
 
 def _parabola(values: Array) -> Array:

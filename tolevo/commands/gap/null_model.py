@@ -10,6 +10,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from ...journal import Arrays, recall_arrays
 from ...models.effects.instrument import step_of
 from ...models.measurable import Role
 from ...section import Array, Output
@@ -236,6 +237,8 @@ MAX_OUTLIERS_WITH_LAW = 0.03
 MAX_OUTLIERS = 0.06
 """Fraction of the measurements up to which extreme ones are outliers; more are a missing effect."""
 PASSES = 2
+REPEATS = "repeats"
+"""Source of a noise whose size is that between repeated measurements."""
 
 
 @dataclass(frozen=True)
@@ -272,7 +275,22 @@ class Remainder:
 
 
 def estimate_noise(remainder: Remainder) -> Noise:
-    """The noise of one output."""
+    """The noise of one output; recalled where it was estimated before an interrupt."""
+    names = ["", *remainder.inputs]
+
+    def computed() -> Arrays:
+        noise = _estimate_noise(remainder)
+        good = np.empty(0, dtype=bool) if noise.good is None else noise.good
+        ways = np.array([noise.source == REPEATS, names.index(noise.varies_with)])
+        return noise.sigma, np.array(noise.rho), good, ways
+
+    inputs = ("noise", remainder.residual, remainder.certain_columns)
+    sigma, rho, good, (repeats, follows) = recall_arrays(inputs, computed)
+    source = REPEATS if repeats else remainder.source
+    return Noise(sigma, source, float(rho), good if len(good) else None, names[int(follows)])
+
+
+def _estimate_noise(remainder: Remainder) -> Noise:
     n = len(remainder.residual)
     kept = np.column_stack([remainder.certain_columns, _slow(n)])
     sigma = np.ones(n) if remainder.known_sigma is None else remainder.known_sigma
@@ -391,7 +409,7 @@ def _scale_noise(remainder: Remainder, chosen: Array, noise: Noise) -> Noise:
     pure = _repeat_std(remainder)
     if pure is not None:
         level = np.sqrt(np.mean(noise.sigma**2))
-        return replace(noise, sigma=noise.sigma * pure / level, source="repeats")
+        return replace(noise, sigma=noise.sigma * pure / level, source=REPEATS)
     q = basis(noise.whiten(chosen))
     whitened = project_out(noise.whiten(remainder.residual), q)
     scale = max(residual_scale(whitened, q.shape[1]), remainder.resolution / noise.level)

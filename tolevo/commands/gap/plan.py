@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import combinations
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from ...configuration.plugins import sign_of
 from ...models.effects.effect import Effect
@@ -17,9 +16,13 @@ from ...models.gear import Gear
 from ...models.measurable import Column, MeasurableModel, Role
 from ...problems.settings import Labels
 from ...section import Section
-from ...tables import ColumnUse
 from ...units import dimension, fits
 from .records import Drawing
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ...tables import ColumnUse
 
 ROLES = (*map(str, Role), "measured", "predicted", "std", "ignore")
 """The roles that `[columns]` gives."""

@@ -14,8 +14,8 @@ from itertools import product
 from operator import attrgetter
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import optimize, special
 from scipy.special import chdtri
 
 from ...models.effects import Target
@@ -177,7 +177,7 @@ class BatchLikelihood:
         def worse(p: Array) -> float:
             return -self(x, p)
 
-        optimum = optimize.minimize(
+        optimum = scipy.optimize.minimize(
             worse,
             min(starts, key=worse),
             method="Nelder-Mead",
@@ -197,7 +197,7 @@ class BatchLikelihood:
         steps = np.array([kind.step for kind in self._kinds()])
         bend = np.atleast_2d(approx_hess(at, lambda p: -self(x, p), epsilon=steps))
         variance = np.diag(np.linalg.pinv(bend))
-        return np.asarray(special.ndtri(0.5 + 0.5 * level) * np.sqrt(np.maximum(variance, 1e-12)))
+        return np.asarray(scipy.special.ndtri(0.5 + 0.5 * level) * np.sqrt(np.maximum(variance, 1e-12)))
 
 
 def threshold(law: Law, candidates: Sequence[Candidate], target: Target, count: int, plan: GapPlan) -> float:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import special
 
 from ...journal import recall_arrays
 from ...models.measurable import Role
@@ -100,9 +100,9 @@ def evidence(groups: Groups, gains: Array) -> Array:
 def _evidence(sizes: NDArray[np.int64], gains: Array) -> Array:
     half = sizes.reshape(-1, *([1] * (gains.ndim - 1))) / 2.0
     x = np.maximum(gains, 0.0) / 2.0
-    chance = special.gammaincc(half, np.minimum(x, ASYMPTOTIC_GAIN))
+    chance = scipy.special.gammaincc(half, np.minimum(x, ASYMPTOTIC_GAIN))
     with np.errstate(divide="ignore"):
-        far = x - (half - 1.0) * np.log(np.maximum(x, 1.0)) + special.gammaln(half)
+        far = x - (half - 1.0) * np.log(np.maximum(x, 1.0)) + scipy.special.gammaln(half)
         return np.asarray(np.where(x < ASYMPTOTIC_GAIN, -np.log(chance), far))
 
 

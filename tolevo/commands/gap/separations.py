@@ -13,8 +13,8 @@ from itertools import permutations
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import linalg, optimize
 
 from ...models.measurable import Column, Role
 from ...section import Array
@@ -78,11 +78,11 @@ class Duel:
     def _ahead(self, times: float, by: float, right: int, wrong: int) -> float:
         """The probability that `right`, if it is true, ends up ahead."""
         covariances = [np.eye(len(self.apart)) + times * self.wide[k] @ self.wide[k].T for k in (right, wrong)]
-        right_root, wrong_root = (linalg.cholesky(covariance, lower=True) for covariance in covariances)
+        right_root, wrong_root = (scipy.linalg.cholesky(covariance, lower=True) for covariance in covariances)
         draws = np.random.default_rng(0).standard_normal((len(self.apart), DRAWN))
         sign = 1.0 if right == 0 else -1.0
         apart = sign * np.sqrt(times) * self.apart[:, None]
-        of_wrong = linalg.solve_triangular(wrong_root, apart + right_root @ draws, lower=True)
+        of_wrong = scipy.linalg.solve_triangular(wrong_root, apart + right_root @ draws, lower=True)
         gained = np.sum(of_wrong**2, axis=0) - np.sum(draws**2, axis=0)
         return float(np.mean(gained + sign * self.ahead > by))
 
@@ -94,7 +94,7 @@ class Duel:
         if least is None:
             return 1.0 / MAX_REPETITIONS
         ends = (np.log(least), np.log(MAX_REPETITIONS))
-        power = optimize.brentq(lambda power: self.chance(float(np.exp(power))) - chance, *ends, xtol=1e-3)
+        power = scipy.optimize.brentq(lambda power: self.chance(float(np.exp(power))) - chance, *ends, xtol=1e-3)
         return float(np.exp(power))
 
 

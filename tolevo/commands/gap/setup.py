@@ -10,9 +10,10 @@ from operator import attrgetter
 from typing import Any
 
 import numpy as np
-from scipy import optimize
+import scipy
 
 from ...errors import raise_all
+from ...journal import recall_arrays
 from ...models.effects.effect import InsideSeveral, kind_of
 from ...models.effects.population import Law
 from ...models.effects.shapes import POSITIONS
@@ -342,15 +343,14 @@ def recalibrate(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) ->
             return np.append(np.sqrt(len(data)) * np.mean(scaled), x)
         return project_out(scaled, q)
 
-    solution = optimize.least_squares(
-        residual,
-        np.zeros(len(half)),
-        bounds=(-1.0, 1.0),
-        max_nfev=25,
-        diff_step=[1e-3],
-        loss="linear" if population else "soft_l1",
-    )
-    return parameters(solution.x)
+    def computed() -> tuple[Array]:
+        start, loss = np.zeros(len(half)), "linear" if population else "soft_l1"
+        found = scipy.optimize.least_squares(
+            residual, start, bounds=(-1.0, 1.0), max_nfev=25, diff_step=[1e-3], loss=loss
+        )
+        return (np.asarray(found.x),)
+
+    return parameters(recall_arrays(("recalibrated", middle, half, measured), computed)[0])
 
 
 def _gradient(

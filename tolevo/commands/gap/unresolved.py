@@ -8,7 +8,7 @@ from operator import itemgetter
 from typing import Any
 
 import numpy as np
-from scipy import linalg
+import scipy
 
 from ...models.effects.measurements import labels_of
 from ...models.effects.unresolved import RADII, Term, Unresolved, fewest_plays
@@ -137,7 +137,7 @@ def member_of(term: Term, data: GapData, fitter: Fitter, members: Sequence[Membe
         if not term.radii:
             return None
     form = project_out(fitter.white(member_with(Unresolved(term), data)), fitter.q)
-    q, r, order = linalg.qr(form, mode="economic", pivoting=True)
+    q, r, order = scipy.linalg.qr(form, mode="economic", pivoting=True)
     rank = int(np.sum(np.abs(np.diag(r)) > 1e-5 * max(float(np.abs(r[0, 0])), 1e-300)))
     q, r, kept = q[:, :rank], r[:rank, :rank], order[:rank]
     named = (member for member in members if not is_term(member))
@@ -148,7 +148,7 @@ def member_of(term: Term, data: GapData, fitter: Fitter, members: Sequence[Membe
     if len(kept) == 1:
         return None if inside else _mix_term(term, data, np.eye(term.count)[:, kept])
     spanned = basis(np.column_stack(inside)) if inside else np.zeros((rank, 0))
-    rest = linalg.null_space(spanned.T) if spanned.shape[1] else np.eye(rank)
+    rest = scipy.linalg.null_space(spanned.T) if spanned.shape[1] else np.eye(rank)
     if rest.shape[1] == 0:
         return None
     mix = np.zeros((term.count, rest.shape[1]))

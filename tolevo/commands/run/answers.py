@@ -17,7 +17,7 @@ from ...algorithms.settings import Budget
 from ...problems.limits import Limit
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem, designs_of
-from ...records import Axis, RunResult
+from ...records import FORMAT, Axis, RunResult
 from ...section import Array, Kind
 from ...units import drawing_number, plain_number
 from .changes import step_words, words
@@ -46,8 +46,6 @@ NEAR = (
     f"At this allocation {{}} lies within {ERRORS:g} standard errors of its limit, {{}}; what loosening it would save "
     "is not known."
 )
-FORMAT = 1
-"""Version of the files of a run: `summary.json` names it; a reader refuses what is newer."""
 
 
 def add_choices(result: RunResult, decisions: Decisions, plan: RunPlan, exact: ProvenFront | None) -> RunResult:

@@ -6,10 +6,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from ...problems.limits import Limit, limits_of
@@ -18,6 +17,9 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Kind, Variable
 from ...units import drawing_number, plain_number, split_unit
 from .choice import COST
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # The values that can be ordered next to those of a design.
 
@@ -183,6 +185,8 @@ def changes(
     `untried` (steps of the point that were too many to be tried: those that save least). A point
     for which none is left of the budget has no row.
     """
+    import pandas as pd
+
     whole, size = problem.reported(), len(problem.variables)
     rows: list[dict[str, Any]] = []
     used = 0

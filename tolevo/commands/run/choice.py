@@ -5,16 +5,18 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...problems.settings import Bound
 from ...registry import PLUGIN_FAULTS, Kinds, origin
 from ...section import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = ["ChoiceSettings"]
 
@@ -382,6 +384,8 @@ def sensitivity(points: Points, costs: Mapping[str, Array]) -> pd.DataFrame:
     what it and the choice of the run cost with the changed curve. Points are those of the front:
     nothing is searched again. Empty where the cost is no objective.
     """
+    import pandas as pd
+
     if COST not in points.names or points.cost is None:
         return pd.DataFrame()
     usual, rows = choose_rows(points), []

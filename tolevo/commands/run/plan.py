@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from ...algorithms.settings import AlgorithmSettings, Budget
 from ...problems.tolerance_problem import ToleranceProblem, designs_of
 from ...records import CommandOutcome, RunResult
 from ...section import Array
 from .choice import ChoiceSettings
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 import scipy
 from numpy.typing import NDArray
 
@@ -14,6 +14,9 @@ from ...problems.limits import Limit
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Kind, Variable
 from .choice import COST
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # Derivatives of outputs by tolerances, from the model or by differences.
 
@@ -126,6 +129,8 @@ def contributions(problem: ToleranceProblem, slopes: Slopes) -> pd.DataFrame:
     none), `along` (the sum of t dy/dt, in the unit of the output; NaN shares where it cancels) and
     a column per tolerance.
     """
+    import pandas as pd
+
     names = [v.name for v in tolerances_of(problem)]
     if not names or not slopes.along:
         return pd.DataFrame()
@@ -189,6 +194,8 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
     residual of the conditions. Where another column of costs is minimised, prices are in its unit and `price_of`
     names it.
     """
+    import pandas as pd
+
     names, rows = list(slopes.along), slopes.rows
     if front.empty or not names or not slopes.saved.size or problem.priced not in front:
         return pd.DataFrame()

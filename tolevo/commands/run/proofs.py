@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from ...algorithms.archive import hypervolume
@@ -31,6 +30,9 @@ from ...section import Array
 from .changes import words
 from .plan import RunPlan, chosen_point
 from .prices import points_at_limit
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 POINTS = 4000
 """Points of the exact front that a hypervolume is measured by."""
@@ -135,6 +137,8 @@ def exact_front(problem: ToleranceProblem, known: np.ndarray | None = None) -> P
 
 def exact_table(problem: ToleranceProblem, exact: ProvenFront | None) -> pd.DataFrame | None:
     """Objectives of at most `DRAWN` points of the exact front; None where it is not known."""
+    import pandas as pd
+
     if exact is None or problem.n_obj < 2:
         return None
     selected = np.unique(np.linspace(0, len(exact.designs) - 1, DRAWN).astype(int))
@@ -238,6 +242,8 @@ def add_conditional_bounds(result: RunResult, plan: RunPlan, shared: Shared) -> 
     It holds if the least value of the other objective is convex in the tolerances, which is tried and not proven.
     `shared` computes in other processes.
     """
+    import pandas as pd
+
     problem, front, costs = plan.problem, result.front, plan.problem.settings.costs
     others = [name for name in problem.objectives if name != "cost"]
     convex = not problem.settings.machines and not any(curve.bends for curve in costs.values())
@@ -347,16 +353,13 @@ def unreachable_limits(problem: ToleranceProblem) -> list[Fault]:
     the finest grades, which proves nothing but is rarely wrong by more than its sample. There is no
     search where one of the problem's own starts keeps all limits.
     """
-    sought = problem.declaration.sampled and bool(problem.free)
+    declaration = problem.declaration
+    upper = [limit for limit in problem.limits if limit.name in declaration.performance and np.isfinite(limit.high)]
+    sought = declaration.sampled and bool(problem.free) and bool(upper)
     starts = problem.starts() if sought else np.empty((0, 0))
     if not len(starts) or _any_feasible(problem, starts):
         return []
-    return [
-        fault
-        for limit in problem.limits
-        if limit.name in problem.declaration.performance and np.isfinite(limit.high)
-        if (fault := _fault(problem, limit)) is not None
-    ]
+    return [fault for limit in upper if (fault := _fault(problem, limit)) is not None]
 
 
 def _any_feasible(problem: ToleranceProblem, starts: Array) -> bool:
@@ -456,6 +459,8 @@ def _table(
     problem: ToleranceProblem, limits: Array, optimum: Optimum, combination: Combination, omitted: list[Limit]
 ) -> pd.DataFrame:
     """A row for each requirement: its limit, value, multiplier, and the saving at 10 % more."""
+    import pandas as pd
+
     form = combination.form
     values, multiplier = combination.values(optimum.t)[0], optimum.multiplier[0]
     units = {o.name: o.unit for o in problem.outputs}
@@ -527,6 +532,8 @@ def _drivers(form: Form, optimum: Optimum, combination: Combination) -> pd.DataF
 
     At the least cost -dC/dt is the sum of multiplier times dV/dt over the requirements.
     """
+    import pandas as pd
+
     push = optimum.multiplier[0][:, None] * combination.gradients(optimum.t)[0]
     whole = np.abs(push).sum(axis=0)
     percent = 100.0 * np.divide(push, whole, out=np.zeros_like(push), where=whole > 0.0)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from ...errors import Fault
 from ...models.cost_reading import curve_table
@@ -17,6 +16,9 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Assumption, Kind, Variable
 from ...units import converted, drawing_number, fits, split_unit, to_unit
 from .choice import ALL, IT_GRADES, PREFERRED, R20, ChoiceSettings, Step
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FINER = "finer"
 SERIES = {
@@ -425,6 +427,8 @@ def allocation(
     of each, the first one included, has what the variable costs as rounded. Where a problem is one of
     several models, the last column says which.
     """
+    import pandas as pd
+
     rows = []
     costs = {point: _costs(problem, both[1]) for point, both in designs.items()}
     models = _models(problem, {point: both[1] for point, both in designs.items()})

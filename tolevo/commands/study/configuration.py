@@ -414,12 +414,6 @@ def _plan_study(
     return StudyPlan(settings, design, points, problems, limit)
 
 
-def is_study(source: Source) -> bool:
-    """Whether a configuration is that of a study."""
-    table = load(source, [])
-    return table is not None and RUN in table and "vary" in table
-
-
 def _run_table(top: Section, table: Table, folder: Path, overrides: Sequence[str], faults: list[Fault]) -> Table | None:
     """The tables of the run, from the file that is named or inline, with what overrides them."""
     run = top.take(RUN)
