@@ -41,6 +41,8 @@ from .declared import (
     DISC_TO_DISC,
     FLANK_CLEARANCE,
     HOLD_INTERFERENCE,
+    OF_COUPLING,
+    OF_JAM,
     OF_SORTING,
     OF_THE_STAGE,
     OUTPUTS,
@@ -49,12 +51,14 @@ from .declared import (
     SAMPLED,
     SAMPLED_UNDER_LOAD,
     SORTING,
+    UNLISTED,
     VARIABLES,
     changed_geometry_parameters,
     default_values_sentence,
     size_faults,
     unlimited_interference_faults,
     unpriced_error_faults,
+    with_cranks,
     with_sorting,
     with_thickness,
 )
@@ -191,12 +195,33 @@ def validity(parameters: Mapping[str, Value], uniform: bool, change: Change) -> 
         "Friction is in running_torque_Nm alone, between teeth and pins that do not turn: that of bearings, seals and "
         "lubricant is not in it.",
         *([f"No {', no '.join(left_out)}."] if left_out else []),
-        "Play of the crank bearings acts about the centre of the disc only; along the load of the bearing it would "
-        "count about 1.15 times (an estimate, not tested).",
+        *_of_bearings(parameters),
         "A pin circle that is offset does not centre itself under load: likely pessimistic.",
         "Stiffnesses (contact and series) are assumed; lost motion, transmission error, preload and pin force follow "
         "from them, backlash does not.",
     )
+
+
+def _of_bearings(parameters: Mapping[str, Value]) -> Iterator[str]:
+    """What is left out of crank bearings and their distances."""
+    factor = number(parameters["bearing_play_factor"])
+    if factor == 1.0:
+        yield (
+            "Play of the crank bearings acts about the centre of the disc only; along the load of the bearing it counts "
+            "about 1.12 times (bearing_play_factor)."
+        )
+    else:
+        yield f"Play of the crank bearings counts {factor:g} times its turn about the centre of the disc, at every place."
+    if parameters["over_constraint"]:
+        yield (
+            "Wrong distances of the cranks act on backlash and jam force; outputs under load are of bearings at true "
+            "distances, and the jam force is without what squeezed pins add."
+        )
+    else:
+        yield (
+            "Cranks have the distances of their bores: wrong distances, which take up play or jam, are left out "
+            "(over_constraint)."
+        )
 
 
 # The assumptions of `rv_reducer` that no document settles, changed one at a time.
@@ -325,6 +350,22 @@ MAX_CACHED_EVALUATIONS = 4
 SAMPLED_OUTPUTS = frozenset((*SAMPLED, *SAMPLED_UNDER_LOAD))
 
 
+def _refuse_uncoupled(top: Section) -> None:
+    """A fault for everything that belongs to discs on all of their cranks, where these are not asked for."""
+    text = "changes nothing: state parameters.over_constraint = true, or leave it out"
+    names = {
+        "parameters": [parameter.name for parameter in OF_COUPLING],
+        "variables": ["crank_hole_um"],
+        "costs": ["crank_hole_um"],
+        "limits": [output.name for output in OF_JAM],
+    }
+    for table, keys in names.items():
+        section = top.section(table)
+        for name in keys:
+            if name in section and section.take(name) is not None:
+                section.fault(name, text)
+
+
 def unpriced(parameters: Mapping[str, Value]) -> frozenset[str]:
     """Without the involute stage, its grade has no cost."""
     return frozenset() if parameters.get("involute_stage", True) else frozenset(["involute_grade"])
@@ -367,6 +408,8 @@ class RvReducer(PromisingUnits, Machined):
     def __init__(self, settings: Settings | None = None) -> None:
         self.declaration = with_thickness(type(self).declaration, settings.variables if settings else ())
         self.declaration = with_sorting(self.declaration, settings.parameters if settings else ())
+        coupled = settings is not None and settings.parameters.get("over_constraint") is True
+        self.declaration = with_cranks(self.declaration, coupled)
         super().__init__(settings)
         given = self.settings
         units = UnitModel.of(given.parameters, given.variables, given.propagation.coverage)
@@ -399,6 +442,10 @@ class RvReducer(PromisingUnits, Machined):
             return None
         refuse_alone(parameters, [parameter.name for parameter in SORTING[1:]])
         declaration = with_sorting(with_thickness(configured.declaration, stated), parameters.all_keys())
+        coupled = parameters.take("over_constraint") is True
+        declaration = with_cranks(declaration, coupled)
+        if not coupled:
+            _refuse_uncoupled(top)
         return replace(configured, declaration=declaration)
 
     def _completed(self, given: Settings) -> Settings:
@@ -417,7 +464,7 @@ class RvReducer(PromisingUnits, Machined):
         return tuple(one for one in every if not {*one.name.split(".")} & {*OF_THE_STAGE})
 
     def _variable(self, variable: Variable, given: VariableSetting | None) -> VariableSetting:
-        fixed = DISC_TO_DISC.get(variable.name)
+        fixed = UNLISTED.get(variable.name)
         if variable.name == "involute_grade" and not self.given.parameters.get("involute_stage", True):
             fixed = variable.document
         if variable.name == "pin_radius_um" and (sorting := classes_of(self._with_defaults_of_sorting)):
@@ -500,7 +547,9 @@ class RvReducer(PromisingUnits, Machined):
         columns = {output.name: np.full(len(designs), np.nan) for output in self.outputs}
         if searching:
             return columns | self._statistics(designs, searching, self._sampled_outputs)
-        return columns | self._statistics(designs, searching, SAMPLED_OUTPUTS, errors=True)
+        jam = OF_JAM if self.model.coupling is not None else ()
+        names = SAMPLED_OUTPUTS | {output.name for output in jam}
+        return columns | self._statistics(designs, searching, names, errors=True)
 
     def needed(self, designs: Array) -> dict[str, Array]:
         outputs = self._statistics(designs, searching=False, names=self._sampled_outputs)
@@ -716,6 +765,7 @@ class RvReducer(PromisingUnits, Machined):
         ends = {name: super(RvReducer, self).interval(name) for name in ("dr_rp_mm", "dr_p_mm")}
         faults = [
             *declared.faults(self.model.geometry, self.given, ends),
+            *declared.coupling_faults(self.model.geometry, self.model.coupling),
             *unpriced_error_faults({variable.name for variable in self.free}, self.settings.costs),
             *(size_faults(self.count, MAX_CACHED_EVALUATIONS) or super().faults()),
         ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,10 @@ from numpy.typing import NDArray
 from ....section import Array, Complex, Integers, Single
 from ..contact.geometry import ContactGeometry
 from .errors import COLUMNS, Lattice, Scaled, Table, sides, turn_lattice
-from .units import ERRORS, BaseSample, Hierarchy, UnitDesign
+from .units import CRANK_HOLE, ERRORS, BaseSample, Coupling, Hierarchy, UnitDesign
+
+if TYPE_CHECKING:
+    from .cranks import Jam, Seats
 
 Contacts = NDArray[np.int32]
 
@@ -35,8 +39,11 @@ class Touch:
         return np.asarray((self.high - self.low) * np.float32(1.0 / output_ratio))
 
 
-def touch(lattice: Lattice, table: Table, units: Scaled | tuple[Single, ...]) -> Touch:
-    """First contact of all units, packed or not, at all positions."""
+NO_SEATS = np.empty((0, 1, 2, 3, 1), np.float32)
+
+
+def touch(lattice: Lattice, table: Table, units: Scaled | tuple[Single, ...], seats: Single = NO_SEATS) -> Touch:
+    """First contact of all units, packed or not, at all positions; with the places of their `cranks.Seats`, on these."""
     from . import kernel
 
     errors = pack_errors(units) if isinstance(units, Scaled) else units
@@ -47,6 +54,7 @@ def touch(lattice: Lattice, table: Table, units: Scaled | tuple[Single, ...]) ->
     kernel.touch(
         (table.values, lattice.pin, lattice.start, lattice.stop, lattice.directions),
         errors,
+        seats,
         (contact.high, contact.low, contact.ahead, contact.behind),
     )
     return contact
@@ -70,22 +78,28 @@ def pack_errors(units: Scaled) -> tuple[Single, ...]:
 # their derivatives are those of the contacts that make them.
 
 
-NAMES = (*ERRORS, "stagger", "dr_rp", "dr_p")
-"""Variables of a gradient: zones [arcmin/um], of crank_phase [arcmin/mrad], stagger, and both
-modifications [arcmin/mm]."""
+NAMES = (*ERRORS, "stagger", "dr_rp", "dr_p", CRANK_HOLE)
+"""Variables of a gradient: zones [arcmin/um], of crank_phase [arcmin/mrad], stagger, both
+modifications [arcmin/mm], and the zone of the carrier's holes."""
 
 
+PLAY = 9
+"""Row of the discs' standardised errors that has the play of their bearings."""
 CENTRED = frozenset(("pin_position", "circle_offset", "bore", "crank_phase"))
 """Errors of which a mid-limit would turn or displace the unit, and is left out."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Slopes:
-    """Standardised errors of a base sample, as `pull_back` takes them; they hold for any design."""
+    """Standardised errors of a base sample, as `pull_back` takes them; they hold for any design.
+
+    `of_cranks` are those of `cranks.standardised`, None where discs are not coupled to their cranks.
+    """
 
     of_unit: Single
     of_discs: Single
     of_pins: Single
+    of_cranks: Single | None = None
 
     @classmethod
     def of(cls, geometry: ContactGeometry, sample: BaseSample) -> Slopes:
@@ -118,6 +132,7 @@ class Slopes:
             _single_precision(np.stack([radial, circle.real, circle.imag])),
             _single_precision(np.stack(columns, axis=1)),
             _single_precision(np.stack(of_pins)),
+            _of_cranks(geometry, sample) if sample.hierarchy.holes else None,
         )
 
     def errors(self, width: Callable[[str], float]) -> tuple[Single, ...]:
@@ -137,6 +152,12 @@ class Slopes:
         across = size["pin_hole_radius"] * pins[1]
         across -= size["pin_radius"] * pins[2]
         return across, size["pin_position"] * pins[0], packed, size["circle_offset"] * unit[1:]
+
+
+def _of_cranks(geometry: ContactGeometry, sample: BaseSample) -> Single:
+    from . import cranks
+
+    return cranks.standardised(geometry, sample)
 
 
 def _real_parts(value: Array | Complex) -> tuple[Array, ...]:
@@ -235,6 +256,7 @@ class Population:
     lattice: Lattice
     sample: BaseSample
     slopes: Slopes
+    coupling: Coupling | None = None
 
     @classmethod
     def draw(
@@ -244,11 +266,12 @@ class Population:
         units: int,
         rng: np.random.Generator,
         hierarchy: Hierarchy | None = None,
+        coupling: Coupling | None = None,
     ) -> Population:
         """A population of `units` at `positions` of a turn of the output."""
         lattice = Lattice.of(geometry, turn_lattice(positions, geometry.nominal.cycloid_teeth))
         sample = BaseSample.draw(geometry, units, rng, hierarchy)
-        return cls(lattice, sample, Slopes.of(geometry, sample))
+        return cls(lattice, sample, Slopes.of(geometry, sample), coupling)
 
     @property
     def units(self) -> int:
@@ -282,8 +305,21 @@ class Population:
         if pins is not None:
             errors = (errors[0] - pins.astype(np.float32), *errors[1:])
         errors[2][:, 3] += np.float32(design.stagger) * sides(geometry)[:, None].astype(np.float32)
-        contact = touch(self.lattice, table, errors)
-        return Turn(self, design, table, contact, contact.cycloid(geometry.output_ratio))
+        seats = self._seats(design)
+        contact = touch(self.lattice, table, errors, NO_SEATS if seats is None else seats.places)
+        return Turn(self, design, table, contact, contact.cycloid(geometry.output_ratio), seats=seats)
+
+    def _seats(self, design: UnitDesign) -> Seats | None:
+        """Where units rest on their cranks, None where discs are not coupled to these."""
+        if self.coupling is None or self.slopes.of_cranks is None:
+            return None
+        from . import cranks
+
+        errors = cranks.scaled(self.slopes.of_cranks, design.half_width)
+        mids = {error: size for error, size in design.mid.items() if error not in CENTRED}
+        if self.alike.of_cranks is not None and any(mids.values()):
+            errors += cranks.scaled(self.alike.of_cranks, mids)
+        return cranks.Seats.of(self.lattice, self.coupling, errors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,6 +337,16 @@ class Turn:
     play: Single
     fitted: Fitted | None = None
     """The pins that are fitted to each unit, None where they are taken as they come."""
+    seats: Seats | None = None
+    """Where units rest on their cranks, None where discs are not coupled to these."""
+
+    @cached_property
+    def jam(self) -> Jam:
+        """The largest force on a crank bearing without load; of units with seats alone."""
+        from .cranks import Jam
+
+        assert self.seats is not None
+        return Jam.of(self.seats)
 
     @cached_property
     def by_circle(self) -> Single:
@@ -324,4 +370,7 @@ class Turn:
             by_unit = np.where(self.fitted.follows, weight.sum(axis=0), 0.0) / len(weight)
             weight = weight - by_unit + by_unit.mean()
         standardised = errors or drawn.slopes
-        return pull_back(drawn.lattice, self.table, self.touch, standardised, weight)
+        slopes = pull_back(drawn.lattice, self.table, self.touch, standardised, weight)
+        if self.seats is not None:
+            slopes += self.seats.slopes(weight, self.touch, self.table, standardised)
+        return slopes
