@@ -40,6 +40,8 @@ HALVED = 7
 """The step that is halved, lest two bearings take turns in pressing."""
 STIFFENED = np.float32(1e-3)
 """Stiffness, in those of a bearing, that is added to every step, where a disc is free."""
+SOFTEST = np.float32(1e-5)
+"""The same for derivatives."""
 FARTHEST = np.float32(2.0)
 """Longest step [um]."""
 COLUMNS = ("eccentricity", "crank_phase", "bore_radial", "bore_tangential", "crank_bearing")
@@ -142,6 +144,7 @@ class Jam:
         """Derivatives (names,) of sum(weight force), weight (n,), by `contact.NAMES`."""
         total, seats = np.zeros(len(NAMES)), self.seats
         loaded = np.where(self.force > 0.0, weight, 0.0) * seats.coupling.stiffness * UM
+        loaded = loaded.astype(np.float32)
         _jam_slopes(
             loaded,
             seats.lattice.directions,
@@ -228,6 +231,32 @@ def _rest(q: Single, cranks: Single, lines: Single, sign: float, pull: float, v:
 
 
 @_compiled
+def _rest_of_two(q: Single, cranks: Single, sign: float, pull: float, lag: Single, v: Single) -> None:
+    """As `_rest` of two cranks, whose forces are equal and opposite: twice the lag is X (1 - C/sqrt(D^2 + X^2)) = t, with
+    D the error of the distance and C the mean clearance. That is convex, so that Newton's method from C + t on ends.
+
+    `lag` (lanes) is filled with X where it is forward, and read where it is backward.
+    """
+    unity, half = np.float32(1.0), np.float32(0.5)
+    if sign > 0.0:
+        for u in range(lag.size):
+            lag[u] = half * (cranks[0, 4, u] + cranks[1, 4, u]) + pull
+        for _ in range(STEPS):
+            for u in range(lag.size):
+                c, d, x = half * (cranks[0, 4, u] + cranks[1, 4, u]), q[0, 0, u] + q[1, 0, u], lag[u]
+                inverse = unity / np.sqrt(d * d + x * x)
+                slope = unity - c * d * d * inverse * inverse * inverse
+                lag[u] = x - (x - x * c * inverse - pull) / slope
+    for u in range(lag.size):
+        d, x = q[0, 0, u] + q[1, 0, u], lag[u]
+        away = np.sqrt(d * d + x * x)
+        part = half * (away + half * (cranks[0, 4, u] - cranks[1, 4, u])) / away
+        v[0, u] = q[0, 0, u] - part * d
+        v[1, u] = q[0, 1, u] - sign * (half - part) * x
+        v[2, u] = half * x
+
+
+@_compiled
 def _seats(axes: Single, cranks: Single, lines: Single, pull: Any, turn: Any, into: Single) -> None:
     """Fills `into`, the places of `Seats`, at all positions (positions, discs, 6)."""
     many, units = cranks.shape[1], cranks.shape[3]
@@ -236,7 +265,7 @@ def _seats(axes: Single, cranks: Single, lines: Single, pull: Any, turn: Any, in
         last = min(first + LANES, units)
         of_discs = cranks[:, :, :, first:last].copy()
         q, v = np.empty((many, 2, last - first), np.float32), np.empty((3, last - first), np.float32)
-        work = np.empty((9, last - first), np.float32)
+        work, lag = np.empty((9, last - first), np.float32), np.empty(last - first, np.float32)
         for a in range(axes.shape[0]):
             for d in range(axes.shape[1]):
                 axis = axes[a, d]
@@ -244,12 +273,16 @@ def _seats(axes: Single, cranks: Single, lines: Single, pull: Any, turn: Any, in
                 cx = axis[0] * axis[4] + axis[1] * axis[5]
                 cy = axis[1] * axis[4] - axis[0] * axis[5]
                 for flank in range(2):
-                    v[:2] = np.float32(0.0)
-                    v[2] = part * pull
-                    for k in range(many):
-                        for u in range(last - first):
-                            v[2, u] += half * of_discs[d, k, 4, u]
-                    _rest(q, of_discs[d], lines, np.float32(1.0 - 2.0 * flank), pull, v, work)
+                    sign = np.float32(1.0 - 2.0 * flank)
+                    if many == 2:
+                        _rest_of_two(q, of_discs[d], sign, pull, lag, v)
+                    else:
+                        v[:2] = np.float32(0.0)
+                        v[2] = part * pull
+                        for k in range(many):
+                            for u in range(last - first):
+                                v[2, u] += half * of_discs[d, k, 4, u]
+                        _rest(q, of_discs[d], lines, sign, pull, v, work)
                     for u in range(last - first):
                         into[a, d, flank, 0, first + u] = v[0, u] * cx - v[1, u] * cy
                         into[a, d, flank, 1, first + u] = v[0, u] * cy + v[1, u] * cx
@@ -258,61 +291,83 @@ def _seats(axes: Single, cranks: Single, lines: Single, pull: Any, turn: Any, in
 
 @_compiled
 def _responses(
-    q: Single, cranks: Single, lines: Single, sign: float, v: Any, p: Any, by_place: Any, by_clearance: Any
+    q: Single, cranks: Single, lines: Single, sign: float, v: Single, p: Single, by: Single, work: Single
 ) -> None:
-    """Fills derivatives of p . v by places (cranks, 2) and clearances (cranks) of one unit that rests at v.
+    """Fills derivatives of p . v by places and clearances, `by` (cranks, 3, lanes), of discs that rest at v (3, lanes).
 
     The rest keeps J' F = t, with J the derivative of rho by v and A the stiffness of a bearing: dv = -H^-1 J' A dq.
     """
-    a = d = f = 1e-6
-    b = c = e = 0.0
+    zero, unity, half, tiny = np.float32(0.0), np.float32(1.0), np.float32(0.5), np.float32(1e-9)
+    work[:] = zero
     for k in range(q.shape[0]):
         lc, ls = lines[k, 0], lines[k, 1]
-        x = q[k, 0] - (v[0] * lc + v[1] * ls)
-        y = q[k, 1] - (v[1] * lc - v[0] * ls) - sign * v[2]
-        away = np.sqrt(x * x + y * y) + 1e-9
-        pressed = max(away - 0.5 * cranks[k, 4], 0.0)
-        nx, ny, across = x / away, y / away, pressed / away
-        along = (1.0 if pressed > 0.0 else 0.0) - across
-        hxx, hxy, hyy = across + along * nx * nx, along * nx * ny, across + along * ny * ny
-        ax, ay = ls * hxy - lc * hxx, ls * hyy - lc * hxy
-        bx, by = -ls * hxx - lc * hxy, -ls * hxy - lc * hyy
-        a, b, c = a + ls * ay - lc * ax, b - ls * ax - lc * ay, c - sign * ay
-        d, e, f = d - ls * bx - lc * by, e - sign * by, f + hyy
-    m0, m1, m2 = d * f - e * e, c * e - b * f, b * e - c * d
-    determinant = a * m0 + b * m1 + c * m2
-    l0 = (m0 * p[0] + m1 * p[1] + m2 * p[2]) / determinant
-    l1 = (m1 * p[0] + (a * f - c * c) * p[1] + (b * c - a * e) * p[2]) / determinant
-    l2 = (m2 * p[0] + (b * c - a * e) * p[1] + (a * d - b * b) * p[2]) / determinant
+        for u in range(v.shape[1]):
+            x = q[k, 0, u] - (v[0, u] * lc + v[1, u] * ls)
+            y = q[k, 1, u] - (v[1, u] * lc - v[0, u] * ls) - sign * v[2, u]
+            away = np.sqrt(x * x + y * y) + tiny
+            pressed = max(away - half * cranks[k, 4, u], zero)
+            nx, ny, across = x / away, y / away, pressed / away
+            along = (unity if pressed > zero else zero) - across
+            hxx, hxy, hyy = across + along * nx * nx, along * nx * ny, across + along * ny * ny
+            ax, ay = ls * hxy - lc * hxx, ls * hyy - lc * hxy
+            bx, by_ = -ls * hxx - lc * hxy, -ls * hxy - lc * hyy
+            work[0, u] += ls * ay - lc * ax
+            work[1, u] -= ls * ax + lc * ay
+            work[2, u] -= sign * ay
+            work[3, u] -= ls * bx + lc * by_
+            work[4, u] -= sign * by_
+            work[5, u] += hyy
+    for u in range(v.shape[1]):
+        a, b, c = work[0, u] + SOFTEST, work[1, u], work[2, u]
+        d, e, f = work[3, u] + SOFTEST, work[4, u], work[5, u] + SOFTEST
+        m0, m1, m2 = d * f - e * e, c * e - b * f, b * e - c * d
+        inverse = unity / (a * m0 + b * m1 + c * m2)
+        work[6, u] = (m0 * p[0, u] + m1 * p[1, u] + m2 * p[2, u]) * inverse
+        work[7, u] = (m1 * p[0, u] + (a * f - c * c) * p[1, u] + (b * c - a * e) * p[2, u]) * inverse
+        work[8, u] = (m2 * p[0, u] + (b * c - a * e) * p[1, u] + (a * d - b * b) * p[2, u]) * inverse
     for k in range(q.shape[0]):
         lc, ls = lines[k, 0], lines[k, 1]
-        x = q[k, 0] - (v[0] * lc + v[1] * ls)
-        y = q[k, 1] - (v[1] * lc - v[0] * ls) - sign * v[2]
-        away = np.sqrt(x * x + y * y) + 1e-9
-        pressed = max(away - 0.5 * cranks[k, 4], 0.0)
-        nx, ny, across = x / away, y / away, pressed / away
-        bears = 1.0 if pressed > 0.0 else 0.0
-        moved_x, moved_y = -(lc * l0 + ls * l1), ls * l0 - lc * l1 - sign * l2
-        pushed = nx * moved_x + ny * moved_y
-        by_place[k, 0] = -across * moved_x - (bears - across) * nx * pushed
-        by_place[k, 1] = -across * moved_y - (bears - across) * ny * pushed
-        by_clearance[k] = 0.5 * bears * pushed
+        for u in range(v.shape[1]):
+            x = q[k, 0, u] - (v[0, u] * lc + v[1, u] * ls)
+            y = q[k, 1, u] - (v[1, u] * lc - v[0, u] * ls) - sign * v[2, u]
+            away = np.sqrt(x * x + y * y) + tiny
+            pressed = max(away - half * cranks[k, 4, u], zero)
+            nx, ny, across = x / away, y / away, pressed / away
+            bears = unity if pressed > zero else zero
+            moved_x = -(lc * work[6, u] + ls * work[7, u])
+            moved_y = ls * work[6, u] - lc * work[7, u] - sign * work[8, u]
+            pushed = nx * moved_x + ny * moved_y
+            by[k, 0, u] = -across * moved_x - (bears - across) * nx * pushed
+            by[k, 1, u] = -across * moved_y - (bears - across) * ny * pushed
+            by[k, 2, u] = half * bears * pushed
 
 
 @_compiled
 def _add_cranks(
-    w: float, axis: Single, lines: Single, z: Single, by_disc: Any, by_hole: Any, by_clearance: Any, total: Any
+    w: Single, axis: Single, lines: Single, z: Single, by: Single, p: Single, sign: float, mean: Any, total: Any
 ) -> None:
-    """Adds w times derivatives by places of journals and bores, of holes, and by clearances to `total`; z (cranks, 7)."""
+    """Adds w (lanes) times derivatives by places and clearances, times the errors z (cranks, 7, lanes), to `total`.
+
+    `mean`, 1/cranks or 0, is the part of every crank in the means that gaps contain, by which p . v is less.
+    """
     for k in range(z.shape[0]):
-        a = axis[4] * lines[k, 0] + axis[5] * lines[k, 1]
-        b = axis[5] * lines[k, 0] - axis[4] * lines[k, 1]
-        x, y = w * by_disc[k, 0], w * by_disc[k, 1]
-        total[6] += (x * a + y * b) * z[k, 0]
-        total[12] += (y * a - x * b) * z[k, 1]
-        total[11] -= x * z[k, 2] + y * z[k, 3]
-        total[9] += w * by_clearance[k] * z[k, 4]
-        total[16] += w * (by_hole[k, 0] * z[k, 5] + by_hole[k, 1] * z[k, 6])
+        lc, ls = lines[k, 0], lines[k, 1]
+        a, b = axis[4] * lc + axis[5] * ls, axis[5] * lc - axis[4] * ls
+        eccentric = phase = bore = clearance = hole = np.float32(0.0)
+        for u in range(w.size):
+            of_hole = by[k, 1, u] - mean * sign * p[2, u]
+            x = w[u] * (by[k, 0, u] - mean * (p[0, u] * lc + p[1, u] * ls))
+            y = w[u] * (of_hole - mean * (p[1, u] * lc - p[0, u] * ls))
+            eccentric += (x * a + y * b) * z[k, 0, u]
+            phase += (y * a - x * b) * z[k, 1, u]
+            bore += x * z[k, 2, u] + y * z[k, 3, u]
+            clearance += w[u] * by[k, 2, u] * z[k, 4, u]
+            hole += w[u] * (by[k, 0, u] * z[k, 5, u] + of_hole * z[k, 6, u])
+        total[6] += eccentric
+        total[9] += clearance
+        total[11] -= bore
+        total[12] += phase
+        total[16] += hole
 
 
 @_compiled
@@ -329,38 +384,41 @@ def _seat_slopes(
     plain: Single,
     total: Any,
 ) -> None:
-    """As `Seats.add_slopes` says: of sign h + play at each flank, h the gap of the displaced disc."""
+    """As `Seats.slopes` says: of sign h + play at each flank, h the gap of the displaced disc, less the plain play."""
     rows, disc_of, axes = mesh
-    discs, many, units = cranks.shape[0], cranks.shape[1], cranks.shape[3]
-    q = np.empty((discs, many, 2, units), np.float32)
-    by_disc, by_hole, by_clearance = np.empty((many, 2)), np.empty((many, 2)), np.empty(many)
-    p, v = np.empty(3), np.empty(3)
-    for a in range(weight.shape[0]):
-        for d in range(discs):
-            _residuals(axes[a, d], cranks[d], lines, q[d])
-        for u in range(units):
-            w = weight[a, u]
-            if w == 0.0:
+    many, units = cranks.shape[1], cranks.shape[3]
+    mean, zero = np.float32(1.0 / many), np.float32(0.0)
+    for first in range(0, units, LANES):
+        last = min(first + LANES, units)
+        lanes = last - first
+        of_discs, z = cranks[:, :, :, first:last].copy(), errors[:, :, :, first:last].copy()
+        q, by = np.empty((many, 2, lanes), np.float32), np.empty((many, 3, lanes), np.float32)
+        v, p, work = np.empty((3, lanes), np.float32), np.empty((3, lanes), np.float32), np.empty((9, lanes), np.float32)
+        w = np.empty(lanes, np.float32)
+        for a in range(weight.shape[0]):
+            if not np.any(weight[a, first:last]):
                 continue
-            for flank in range(2):
-                i = touching[flank][a, u]
-                d, sign = disc_of[i], 1.0 - 2.0 * flank
-                axis, row, seat = axes[a, d], rows[i], places[a, d, flank, :, u]
+            for d in range(axes.shape[1]):
+                axis = axes[a, d]
+                _residuals(axis, of_discs[d], lines, q)
                 cx = axis[0] * axis[4] + axis[1] * axis[5]
                 cy = axis[1] * axis[4] - axis[0] * axis[5]
-                v[0], v[1] = seat[0] * cx + seat[1] * cy, seat[1] * cx - seat[0] * cy
-                v[2] = seat[2] / turn + pull / many
-                p[0] = -sign * (row[4] * cx + row[5] * cy)
-                p[1] = -sign * (row[5] * cx - row[4] * cy)
-                p[2] = turn
-                _responses(q[d, :, :, u], cranks[d, :, :, u], lines, sign, v, p, by_hole, by_clearance)
-                for k in range(many):  # less the means that gaps contain
-                    lc, ls = lines[k, 0], lines[k, 1]
-                    by_hole[k, 1] -= sign * p[2] / many
-                    by_disc[k, 0] = by_hole[k, 0] - (p[0] * lc + p[1] * ls) / many
-                    by_disc[k, 1] = by_hole[k, 1] - (p[1] * lc - p[0] * ls) / many
-                _add_cranks(w, axis, lines, errors[d, :, :, u], by_disc, by_hole, by_clearance, total)
-                total[9] -= w * plain[d, u]
+                for flank in range(2):
+                    sign, seat = np.float32(1.0 - 2.0 * flank), places[a, d, flank]
+                    lost = zero
+                    for u in range(lanes):
+                        i = touching[flank][a, first + u]
+                        nx, ny = rows[i, 4], rows[i, 5]
+                        w[u] = weight[a, first + u] if disc_of[i] == d else zero
+                        lost += w[u] * plain[d, first + u]
+                        p[0, u], p[1, u], p[2, u] = -sign * (nx * cx + ny * cy), -sign * (ny * cx - nx * cy), turn
+                    for u in range(lanes):
+                        x, y = seat[0, first + u], seat[1, first + u]
+                        v[0, u], v[1, u] = x * cx + y * cy, y * cx - x * cy
+                        v[2, u] = seat[2, first + u] / turn + mean * pull
+                    _responses(q, of_discs[d], lines, sign, v, p, by, work)
+                    _add_cranks(w, axis, lines, z[d], by, p, sign, mean, total)
+                    total[9] -= lost
 
 
 @_compiled
@@ -392,27 +450,27 @@ def _jam(axes: Single, cranks: Single, lines: Single, most: Single, place: Any, 
 
 @_compiled
 def _jam_slopes(
-    weight: Array, axes: Single, cranks: Single, lines: Single, place: Any, rest: Single, errors: Single, total: Any
+    weight: Single, axes: Single, cranks: Single, lines: Single, place: Any, rest: Single, errors: Single, total: Any
 ) -> None:
     """Adds to `total` the derivatives of sum(weight squeeze)."""
-    many = cranks.shape[1]
-    q = np.empty((many, 2, 1), np.float32)
-    by_place, by_clearance, p, v = np.empty((many, 2)), np.empty(many), np.empty(3), np.empty(3)
+    many, zero, unity = cranks.shape[1], np.float32(0.0), np.float32(1.0)
+    q, by, work = np.empty((many, 2, 1), np.float32), np.empty((many, 3, 1), np.float32), np.empty((9, 1), np.float32)
+    v, p = np.empty((3, 1), np.float32), np.empty((3, 1), np.float32)
     for u in range(weight.size):
         if weight[u] == 0.0:
             continue
         a, d, k = place[0, u], place[1, u], place[2, u]
-        one = cranks[d, :, :, u : u + 1].copy()
+        one, z = cranks[d, :, :, u : u + 1].copy(), errors[d, :, :, u : u + 1].copy()
         _residuals(axes[a, d], one, lines, q)
-        v[:] = rest[:, u]
+        v[:, 0] = rest[:, u]
         lc, ls = lines[k, 0], lines[k, 1]
-        x = q[k, 0, 0] - (v[0] * lc + v[1] * ls)
-        y = q[k, 1, 0] - (v[1] * lc - v[0] * ls) - v[2]
-        away = np.sqrt(x * x + y * y) + 1e-9
+        x = q[k, 0, 0] - (v[0, 0] * lc + v[1, 0] * ls)
+        y = q[k, 1, 0] - (v[1, 0] * lc - v[0, 0] * ls) - v[2, 0]
+        away = np.sqrt(x * x + y * y)
         x, y = x / away, y / away
-        p[0], p[1], p[2] = ls * y - lc * x, -ls * x - lc * y, -y
-        _responses(q[:, :, 0], one[:, :, 0], lines, 1.0, v, p, by_place, by_clearance)
-        by_place[k, 0] += x
-        by_place[k, 1] += y
-        by_clearance[k] -= 0.5
-        _add_cranks(weight[u], axes[a, d], lines, errors[d, :, :, u], by_place, by_place, by_clearance, total)
+        p[0, 0], p[1, 0], p[2, 0] = ls * y - lc * x, -ls * x - lc * y, -y
+        _responses(q, one, lines, unity, v, p, by, work)
+        by[k, 0, 0] += x
+        by[k, 1, 0] += y
+        by[k, 2, 0] -= np.float32(0.5)
+        _add_cranks(weight[u : u + 1], axes[a, d], lines, z, by, p, unity, zero, total)
