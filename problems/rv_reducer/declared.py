@@ -565,14 +565,14 @@ def with_cranks(plain: Declaration, asked: bool) -> Declaration:
 
 def coupling_faults(geometry: ContactGeometry, coupling: Coupling | None) -> Iterator[Fault]:
     """A fault of a torque that hardly presses the bearings."""
-    if coupling is None:
+    if coupling is None or geometry.cranks == 2:  # two cranks rest in closed form
         return
     per_um = geometry.nominal.centre_distance * coupling.stiffness * UM
     if coupling.torque < LEAST_PULL_UM * per_um:
         text = (
-            f"{coupling.torque:g} N m press one crank bearing by {coupling.torque / per_um:.2g} um, too little for a disc "
-            f"on several cranks to rest firmly: give {LEAST_PULL_UM * per_um:.3g} at least, or softer bearings "
-            "(parameters.crank_bearing_stiffness_N_per_mm)"
+            f"{coupling.torque:g} N m press one crank bearing by {coupling.torque / per_um:.2g} um, too little for a "
+            f"disc on {geometry.cranks} cranks to rest firmly: give {LEAST_PULL_UM * per_um:.3g} at least, or softer "
+            "bearings (parameters.crank_bearing_stiffness_N_per_mm)"
         )
         yield Fault("parameters.measuring_torque_Nm", text)
 

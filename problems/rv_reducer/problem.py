@@ -207,15 +207,15 @@ def _of_bearings(parameters: Mapping[str, Value]) -> Iterator[str]:
     factor = number(parameters["bearing_play_factor"])
     if factor == 1.0:
         yield (
-            "Play of the crank bearings acts about the centre of the disc only; along the load of the bearing it counts "
-            "about 1.12 times (bearing_play_factor)."
+            "Play of the crank bearings acts about the centre of the disc only; along the load of the bearing it "
+            "counts about 1.12 times (bearing_play_factor)."
         )
     else:
-        yield f"Play of the crank bearings counts {factor:g} times its turn about the centre of the disc, at every place."
+        yield f"Play of the crank bearings counts {factor:g} times its turn about the centre of the disc everywhere."
     if parameters["over_constraint"]:
         yield (
-            "Wrong distances of the cranks act on backlash and jam force; outputs under load are of bearings at true "
-            "distances, and the jam force is without what squeezed pins add."
+            "Wrong distances of the cranks act on backlash, interference and jam force; outputs under load are of "
+            "bearings at true distances, and the jam force is without what squeezed pins add."
         )
     else:
         yield (

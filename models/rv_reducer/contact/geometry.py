@@ -29,8 +29,8 @@ _BOTTOM = 0.9
 class ContactGeometry:
     """Nominal parts: lengths in metres; the modification of document B by default.
 
-    Two cranks and two discs are assumptions, as in document A. A bearing's play turns its disc by `play_factor` times the
-    turn about the disc's centre. Lever arms are those of the modified
+    Two cranks and two discs are assumptions, as in document A. A bearing's play turns its disc by
+    `play_factor` times the turn about the disc's centre. Lever arms are those of the modified
     profile's own normals; without `true_levers` e z_c sin(phi)/sqrt(S), those of the unmodified
     profile, 1 % different where pins are loaded (7 % near the bottom of a tooth space), which puts
     0.7 % on peak force and wind-up. Without an `involute_stage` the cranks are the input.

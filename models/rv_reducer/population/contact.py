@@ -43,7 +43,7 @@ NO_SEATS = np.empty((0, 1, 2, 3, 1), np.float32)
 
 
 def touch(lattice: Lattice, table: Table, units: Scaled | tuple[Single, ...], seats: Single = NO_SEATS) -> Touch:
-    """First contact of all units, packed or not, at all positions; with the places of their `cranks.Seats`, on these."""
+    """First contact of all units, packed or not, at all positions; `seats` are the places of their `cranks.Seats`."""
     from . import kernel
 
     errors = pack_errors(units) if isinstance(units, Scaled) else units

@@ -232,8 +232,8 @@ def _rest(q: Single, cranks: Single, lines: Single, sign: float, pull: float, v:
 
 @_compiled
 def _rest_of_two(q: Single, cranks: Single, sign: float, pull: float, lag: Single, v: Single) -> None:
-    """As `_rest` of two cranks, whose forces are equal and opposite: twice the lag is X (1 - C/sqrt(D^2 + X^2)) = t, with
-    D the error of the distance and C the mean clearance. That is convex, so that Newton's method from C + t on ends.
+    """As `_rest` of two cranks, whose forces are equal and opposite: X (1 - C/sqrt(D^2 + X^2)) = t for twice the lag X,
+    the error D of the distance and the mean clearance C. That is convex, so that Newton's method from C + t on ends.
 
     `lag` (lanes) is filled with X where it is forward, and read where it is backward.
     """
@@ -393,7 +393,11 @@ def _seat_slopes(
         lanes = last - first
         of_discs, z = cranks[:, :, :, first:last].copy(), errors[:, :, :, first:last].copy()
         q, by = np.empty((many, 2, lanes), np.float32), np.empty((many, 3, lanes), np.float32)
-        v, p, work = np.empty((3, lanes), np.float32), np.empty((3, lanes), np.float32), np.empty((9, lanes), np.float32)
+        v, p, work = (
+            np.empty((3, lanes), np.float32),
+            np.empty((3, lanes), np.float32),
+            np.empty((9, lanes), np.float32),
+        )
         w = np.empty(lanes, np.float32)
         for a in range(weight.shape[0]):
             if not np.any(weight[a, first:last]):

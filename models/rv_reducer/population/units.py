@@ -107,9 +107,9 @@ class BaseSample:
     """Standardised errors of n units: error = mid-limit + half-width z.
 
     `z` by name of the error, units last: (n,) of errors of the whole unit, (pins, n) of pins,
-    (discs, n) of discs, (cranks, discs, n) of eccentrics and bores, (cranks, n) of the carrier's holes; `phase` [rad] likewise of
-    `pitch`, `runout` (discs, n) and `circle_offset` (n,). `planets` (planets + 1, n) are standard
-    normal: the common part of all planets, then the part of each planet. `hierarchy` has the laws
+    (discs, n) of discs, (cranks, discs, n) of eccentrics and bores, (cranks, n) of the carrier's holes;
+    `phase` [rad] likewise of `pitch`, `runout` (discs, n) and `circle_offset` (n,). `planets` (planets + 1, n) are
+    standard normal: the common part of all planets, then the part of each planet. `hierarchy` has the laws
     that the errors were drawn from.
     """
 
@@ -422,8 +422,8 @@ def share_above(values: Array, limit: float) -> Statistic:
 class Coupling:
     """How discs sit on all of their cranks at once.
 
-    `stiffness` [N/m] of a crank bearing beyond its clearance, and the `torque` [N m] on a disc at which backlash is read.
-    Both are assumptions.
+    `stiffness` [N/m] is that of a crank bearing beyond its clearance, `torque` [N m] that on a disc at which backlash
+    is read. Both are assumptions.
     """
 
     stiffness: float
