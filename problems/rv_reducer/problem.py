@@ -91,7 +91,7 @@ USUAL = 0.02
 def nominal_of(problem: RvReducer) -> dict[str, float]:
     """The document's value of every variable; errors between discs as the problem fixes them."""
     values = {v.name: float(v.document or 0.0) for v in problem.variables}
-    return values | {name: problem.fixed[name] for name in DISC_TO_DISC if name in problem.fixed}
+    return values | {name: problem.fixed[name] for name in UNLISTED if name in problem.fixed}
 
 
 def starts_of(problem: RvReducer) -> Array:
@@ -240,6 +240,8 @@ WRONG_COSTS = 4
 """Seed of the patterns of wrong costs."""
 WARMER_K, OWN_THICKNESS, MANY_POSITIONS = 1.0, 5.0, 1021
 """Values that are tried: difference of temperature, half-width of tooth thickness [um], positions of a turn."""
+ALONG_ITS_LOAD = 1.12
+"""Turn of a disc by the play of its bearings over that about its centre, by the statics of discs with play."""
 COUNTED = ("turn_mean", "share_of_turn", "overlap")
 """Definitions of interference that rigid units show."""
 
@@ -290,6 +292,13 @@ def _further(problem: RvReducer) -> Iterator[Variant]:
             for factor in (0.5, 2.0):
                 changed = _with_parameters(problem, **{name: factor * number(settings.parameters[name])})
                 yield Variant(name, f"{factor:g} times", changed, UNITS_MEASURED)
+    if not settings.parameters["over_constraint"]:
+        text = f"counted, crank holes of the carrier within +-{UNLISTED['crank_hole_um']:g} um"
+        wrong = _with_parameters(problem, over_constraint=True)
+        yield Variant("distances of cranks", text, wrong, UNITS_MEASURED)
+    if settings.parameters["bearing_play_factor"] == 1.0:
+        along = _with_parameters(problem, bearing_play_factor=ALONG_ITS_LOAD)
+        yield Variant("play of crank bearings along its load", f"{ALONG_ITS_LOAD:g} times", along)
     for number_of, signs in enumerate(np.random.default_rng(WRONG_COSTS).choice([0.5, 2.0], (2, len(settings.costs)))):
         for factors in (signs, 1.0 / signs):
             curves = {
