@@ -439,7 +439,14 @@ def _jam(axes: Single, cranks: Single, lines: Single, most: Single, place: Any, 
             for d in range(axes.shape[1]):
                 _residuals(axes[a, d], of_discs[d], lines, q)
                 v[:] = zero
-                _rest(q, of_discs[d], lines, unity, zero, v, work)
+                if many == 2:
+                    for u in range(last - first):
+                        apart = q[0, 0, u] + q[1, 0, u]
+                        unequal = half * half * (of_discs[d, 0, 4, u] - of_discs[d, 1, 4, u])
+                        v[0, u] = q[0, 0, u] - half * apart - (unequal if apart > zero else -unequal)
+                        v[1, u] = q[0, 1, u]
+                else:
+                    _rest(q, of_discs[d], lines, unity, zero, v, work)
                 for k in range(many):
                     lc, ls = lines[k, 0], lines[k, 1]
                     for u in range(last - first):
