@@ -187,43 +187,55 @@ def _residuals(axis: Single, cranks: Single, lines: Single, q: Single) -> None:
 
 
 @_compiled
+def _bend(q: Single, cranks: Single, lines: Single, sign: float, v: Single, work: Single) -> None:
+    """Fills `work` (9, lanes) at v (3, lanes): the pull of the bearings on a disc, then half of their stiffness."""
+    zero, unity, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+    work[:] = zero
+    for k in range(q.shape[0]):
+        lc, ls = lines[k, 0], lines[k, 1]
+        for u in range(v.shape[1]):
+            x = q[k, 0, u] - (v[0, u] * lc + v[1, u] * ls)
+            y = q[k, 1, u] - (v[1, u] * lc - v[0, u] * ls) - sign * v[2, u]
+            away = np.sqrt(x * x + y * y) + np.float32(1e-9)
+            pressed = max(away - half * cranks[k, 4, u], zero)
+            nx, ny, across = x / away, y / away, pressed / away
+            along = (unity if pressed > zero else zero) - across
+            hxx, hxy, hyy = across + along * nx * nx, along * nx * ny, across + along * ny * ny
+            gx, gy = pressed * nx, pressed * ny
+            ax, ay = ls * hxy - lc * hxx, ls * hyy - lc * hxy
+            bx, by = -ls * hxx - lc * hxy, -ls * hxy - lc * hyy
+            work[0, u] += lc * gx - ls * gy
+            work[1, u] += ls * gx + lc * gy
+            work[2, u] += sign * gy
+            work[3, u] += ls * ay - lc * ax
+            work[4, u] -= ls * ax + lc * ay
+            work[5, u] -= sign * ay
+            work[6, u] -= ls * bx + lc * by
+            work[7, u] -= sign * by
+            work[8, u] += hyy
+
+
+@_compiled
+def _solved(work: Single, u: int, more: float, g0: float, g1: float, g2: float) -> Any:
+    """The move of lane `u` by which its bearings, stiffer by `more`, take up a pull."""
+    a, b, c = work[3, u] + more, work[4, u], work[5, u]
+    d, e, f = work[6, u] + more, work[7, u], work[8, u] + more
+    m0, m1, m2 = d * f - e * e, c * e - b * f, b * e - c * d
+    inverse = np.float32(1.0) / (a * m0 + b * m1 + c * m2)
+    s0 = (m0 * g0 + m1 * g1 + m2 * g2) * inverse
+    s1 = (m1 * g0 + (a * f - c * c) * g1 + (b * c - a * e) * g2) * inverse
+    return s0, s1, (m2 * g0 + (b * c - a * e) * g1 + (a * d - b * b) * g2) * inverse
+
+
+@_compiled
 def _rest(q: Single, cranks: Single, lines: Single, sign: float, pull: float, v: Single, work: Single) -> None:
     """Moves v (3, lanes), displacement along and across the first line and lag, to where discs rest."""
-    zero, unity, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+    unity, half = np.float32(1.0), np.float32(0.5)
     for step in range(1, STEPS + q.shape[0] + 1):
         most = half if step == HALVED else unity
-        work[:] = zero
-        for k in range(q.shape[0]):
-            lc, ls = lines[k, 0], lines[k, 1]
-            for u in range(v.shape[1]):
-                x = q[k, 0, u] - (v[0, u] * lc + v[1, u] * ls)
-                y = q[k, 1, u] - (v[1, u] * lc - v[0, u] * ls) - sign * v[2, u]
-                away = np.sqrt(x * x + y * y) + np.float32(1e-9)
-                pressed = max(away - half * cranks[k, 4, u], zero)
-                nx, ny, across = x / away, y / away, pressed / away
-                along = (unity if pressed > zero else zero) - across
-                hxx, hxy, hyy = across + along * nx * nx, along * nx * ny, across + along * ny * ny
-                gx, gy = pressed * nx, pressed * ny
-                ax, ay = ls * hxy - lc * hxx, ls * hyy - lc * hxy
-                bx, by = -ls * hxx - lc * hxy, -ls * hxy - lc * hyy
-                work[0, u] += lc * gx - ls * gy
-                work[1, u] += ls * gx + lc * gy
-                work[2, u] += sign * gy
-                work[3, u] += ls * ay - lc * ax
-                work[4, u] -= ls * ax + lc * ay
-                work[5, u] -= sign * ay
-                work[6, u] -= ls * bx + lc * by
-                work[7, u] -= sign * by
-                work[8, u] += hyy
+        _bend(q, cranks, lines, sign, v, work)
         for u in range(v.shape[1]):
-            a, b, c = work[3, u] + STIFFENED, work[4, u], work[5, u]
-            d, e, f = work[6, u] + STIFFENED, work[7, u], work[8, u] + STIFFENED
-            g0, g1, g2 = work[0, u], work[1, u], work[2, u] + pull
-            m0, m1, m2 = d * f - e * e, c * e - b * f, b * e - c * d
-            inverse = unity / (a * m0 + b * m1 + c * m2)
-            s0 = (m0 * g0 + m1 * g1 + m2 * g2) * inverse
-            s1 = (m1 * g0 + (a * f - c * c) * g1 + (b * c - a * e) * g2) * inverse
-            s2 = (m2 * g0 + (b * c - a * e) * g1 + (a * d - b * b) * g2) * inverse
+            s0, s1, s2 = _solved(work, u, STIFFENED, work[0, u], work[1, u], work[2, u] + pull)
             part = most * FARTHEST / max(FARTHEST, max(abs(s0), max(abs(s1), abs(s2))))
             v[0, u] += part * s0
             v[1, u] += part * s1
@@ -298,33 +310,9 @@ def _responses(
     The rest keeps J' F = t, with J the derivative of rho by v and A the stiffness of a bearing: dv = -H^-1 J' A dq.
     """
     zero, unity, half, tiny = np.float32(0.0), np.float32(1.0), np.float32(0.5), np.float32(1e-9)
-    work[:] = zero
-    for k in range(q.shape[0]):
-        lc, ls = lines[k, 0], lines[k, 1]
-        for u in range(v.shape[1]):
-            x = q[k, 0, u] - (v[0, u] * lc + v[1, u] * ls)
-            y = q[k, 1, u] - (v[1, u] * lc - v[0, u] * ls) - sign * v[2, u]
-            away = np.sqrt(x * x + y * y) + tiny
-            pressed = max(away - half * cranks[k, 4, u], zero)
-            nx, ny, across = x / away, y / away, pressed / away
-            along = (unity if pressed > zero else zero) - across
-            hxx, hxy, hyy = across + along * nx * nx, along * nx * ny, across + along * ny * ny
-            ax, ay = ls * hxy - lc * hxx, ls * hyy - lc * hxy
-            bx, by_ = -ls * hxx - lc * hxy, -ls * hxy - lc * hyy
-            work[0, u] += ls * ay - lc * ax
-            work[1, u] -= ls * ax + lc * ay
-            work[2, u] -= sign * ay
-            work[3, u] -= ls * bx + lc * by_
-            work[4, u] -= sign * by_
-            work[5, u] += hyy
+    _bend(q, cranks, lines, sign, v, work)
     for u in range(v.shape[1]):
-        a, b, c = work[0, u] + SOFTEST, work[1, u], work[2, u]
-        d, e, f = work[3, u] + SOFTEST, work[4, u], work[5, u] + SOFTEST
-        m0, m1, m2 = d * f - e * e, c * e - b * f, b * e - c * d
-        inverse = unity / (a * m0 + b * m1 + c * m2)
-        work[6, u] = (m0 * p[0, u] + m1 * p[1, u] + m2 * p[2, u]) * inverse
-        work[7, u] = (m1 * p[0, u] + (a * f - c * c) * p[1, u] + (b * c - a * e) * p[2, u]) * inverse
-        work[8, u] = (m2 * p[0, u] + (b * c - a * e) * p[1, u] + (a * d - b * b) * p[2, u]) * inverse
+        work[0, u], work[1, u], work[2, u] = _solved(work, u, SOFTEST, p[0, u], p[1, u], p[2, u])
     for k in range(q.shape[0]):
         lc, ls = lines[k, 0], lines[k, 1]
         for u in range(v.shape[1]):
@@ -334,8 +322,8 @@ def _responses(
             pressed = max(away - half * cranks[k, 4, u], zero)
             nx, ny, across = x / away, y / away, pressed / away
             bears = unity if pressed > zero else zero
-            moved_x = -(lc * work[6, u] + ls * work[7, u])
-            moved_y = ls * work[6, u] - lc * work[7, u] - sign * work[8, u]
+            moved_x = -(lc * work[0, u] + ls * work[1, u])
+            moved_y = ls * work[0, u] - lc * work[1, u] - sign * work[2, u]
             pushed = nx * moved_x + ny * moved_y
             by[k, 0, u] = -across * moved_x - (bears - across) * nx * pushed
             by[k, 1, u] = -across * moved_y - (bears - across) * ny * pushed
