@@ -431,6 +431,8 @@ def _jam(axes: Single, cranks: Single, lines: Single, most: Single, place: Any, 
                     for u in range(last - first):
                         apart = q[0, 0, u] + q[1, 0, u]
                         unequal = half * half * (of_discs[d, 0, 4, u] - of_discs[d, 1, 4, u])
+                        open_by = half * (of_discs[d, 0, 4, u] + of_discs[d, 1, 4, u])
+                        unequal *= min(abs(apart) / max(open_by, np.float32(1e-9)), unity)  # free: both in proportion
                         v[0, u] = q[0, 0, u] - half * apart - (unequal if apart > zero else -unequal)
                         v[1, u] = q[0, 1, u]
                 else:
