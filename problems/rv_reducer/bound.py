@@ -129,7 +129,8 @@ def common_errors(problem: RvReducer) -> tuple[list[CommonError], list[str]]:
     geometry, hierarchy = problem.model.geometry, problem.model.hierarchy
     low, high = narrow_range(problem.limits, "dr_p_mm", *problem.interval("dr_p_mm"))
     by_normal, by_circle = least_slopes(geometry, (low * MM, high * MM))
-    by_play = 0.25 * UM / geometry.nominal.centre_distance / ARCMIN
+    by_play = 0.25 * geometry.play_factor * UM / geometry.nominal.centre_distance / ARCMIN
+    by_play *= problem.model.coupling is None  # play that wrong distances take up has no part in the theorem
     of_discs = geometry.discs, hierarchy.share_discs
     kinds = (
         ("pin_circle_radius_um", by_circle, 1, 0.0),

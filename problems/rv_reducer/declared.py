@@ -16,9 +16,9 @@ from ...models.rv_reducer.contact.contact import interference, shape_faults
 from ...models.rv_reducer.contact.geometry import ContactGeometry
 from ...models.rv_reducer.population.errors import nearest_prime, shares_a_factor, spreads_evenly
 from ...models.rv_reducer.population.measures import INTERFERENCE
-from ...models.rv_reducer.population.units import GEARS, PITCH_SPECTRUM
+from ...models.rv_reducer.population.units import GEARS, PITCH_SPECTRUM, Coupling
 from ...section import Kind, Need, Output, Parameter, Value, Variable, number, too_many
-from ...units import MM
+from ...units import MM, UM
 from ..declaration import Declaration, Interval
 from ..rv_backlash.problem import DEFAULT_COSTS
 from ..rv_backlash.problem import DEFAULT_LIMITS as LIMITS_OF_B
@@ -187,6 +187,25 @@ CONTACT: tuple[Parameter, ...] = (
         low=0.0,
         high=1.0,
     ),
+    Parameter(
+        "bearing_play_factor",
+        1.0,
+        "",
+        "turn of a disc by the play of its crank bearings along their loads, over that about the disc's centre; "
+        "statics of discs with play: 1.12",
+        _A,
+        assumed=True,
+        low=0.5,
+        high=2.0,
+    ),
+    Parameter(
+        "over_constraint",
+        False,
+        "",
+        "whether a disc sits on all of its cranks at once, so that errors of the distances of bores, journals and "
+        "crank holes take up the play of the bearings or jam them",
+        "",
+    ),
     _count("te_positions", 251, "positions of a turn at which the transmission error is measured", 8, 10_007),
     _count(
         "search_units",
@@ -210,6 +229,8 @@ PARAMETERS: tuple[Parameter, ...] = (
 )
 DISC_TO_DISC = {"circle_offset_um": 3.0, "bore_um": 2.0, "crank_phase_mrad": 2.0 / 1.3}
 """Errors that no document lists, at the values that they are fixed to unless they are searched."""
+UNLISTED = DISC_TO_DISC | {"crank_hole_um": 2.0}
+"""The same, with those that count where discs are coupled to all of their cranks."""
 
 
 def _disc_variable(name: str, unit: str, low: float, high: float, meaning: str) -> Variable:
@@ -220,7 +241,7 @@ def _disc_variable(name: str, unit: str, low: float, high: float, meaning: str) 
         low,
         high,
         meaning,
-        DISC_TO_DISC[name],
+        UNLISTED[name],
         valid_low=0.0,
         valid_high=1000.0,
         random=True,
@@ -501,20 +522,85 @@ OUTPUTS = (
 def part_of(name: str) -> tuple[str, str]:
     """An output under load, and which statistic of it is meant: quantile, mean or std."""
     for part in ("mean", "std"):
-        if name.endswith(f"_{part}") and name.removesuffix(f"_{part}") in LOADED:
+        if name.endswith(f"_{part}") and name.removesuffix(f"_{part}") in (*LOADED, JAM):
             return name.removesuffix(f"_{part}"), part
     return name, "quantile"
 
 
 def is_unit_statistic(name: str) -> bool:
     """Whether an output is a statistic over units."""
-    return name in MEASURES or part_of(name)[0] in LOADED
+    return name in MEASURES or part_of(name)[0] in (*LOADED, JAM)
 
 
 DEFAULT_LIMITS = {name: bound for name, bound in LIMITS_OF_B.items() if name != "conjugate_clearance_min_mm"}
 """Radial gap at least 0.03 mm, and g1, g2, g4 of document B."""
 
 DEFAULT_OBJECTIVES = ("cost", "backlash_max_arcmin")
+
+
+# Discs on all of their cranks at once: declared where a configuration asks for it.
+
+
+OF_COUPLING = (
+    Parameter(
+        "crank_bearing_stiffness_N_per_mm",
+        0.0,
+        "N_per_mm",
+        "stiffness of a crank bearing beyond its clearance; 0: that which gives series_stiffness_Nm_per_arcmin",
+        _A,
+        assumed=True,
+        low=0.0,
+        high=1e9,
+    ),
+    Parameter(
+        "measuring_torque_Nm",
+        0.6,
+        "Nm",
+        "torque on a disc, in either sense, at which its backlash is read; the wind-up of bearings at true distances "
+        "is deducted",
+        _A,
+        assumed=True,
+        low=0.0,
+        high=1e4,
+        open_low=True,
+    ),
+)
+LEAST_PULL_UM = 0.12
+"""Squeeze [um] of one bearing by the measuring torque below which the rest of a disc is not found reliably."""
+JAM = "jam_force_N"
+OF_JAM = _spread(JAM, "force on a crank bearing by wrong distances of cranks, without load, largest over the turn")
+
+
+def with_cranks(plain: Declaration, asked: bool) -> Declaration:
+    """The declaration of discs on all of their cranks at once, where that is `asked` for."""
+    if not asked:
+        return plain
+    meaning = "position of the crank holes in the carrier, either direction"
+    errors = (
+        Output(f"{output.name}_error", output.unit, "standard error of the sample", error_of=output.name)
+        for output in OF_JAM
+    )
+    return replace(
+        plain,
+        variables=(*plain.variables, _disc_variable("crank_hole_um", "um", 0.5, 10.0, meaning)),
+        outputs=(*plain.outputs, *OF_JAM, *errors),
+        parameters=(*plain.parameters, *OF_COUPLING),
+        performance=plain.performance | {output.name for output in OF_JAM},
+    )
+
+
+def coupling_faults(geometry: ContactGeometry, coupling: Coupling | None) -> Iterator[Fault]:
+    """A fault of a torque that hardly presses the bearings."""
+    if coupling is None or geometry.cranks == 2:  # two cranks rest in closed form
+        return
+    per_um = geometry.nominal.centre_distance * coupling.stiffness * UM
+    if coupling.torque < LEAST_PULL_UM * per_um:
+        text = (
+            f"{coupling.torque:g} N m press one crank bearing by {coupling.torque / per_um:.2g} um, too little for a "
+            f"disc on {geometry.cranks} cranks to rest firmly: give {LEAST_PULL_UM * per_um:.3g} at least, or softer "
+            "bearings (parameters.crank_bearing_stiffness_N_per_mm)"
+        )
+        yield Fault("parameters.measuring_torque_Nm", text)
 
 
 # Faults of numbers of units and positions that are too large together.
@@ -554,7 +640,7 @@ def unpriced_error_faults(searched: Collection[str], costs: Collection[str]) -> 
             f"is missing: {name} is searched, but a tight tolerance of it has no cost; give a curve, or fix it "
             f"(variables.{name}.value = {value:.4g})",
         )
-        for name, value in DISC_TO_DISC.items()
+        for name, value in UNLISTED.items()
         if name in searched and name not in costs
     ]
 

@@ -35,7 +35,7 @@ from ...section import Array, Value, number
 from ...units import ARCMIN, MM
 from ..settings import VariableSetting
 from .counterparts import Change, ChangedMeasures
-from .declared import LEAST, LOADED, MEASURES, part_of
+from .declared import JAM, LEAST, LOADED, MEASURES, part_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -106,7 +106,7 @@ class UnitModel(UnitBasis):
     def population(self, positions: int, units: int, seed: int, stream: int) -> Population:
         """A population drawn from `seed`; each `stream` is independent of the others."""
         rng = np.random.default_rng([seed, stream])
-        return Population.draw(self.geometry, positions, units, rng, self.hierarchy)
+        return Population.draw(self.geometry, positions, units, rng, self.hierarchy, self.coupling)
 
 
 # Outputs of one design on a population, and their derivatives.
@@ -291,7 +291,7 @@ class Evaluation:
             values = self.units_under_load("preload_torque_Nm").values["preload_torque"]
             return share_above(values, self.model.preload)
         output, part = part_of(name)
-        values = self.units_under_load(output).values[LOADED[output]]
+        values = self.turn.jam.force if output == JAM else self.units_under_load(output).values[LOADED[output]]
         coverage, geared = self.model.conditions.coverage, output == "lost_motion_arcmin"
         coverage = 1.0 - coverage if output in LEAST else coverage
         if part == "quantile":
@@ -314,6 +314,9 @@ class Evaluation:
 
     def _pulled_back(self, name: str, statistic: Statistic, alike: bool) -> Array:
         output = "preload_torque_Nm" if name == "interference_probability" else part_of(name)[0]
+        if output == JAM:
+            rigid = self.drawn.rigid
+            return self.turn.jam.slopes(statistic.weight, rigid.alike if alike else rigid.slopes)
         loaded = self.units_under_load(output)
         turning = output == "transmission_error_arcsec"
         drawn = self.drawn.turning if turning else self.drawn.loaded
@@ -425,7 +428,10 @@ def _fine_turn(evaluation: Evaluation, unit: int) -> Array:
     sample = evaluation.drawn.rigid.sample.part(slice(unit, unit + 1))
     slopes = Slopes.of(geometry, sample)
     parts = np.array_split(turn_lattice(POSITIONS_SHOWN, geometry.nominal.cycloid_teeth), PARTS_OF_TURN)
-    turns = (Population(Lattice.of(geometry, angles), sample, slopes).turn(evaluation.design) for angles in parts)
+    coupling = evaluation.model.coupling
+    turns = (
+        Population(Lattice.of(geometry, angles), sample, slopes, coupling).turn(evaluation.design) for angles in parts
+    )
     return np.concatenate([turn.play[:, 0].astype(float) for turn in turns])
 
 

@@ -41,6 +41,8 @@ from .declared import (
     FLANK_CLEARANCE,
     HOLD_INTERFERENCE,
     MEASURES,
+    OF_COUPLING,
+    OF_JAM,
     OF_SORTING,
     OF_THE_STAGE,
     OUTPUTS,
@@ -49,6 +51,7 @@ from .declared import (
     SAMPLED,
     SAMPLED_UNDER_LOAD,
     SORTING,
+    UNLISTED,
     VARIABLES,
     changed_geometry_parameters,
     default_values_sentence,
@@ -56,6 +59,7 @@ from .declared import (
     size_faults,
     unlimited_interference_faults,
     unpriced_error_faults,
+    with_cranks,
     with_sorting,
     with_thickness,
 )
@@ -81,7 +85,7 @@ USUAL = 0.02
 def nominal_of(problem: RvReducer) -> dict[str, float]:
     """The document's value of every variable; errors between discs as the problem fixes them."""
     values = {v.name: float(v.document or 0.0) for v in problem.variables}
-    return values | {name: problem.fixed[name] for name in DISC_TO_DISC if name in problem.fixed}
+    return values | {name: problem.fixed[name] for name in UNLISTED if name in problem.fixed}
 
 
 def starts_of(problem: RvReducer) -> Array:
@@ -188,12 +192,33 @@ def validity(parameters: Mapping[str, Value], uniform: bool, change: Change) -> 
         "Friction is in running_torque_Nm alone, between teeth and pins that do not turn: that of bearings, seals and "
         "lubricant is not in it.",
         *([f"No {', no '.join(left_out)}."] if left_out else []),
-        "Play of the crank bearings acts about the centre of the disc only; along the load of the bearing it would "
-        "count about 1.15 times (an estimate, not tested).",
+        *_of_bearings(parameters),
         "A pin circle that is offset does not centre itself under load: likely pessimistic.",
         "Stiffnesses (contact and series) are assumed; lost motion, transmission error, preload and pin force follow "
         "from them, backlash does not.",
     )
+
+
+def _of_bearings(parameters: Mapping[str, Value]) -> Iterator[str]:
+    """What is left out of crank bearings and their distances."""
+    factor = number(parameters["bearing_play_factor"])
+    if factor == 1.0:
+        yield (
+            "Play of the crank bearings acts about the centre of the disc only; along the load of the bearing it "
+            "counts about 1.12 times (bearing_play_factor)."
+        )
+    else:
+        yield f"Play of the crank bearings counts {factor:g} times its turn about the centre of the disc everywhere."
+    if parameters["over_constraint"]:
+        yield (
+            "Wrong distances of the cranks act on backlash, interference and jam force; outputs under load are of "
+            "bearings at true distances, and the jam force is without what squeezed pins add."
+        )
+    else:
+        yield (
+            "Cranks have the distances of their bores: wrong distances, which take up play or jam, are left out "
+            "(over_constraint)."
+        )
 
 
 # The assumptions of `rv_reducer` that no document settles, changed one at a time.
@@ -212,6 +237,8 @@ WRONG_COSTS = 4
 """Seed of the patterns of wrong costs."""
 WARMER_K, OWN_THICKNESS, MANY_POSITIONS = 1.0, 5.0, 1021
 """Values that are tried: difference of temperature, half-width of tooth thickness [um], positions of a turn."""
+ALONG_ITS_LOAD = 1.12
+"""Turn of a disc by the play of its bearings over that about its centre, by the statics of discs with play."""
 COUNTED = ("turn_mean", "share_of_turn", "overlap")
 """Definitions of interference that rigid units show."""
 
@@ -265,6 +292,13 @@ def _further(problem: RvReducer) -> Iterator[Variant]:
             for factor in (0.5, 2.0):
                 changed = _with_parameters(problem, **{name: factor * number(settings.parameters[name])})
                 yield Variant(name, f"{factor:g} times", changed, UNITS_MEASURED)
+    if not settings.parameters["over_constraint"]:
+        text = f"counted, crank holes of the carrier within +-{UNLISTED['crank_hole_um']:g} um"
+        wrong = _with_parameters(problem, over_constraint=True)
+        yield Variant("distances of cranks", text, wrong, UNITS_MEASURED)
+    if settings.parameters["bearing_play_factor"] == 1.0:
+        along = _with_parameters(problem, bearing_play_factor=ALONG_ITS_LOAD)
+        yield Variant("play of crank bearings along its load", f"{ALONG_ITS_LOAD:g} times", along)
     for number_of, signs in enumerate(np.random.default_rng(WRONG_COSTS).choice([0.5, 2.0], (2, len(settings.costs)))):
         for factors in (signs, 1.0 / signs):
             curves = {
@@ -325,6 +359,22 @@ MAX_CACHED_EVALUATIONS = 4
 SAMPLED_OUTPUTS = frozenset((*SAMPLED, *SAMPLED_UNDER_LOAD))
 
 
+def _refuse_uncoupled(top: Section) -> None:
+    """A fault for everything that belongs to discs on all of their cranks, where these are not asked for."""
+    text = "changes nothing: state parameters.over_constraint = true, or leave it out"
+    names = {
+        "parameters": [parameter.name for parameter in OF_COUPLING],
+        "variables": ["crank_hole_um"],
+        "costs": ["crank_hole_um"],
+        "limits": [output.name for output in OF_JAM],
+    }
+    for table, keys in names.items():
+        section = top.section(table)
+        for name in keys:
+            if name in section and section.take(name) is not None:
+                section.fault(name, text)
+
+
 def unpriced(parameters: Mapping[str, Value]) -> frozenset[str]:
     """Without the involute stage, its grade has no cost."""
     return frozenset() if parameters.get("involute_stage", True) else frozenset(["involute_grade"])
@@ -367,6 +417,8 @@ class RvReducer(PromisingUnits, Machined):
     def __init__(self, settings: Settings | None = None) -> None:
         self.declaration = with_thickness(type(self).declaration, settings.variables if settings else ())
         self.declaration = with_sorting(self.declaration, settings.parameters if settings else ())
+        coupled = settings is not None and settings.parameters.get("over_constraint") is True
+        self.declaration = with_cranks(self.declaration, coupled)
         super().__init__(settings)
         given = self.settings
         units = UnitModel.of(given.parameters, given.variables, given.propagation.coverage)
@@ -399,6 +451,10 @@ class RvReducer(PromisingUnits, Machined):
             return None
         refuse_alone(parameters, [parameter.name for parameter in SORTING[1:]])
         declaration = with_sorting(with_thickness(configured.declaration, stated), parameters.all_keys())
+        coupled = parameters.take("over_constraint") is True
+        declaration = with_cranks(declaration, coupled)
+        if not coupled:
+            _refuse_uncoupled(top)
         return replace(configured, declaration=declaration)
 
     def _completed(self, given: Settings) -> Settings:
@@ -417,7 +473,7 @@ class RvReducer(PromisingUnits, Machined):
         return tuple(one for one in every if not {*one.name.split(".")} & {*OF_THE_STAGE})
 
     def _variable(self, variable: Variable, given: VariableSetting | None) -> VariableSetting:
-        fixed = DISC_TO_DISC.get(variable.name)
+        fixed = UNLISTED.get(variable.name)
         if variable.name == "involute_grade" and not self.given.parameters.get("involute_stage", True):
             fixed = variable.document
         if variable.name == "pin_radius_um" and (sorting := classes_of(self._with_defaults_of_sorting)):
@@ -500,7 +556,9 @@ class RvReducer(PromisingUnits, Machined):
         columns = {output.name: np.full(len(designs), np.nan) for output in self.outputs}
         if searching:
             return columns | self._statistics(designs, searching, self._sampled_outputs)
-        return columns | self._statistics(designs, searching, SAMPLED_OUTPUTS, errors=True)
+        jam = OF_JAM if self.model.coupling is not None else ()
+        names = SAMPLED_OUTPUTS | {output.name for output in jam}
+        return columns | self._statistics(designs, searching, names, errors=True)
 
     def needed(self, designs: Array) -> dict[str, Array]:
         outputs = self._statistics(designs, searching=False, names=self._sampled_outputs)
@@ -720,6 +778,7 @@ class RvReducer(PromisingUnits, Machined):
             beyond = [fault for fault in beyond if fault.place.removeprefix("limits.") not in declared.OF_THE_PROFILE]
         faults = [
             *shape,
+            *declared.coupling_faults(self.model.geometry, self.model.coupling),
             *unpriced_error_faults({variable.name for variable in self.free}, self.settings.costs),
             *beyond,
         ]

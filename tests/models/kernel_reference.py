@@ -74,7 +74,7 @@ class Position:
         return np.stack([of_contacts[self.disc == d].sum(axis=0) for d in range(len(self.axes))])
 
 
-def touch(contacts: Any, errors: Any, turns: Any) -> None:
+def touch(contacts: Any, errors: Any, seats: Any, turns: Any) -> None:
     """As `kernel.touch`."""
     high, low, ahead, behind = turns
     for a in range(len(high)):

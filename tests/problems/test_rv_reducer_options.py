@@ -279,3 +279,98 @@ def test_zones_that_nobody_holds_are_remarked_on() -> None:
     assert not RvReducer(Settings(parameters=loose)).remarks(tight)
     fixed = RvReducer(Settings(parameters=SMALL, variables={"equidistance_um": VariableSetting(value=0.63)}))
     assert not fixed.remarks(tight)
+
+
+# Discs on all of their cranks at once.
+
+
+LEAST_COST = {
+    "pin_circle_radius_um": 1.277, "pin_position_um": 2.421, "pin_hole_radius_um": 2.052, "pin_radius_um": 0.894,
+    "pitch_um": 4.914, "runout_um": 2.375, "eccentricity_um": 2.592, "equidistance_um": 0.663, "shift_um": 0.961,
+    "crank_bearing_um": 2.085, "involute_grade": 4.0, "stagger_arcmin": 0.007, "dr_rp_mm": -0.0367, "dr_p_mm": -0.0667,
+}  # fmt: skip
+"""At 1 arcmin, 61 positions, phi_1 of version 0.1, found without over-constraint."""
+
+
+def at_the_least_cost(**parameters: Any) -> tuple[RvReducer, Any]:
+    given = {"involute_cosine": False, "elastic_units": 16, "te_positions": 31}
+    problem = RvReducer(Settings(parameters={**given, **parameters}))
+    return problem, problem.evaluation(design(problem, **{**LEAST_COST, "crank_hole_um": 0.0}), searching=False)
+
+
+@pytest.mark.parametrize(("cranks", "least", "most", "force"), [(2, -0.09, -0.025, 139.0), (3, -0.1, -0.05, 142.0)])
+def test_wrong_distances_of_cranks_close_backlash_and_press_bearings(
+    cranks: int, least: float, most: float, force: float
+) -> None:
+    """Note on conditions: two cranks -0.025 (rigid) to -0.09 arcmin, 122 to 135 N; three -0.057 to -0.08 arcmin, 165 N.
+
+    What play no longer gives is what interferes: the limit on interference takes back most of the gain.
+    """
+    (_, plain), (_, coupled) = (at_the_least_cost(cranks=cranks, over_constraint=on) for on in (False, True))
+    change = coupled.value("backlash_max_arcmin") - plain.value("backlash_max_arcmin")
+    assert least < change < most
+    assert coupled.value("jam_force_N_mean") == pytest.approx(force, rel=0.05)
+    assert coupled.value("jam_force_N") > 1.5 * force
+    rises = coupled.value("interference_probability") - plain.value("interference_probability")
+    assert 0.05 < rises < 0.15
+
+
+def test_two_cranks_jam_by_half_of_the_error_of_their_distance() -> None:
+    """(k/2) (d - c) of bearings on a line, d the error of their distance over the turn, c the mean clearance."""
+    _, evaluation = at_the_least_cost(over_constraint=True)
+    drawn, width = evaluation.drawn.rigid, evaluation.design.width
+    z, k = drawn.sample.z, 58.5 / ARCMIN / (2.0 * 0.036**2) * 1e-6
+    bores = width("bore") * z["bore_radial"].sum(axis=0)
+    journals = width("eccentricity") * z["eccentricity"] + 1.3j * width("crank_phase") * z["crank_phase"]
+    clearance = 0.5 * width("crank_bearing") * (1.0 + z["crank_bearing"]).mean(axis=0)
+    angles = drawn.lattice.angles[:, None] * 40.0 / 39.0 + np.pi * np.arange(2)
+    apart = np.real((journals[0] - journals[1]) * np.exp(1j * angles)[:, :, None]) - bores
+    force = 0.5 * k * np.maximum(np.abs(apart) - clearance, 0.0).max(axis=(0, 1))
+    np.testing.assert_allclose(evaluation.turn.jam.force, force, rtol=1e-3, atol=0.1)
+    assert evaluation.value("jam_force_N_mean") == pytest.approx(force.mean(), rel=1e-3)
+
+
+@pytest.mark.parametrize(("output", "variable"), [
+    ("backlash_max_arcmin", "crank_hole_um"), ("backlash_max_arcmin", "crank_bearing_um"),
+    ("interference_probability", "bore_um"), ("jam_force_N", "crank_hole_um"), ("jam_force_N", "eccentricity_um"),
+    ("jam_force_N_std", "crank_bearing_um"),
+])  # fmt: skip
+def test_derivatives_of_coupled_units_are_those_of_differences(output: str, variable: str) -> None:
+    problem = RvReducer(Settings(parameters={**SMALL, "over_constraint": True, "search_units": 2048}))
+    row, values = design(problem, **LEAST_COST), []
+    at = problem.names.index(variable)
+    for side in (0.05, -0.05):
+        moved = row.copy()
+        moved[at] += side
+        values.append(problem.evaluation(moved, searching=True).value(output))
+    found = problem.evaluation(row, searching=True).gradient(output)[variable]
+    scale = abs(problem.evaluation(row, searching=True).value(output)) / row[at]
+    assert found == pytest.approx((values[0] - values[1]) / 0.1, rel=0.05, abs=0.01 * scale)
+
+
+def test_coupling_is_declared_where_it_is_asked_for() -> None:
+    plain, coupled = (RvReducer(Settings(parameters={**SMALL, "over_constraint": on})) for on in (False, True))
+    more = {o.name for o in coupled.outputs} - {o.name for o in plain.outputs}
+    assert more == {f"jam_force_N{part}{error}" for part in ("", "_mean", "_std") for error in ("", "_error")}
+    assert set(coupled.names) - set(plain.names) == {"crank_hole_um"} and coupled.fixed["crank_hole_um"] == 2.0
+    named = {one.name for one in coupled.assumptions()} - {one.name for one in plain.assumptions()}
+    assert named == {"parameters.crank_bearing_stiffness_N_per_mm", "parameters.measuring_torque_Nm",
+                     "variables.crank_hole_um.distribution", "references.crank_hole_um"}  # fmt: skip
+    assert any("jam force is without" in text for text in coupled.validity())
+    assert any("(over_constraint)" in text for text in plain.validity())
+
+
+def test_faults_of_coupling_are_placed() -> None:
+    parts = {"limits": {**LIMITS, "jam_force_N": 300.0}, "variables": {"crank_hole_um": {"value": 1.0}}}
+    alone = faults_of({**PLAIN, **parts, "parameters": {**SMALL, "measuring_torque_Nm": 0.6}})
+    for place in ("limits.jam_force_N", "variables.crank_hole_um", "parameters.measuring_torque_Nm"):
+        assert any(f.startswith(f"{place}: changes nothing: state parameters.over_constraint = true") for f in alone)
+    stated = {**SMALL, "over_constraint": True}
+    wrong = faults_of({**PLAIN, "limits": LIMITS, "parameters": {
+        **stated, "cranks": 1, "crank_bearing_stiffness_N_per_mm": -1.0, "measuring_torque_Nm": 0.0}})  # fmt: skip
+    places = ("cranks", "crank_bearing_stiffness_N_per_mm", "measuring_torque_Nm")
+    assert {f"parameters.{name}" for name in places} <= {fault.split(":")[0] for fault in wrong}
+    searched = {**PLAIN, "limits": LIMITS, "variables": {"crank_hole_um": {"low": 1.0, "high": 5.0}},
+                "parameters": {**stated, "cranks": 3, "measuring_torque_Nm": 0.01}}  # fmt: skip
+    found = {fault.split(":")[0] for fault in faults_of(searched)}
+    assert found >= {"costs.crank_hole_um", "parameters.measuring_torque_Nm"}

@@ -29,7 +29,8 @@ _BOTTOM = 0.9
 class ContactGeometry:
     """Nominal parts: lengths in metres; the modification of document B by default.
 
-    Two cranks and two discs are assumptions, as in document A. Lever arms are those of the modified
+    Two cranks and two discs are assumptions, as in document A. A bearing's play turns its disc by
+    `play_factor` times the turn about the disc's centre. Lever arms are those of the modified
     profile's own normals; without `true_levers` e z_c sin(phi)/sqrt(S), those of the unmodified
     profile, 1 % different where pins are loaded (7 % near the bottom of a tooth space), which puts
     0.7 % on peak force and wind-up. Without an `involute_stage` the cranks are the input.
@@ -42,6 +43,7 @@ class ContactGeometry:
     cranks: int = 2
     true_levers: bool = True
     involute_stage: bool = True
+    play_factor: float = 1.0
 
     @property
     def pins(self) -> int:
@@ -414,7 +416,7 @@ def displacements(geometry: ContactGeometry, errors: PartErrors) -> Displacement
         offset=full["disc_offset"] * unit(full["disc_offset_phase"]) - bores.mean(axis=1),
         around=(eccentrics * cranks[:, None]).mean(axis=1) / a_0,
         angle=full["angle"] + full["bore_tangential"].mean(axis=1) / a_0,
-        play=0.5 * full["bearing_clearance"].mean(axis=1) / a_0,
+        play=0.5 * geometry.play_factor * full["bearing_clearance"].mean(axis=1) / a_0,
         shift=full["shift"],
         pitch=0.5 * full["pitch"] / geometry.nominal.pin_circle_radius * unit(full["pitch_phase"]),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 from ....section import Array, Complex, Integers, Single
 from ..contact.geometry import ContactGeometry
 from .errors import COLUMNS, Lattice, Scaled, Table, sides, turn_lattice
-from .units import ERRORS, BaseSample, Hierarchy, UnitDesign
+from .units import CRANK_HOLE, ERRORS, BaseSample, Coupling, Hierarchy, UnitDesign
+
+if TYPE_CHECKING:
+    from .cranks import Jam, Seats
 
 Contacts = NDArray[np.int32]
 
@@ -36,8 +39,11 @@ class Touch:
         return np.asarray((self.high - self.low) * np.float32(1.0 / output_ratio))
 
 
-def touch(lattice: Lattice, table: Table, units: Scaled | tuple[Single, ...]) -> Touch:
-    """First contact of all units, packed or not, at all positions."""
+NO_SEATS = np.empty((0, 1, 2, 3, 1), np.float32)
+
+
+def touch(lattice: Lattice, table: Table, units: Scaled | tuple[Single, ...], seats: Single = NO_SEATS) -> Touch:
+    """First contact of all units, packed or not, at all positions; `seats` are the places of their `cranks.Seats`."""
     from . import kernel
 
     errors = pack_errors(units) if isinstance(units, Scaled) else units
@@ -46,7 +52,10 @@ def touch(lattice: Lattice, table: Table, units: Scaled | tuple[Single, ...]) ->
         np.empty(shape, np.float32), np.empty(shape, np.float32), np.zeros(shape, np.int32), np.zeros(shape, np.int32)
     )
     kernel.touch(
-        contacts_of(lattice, table, errors[1]), errors, (contact.high, contact.low, contact.ahead, contact.behind)
+        contacts_of(lattice, table, errors[1]),
+        errors,
+        seats,
+        (contact.high, contact.low, contact.ahead, contact.behind),
     )
     return contact
 
@@ -86,11 +95,13 @@ def pack_errors(units: Scaled) -> tuple[Single, ...]:
 # their derivatives are those of the contacts that make them.
 
 
-NAMES = (*ERRORS, "stagger", "dr_rp", "dr_p")
-"""Variables of a gradient: zones [arcmin/um], of crank_phase [arcmin/mrad], stagger, and both
-modifications [arcmin/mm]."""
+NAMES = (*ERRORS, "stagger", "dr_rp", "dr_p", CRANK_HOLE)
+"""Variables of a gradient: zones [arcmin/um], of crank_phase [arcmin/mrad], stagger, both
+modifications [arcmin/mm], and the zone of the carrier's holes."""
 
 
+PLAY = 9
+"""Row of the discs' standardised errors that has the play of their bearings."""
 CENTRED = frozenset(("pin_position", "circle_offset", "bore", "crank_phase"))
 """Errors of which a mid-limit would turn or displace the unit, and is left out."""
 
@@ -99,13 +110,15 @@ CENTRED = frozenset(("pin_position", "circle_offset", "bore", "crank_phase"))
 class Slopes:
     """Standardised errors of a base sample, as `pull_back` takes them; they hold for any design.
 
-    `of_pins` (3, pins, n) has rows of teeth after those of the `pins`, where these have errors of their own.
+    `of_pins` (3, pins, n) has rows of teeth after those of the `pins`, where these have errors of their own. `of_cranks`
+    are those of `cranks.standardised`, None where discs are not coupled to their cranks.
     """
 
     pins: int
     of_unit: Single
     of_discs: Single
     of_pins: Single
+    of_cranks: Single | None = None
 
     @classmethod
     def of(cls, geometry: ContactGeometry, sample: BaseSample) -> Slopes:
@@ -142,6 +155,7 @@ class Slopes:
             _single_precision(np.stack([radial, circle.real, circle.imag])),
             _single_precision(np.stack(columns, axis=1)),
             _single_precision(np.stack(of_pins)),
+            _of_cranks(geometry, sample) if sample.hierarchy.holes else None,
         )
 
     def errors(self, width: Callable[[str], float]) -> tuple[Single, ...]:
@@ -164,6 +178,12 @@ class Slopes:
         along = size["pin_position"] * pins[0]
         along[count:] = size["pitch"] * pins[0, count:]
         return across, along, packed, size["circle_offset"] * unit[1:]
+
+
+def _of_cranks(geometry: ContactGeometry, sample: BaseSample) -> Single:
+    from . import cranks
+
+    return cranks.standardised(geometry, sample)
 
 
 def _real_parts(value: Array | Complex) -> tuple[Array, ...]:
@@ -262,6 +282,7 @@ class Population:
     lattice: Lattice
     sample: BaseSample
     slopes: Slopes
+    coupling: Coupling | None = None
 
     @classmethod
     def draw(
@@ -271,11 +292,12 @@ class Population:
         units: int,
         rng: np.random.Generator,
         hierarchy: Hierarchy | None = None,
+        coupling: Coupling | None = None,
     ) -> Population:
         """A population of `units` at `positions` of a turn of the output."""
         lattice = Lattice.of(geometry, turn_lattice(positions, geometry.nominal.cycloid_teeth))
         sample = BaseSample.draw(geometry, units, rng, hierarchy)
-        return cls(lattice, sample, Slopes.of(geometry, sample))
+        return cls(lattice, sample, Slopes.of(geometry, sample), coupling)
 
     @property
     def units(self) -> int:
@@ -309,8 +331,21 @@ class Population:
         if pins is not None:
             errors = (errors[0] - pins.astype(np.float32), *errors[1:])
         errors[2][:, 3] += np.float32(design.stagger) * sides(geometry)[:, None].astype(np.float32)
-        contact = touch(self.lattice, table, errors)
-        return Turn(self, design, table, contact, contact.cycloid(geometry.output_ratio))
+        seats = self._seats(design)
+        contact = touch(self.lattice, table, errors, NO_SEATS if seats is None else seats.places)
+        return Turn(self, design, table, contact, contact.cycloid(geometry.output_ratio), seats=seats)
+
+    def _seats(self, design: UnitDesign) -> Seats | None:
+        """Where units rest on their cranks, None where discs are not coupled to these."""
+        if self.coupling is None or self.slopes.of_cranks is None:
+            return None
+        from . import cranks
+
+        errors = cranks.scaled(self.slopes.of_cranks, design.half_width)
+        mids = {error: size for error, size in design.mid.items() if error not in CENTRED}
+        if self.alike.of_cranks is not None and any(mids.values()):
+            errors += cranks.scaled(self.alike.of_cranks, mids)
+        return cranks.Seats.of(self.lattice, self.coupling, errors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -328,6 +363,16 @@ class Turn:
     play: Single
     fitted: Fitted | None = None
     """The pins that are fitted to each unit, None where they are taken as they come."""
+    seats: Seats | None = None
+    """Where units rest on their cranks, None where discs are not coupled to these."""
+
+    @cached_property
+    def jam(self) -> Jam:
+        """The largest force on a crank bearing without load; of units with seats alone."""
+        from .cranks import Jam
+
+        assert self.seats is not None
+        return Jam.of(self.seats)
 
     @cached_property
     def by_circle(self) -> Single:
@@ -351,4 +396,7 @@ class Turn:
             by_unit = np.where(self.fitted.follows, weight.sum(axis=0), 0.0) / len(weight)
             weight = weight - by_unit + by_unit.mean()
         standardised = errors or drawn.slopes
-        return pull_back(drawn.lattice, self.table, self.touch, standardised, weight)
+        slopes = pull_back(drawn.lattice, self.table, self.touch, standardised, weight)
+        if self.seats is not None:
+            slopes += self.seats.slopes(weight, self.touch, self.table, standardised)
+        return slopes

@@ -185,7 +185,7 @@ class Scaled:
             along=along.astype(np.float32),
             normal=mid("equidistance") + width("equidistance") * z["equidistance"],
             radial=growth - mid("shift") - width("shift") * z["shift"],
-            play=0.5 * arm * bearing_clearance(sample, design).mean(axis=0),
+            play=0.5 * arm * geometry.play_factor * bearing_clearance(sample, design).mean(axis=0),
             ahead=arm * tangential + design.stagger * sides(geometry)[:, None],
             turning=journals.mean(axis=0),
             offset=0.5 * _waves(sample, design, "runout") - bores(geometry, sample, design),

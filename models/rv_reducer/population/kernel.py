@@ -110,17 +110,29 @@ def _nearest(
 
 
 @_compiled
-def touch(contacts: Any, errors: Any, turns: Any) -> None:
+def _displace(seat: Single, first: int, sign: float, terms: Single) -> None:
+    """Displaces a disc by its seat (3, units), or back, and gives it the play that the seat leaves."""
+    for u in range(terms.shape[1]):
+        terms[2, u] -= sign * seat[0, first + u]
+        terms[3, u] -= sign * seat[1, first + u]
+        terms[6, u] = seat[2, first + u]
+
+
+@_compiled
+def touch(contacts: Any, errors: Any, seats: Single, turns: Any) -> None:
     """Fills `turns` at first contact: forward, backward, and the contacts that make them.
 
     The four arrays have the shape (positions, units); a contact is a row of the table. `contacts`:
     table (contacts, 9), pins (contacts), teeth (contacts, or none), start and stop (positions, discs, 2), axes
     (positions, discs, 6). `errors`: across and along (pins, units), discs (discs, 12, units),
-    circle (2, units). `teeth` are rows that `along` has after those of the pins.
+    circle (2, units). `teeth` are rows that `along` has after those of the pins. `seats` are the places of
+    `cranks.Seats` (positions, discs, 2, 3, units), of no position where discs turn about their centres by their mean
+    play.
     """
     rows, pins, teeth, start, stop, axes = contacts
     across, along, discs, circle = errors
     high, low, ahead, behind = turns
+    seated = seats.shape[0] > 0
     far = np.float32(1e9)
     plus, minus = np.float32(1.0), np.float32(-1.0)
     for first in range(0, across.shape[1], LANES):
@@ -136,6 +148,8 @@ def touch(contacts: Any, errors: Any, turns: Any) -> None:
             low[a, first:last] = -far
             for d in range(start.shape[1]):
                 _disc(axes[a, d], of_discs[d], centre, terms)
+                if seated:
+                    _displace(seats[a, d, 0], first, plus, terms)
                 i, k = start[a, d, 0], stop[a, d, 0]
                 best[:] = far
                 which[:] = 0
@@ -145,6 +159,9 @@ def touch(contacts: Any, errors: Any, turns: Any) -> None:
                     if at < high[a, first + u]:
                         high[a, first + u] = at
                         ahead[a, first + u] = i + which[u]
+                if seated:
+                    _displace(seats[a, d, 0], first, minus, terms)
+                    _displace(seats[a, d, 1], first, plus, terms)
                 i, k = start[a, d, 1], stop[a, d, 1]
                 best[:] = far
                 which[:] = 0

@@ -39,6 +39,8 @@ ERRORS = (
     "crank_phase",
 )
 """The errors of a unit, in the order of `gradient.Gradient.tolerances`."""
+CRANK_HOLE = "crank_hole"
+"""The error of the carrier's holes, which counts where discs are coupled to all of their cranks."""
 GEARS = ("sun", "planet")
 """The gears of the involute stage."""
 
@@ -78,6 +80,7 @@ class UnitDesign:
 PIN_ERRORS = ("pin_position", "pin_hole_radius", "pin_radius")
 DISC_ERRORS = ("equidistance", "shift")
 ONCE_PER_TURN_ERRORS = ("pitch", "runout")
+CARRIER_ERRORS = ("crank_hole_radial", "crank_hole_tangential")
 ECCENTRIC_ERRORS = ("eccentricity", "crank_bearing", "crank_phase", "bore_radial", "bore_tangential")
 
 
@@ -116,12 +119,14 @@ class Hierarchy:
     `share_pins` and `share_discs` are the fractions of variance that the pins, and the discs, of
     one unit have in common; both are assumptions. `inputs` has distributions by name of the error,
     uniform where not named. `pitch_spectrum` has the sizes of pitch errors by the names of `PITCH_SPECTRUM`.
+    `holes`: whether the carrier's crank holes are out of place too.
     """
 
     share_pins: float = 0.0
     share_discs: float = 0.0
     inputs: Mapping[str, Distribution] = field(default_factory=dict)
     pitch_spectrum: Mapping[str, float] = field(default_factory=lambda: ONE_WAVE)
+    holes: bool = False
 
     def of(self, error: str) -> Distribution:
         """Distribution of an error over its zone; both directions of a bore have the same."""
@@ -133,8 +138,8 @@ class BaseSample:
     """Standardised errors of n units: error = mid-limit + half-width z.
 
     `z` by name of the error, units last: (n,) of errors of the whole unit, (pins, n) of pins,
-    (discs, n) of discs, (cranks, discs, n) of eccentrics and bores; `phase` [rad] likewise of
-    `pitch`, `runout` (discs, n) and `circle_offset` (n,). `teeth` (discs, teeth, n) are the errors of
+    (discs, n) of discs, (cranks, discs, n) of eccentrics and bores, (cranks, n) of the carrier's holes; `phase` [rad]
+    likewise of `pitch`, `runout` (discs, n) and `circle_offset` (n,). `teeth` (discs, teeth, n) are the errors of
     teeth per half of the cumulative pitch error, None for one wave per turn. `planets` (planets + 1, n) are standard
     normal: the common part of all planets, then the part of each planet. `hierarchy` has the laws
     that the errors were drawn from.
@@ -157,8 +162,8 @@ class BaseSample:
         kind: Literal["sobol", "random"] = "sobol",
     ) -> BaseSample:
         """A sample of `units`; sources common to a unit take the first Sobol dimensions."""
-        source = _Source(geometry, units, rng, kind)
         laws = hierarchy or Hierarchy()
+        source = _Source(geometry, units, rng, kind, laws.holes)
         z = {"pin_circle_radius": laws.of("pin_circle_radius").quantile(source.unit())}
         z["circle_offset"] = laws.of("circle_offset").quantile(source.unit())
         phase = {"circle_offset": 2.0 * np.pi * source.unit()}
@@ -181,6 +186,8 @@ class BaseSample:
         for name in PIN_ERRORS:
             u = _couple_by_copula(source.of(pins), common.get(name), laws.share_pins)
             z[name] = laws.of(name).quantile(u)
+        for name in CARRIER_ERRORS if laws.holes else ():
+            z[name] = laws.of(name).quantile(source.of((geometry.cranks,)))
         teeth = None
         if laws.pitch_spectrum != ONE_WAVE:
             teeth = draw_teeth(laws.pitch_spectrum, geometry.nominal.cycloid_teeth, phase["pitch"], rng)
@@ -219,9 +226,10 @@ def _couple_by_copula(u: Array, common: Array | None, fraction: float) -> Array:
 class _Source:
     """Probabilities in (0, 1), dimension after dimension."""
 
-    def __init__(self, geometry: ContactGeometry, units: int, rng: np.random.Generator, kind: str) -> None:
+    def __init__(self, geometry: ContactGeometry, units: int, rng: np.random.Generator, kind: str, holes: bool) -> None:
         most = 10 + 3 * geometry.pins + 8 * geometry.discs
         most += 6 * geometry.cranks * geometry.discs + geometry.cranks
+        most += geometry.cranks if holes and geometry.discs == 1 else 0  # of more discs, the rest is enough for holes
         if kind == "sobol":
             power = max(0, int(units - 1).bit_length())
             drawn = scipy.stats.qmc.Sobol(most, scramble=True, rng=rng).random_base2(power)[:units]
@@ -461,6 +469,18 @@ def share_above(values: Array, limit: float) -> Statistic:
 # The properties that all units of an RV reducer have in common, and their construction.
 
 
+@dataclass(frozen=True, slots=True)
+class Coupling:
+    """How discs sit on all of their cranks at once.
+
+    `stiffness` [N/m] is that of a crank bearing beyond its clearance, `torque` [N m] that on a disc at which backlash
+    is read. Both are assumptions.
+    """
+
+    stiffness: float
+    torque: float
+
+
 def stem(name: str) -> str:
     """Name of the error that a variable is the zone of."""
     return name.removesuffix("_um").removesuffix("_mrad")
@@ -483,6 +503,8 @@ class UnitBasis:
     mid: Mapping[str, float]
     geared: bool
     allowances: Mapping[str, float]
+    coupling: Coupling | None
+    """None: discs turn about their centres by the mean play of their bearings."""
 
     @classmethod
     def from_parameters(
@@ -503,9 +525,11 @@ class UnitBasis:
             cranks=cranks,
             true_levers=True,
             involute_stage=bool(parameters["involute_stage"]),
+            play_factor=number(parameters.get("bearing_play_factor", 1.0)),
         )
+        coupling = coupling_of(parameters, geometry)
         shares = number(parameters["share_pins"]), number(parameters["share_discs"])
-        hierarchy = Hierarchy(*shares, inputs, pitch_spectrum=pitch_spectrum(parameters))
+        hierarchy = Hierarchy(*shares, inputs, pitch_spectrum(parameters), coupling is not None)
         planet_share = number(parameters.get("planet_share", 0.5))
         return cls(
             geometry,
@@ -516,6 +540,7 @@ class UnitBasis:
             mid,
             bool(parameters["involute_stage"]),
             {gear: number(parameters.get(f"thickness_allowance_{gear}_um", 0.0)) for gear in GEARS},
+            coupling,
         )
 
     def involute(self, grade: float, thickness: Mapping[str, float] = MappingProxyType({})) -> Involute:
@@ -554,7 +579,10 @@ class UnitBasis:
         mids = {name: self.mid.get(name, 0.0) + mean for name, mean in means.items() if name != "pin_position"}
         return UnitDesign(
             half_width={
-                error: row[name] for error in ERRORS for name in (f"{error}_um", f"{error}_mrad") if name in row
+                error: row[name]
+                for error in (*ERRORS, CRANK_HOLE)
+                for name in (f"{error}_um", f"{error}_mrad")
+                if name in row
             },
             mid={**self.mid, **mids},
             involute_grade=row["involute_grade"],
@@ -563,6 +591,16 @@ class UnitBasis:
             dr_rp=row["dr_rp_mm"] * MM,
             dr_p=row["dr_p_mm"] * MM,
         )
+
+
+def coupling_of(parameters: Mapping[str, Value], geometry: ContactGeometry) -> Coupling | None:
+    """The coupling of discs to their cranks, None without. A stiffness of 0 makes that of the disc on its cranks."""
+    if not parameters.get("over_constraint", False):
+        return None
+    series = number(parameters["series_stiffness_Nm_per_arcmin"]) / ARCMIN
+    of_series = series / (geometry.cranks * geometry.nominal.centre_distance**2)
+    stated = number(parameters["crank_bearing_stiffness_N_per_mm"]) / MM
+    return Coupling(stated or of_series, number(parameters["measuring_torque_Nm"]))
 
 
 # The nominal profile at many contacts, as a polynomial in the shift modification.
