@@ -442,7 +442,7 @@ class InConditions(ToleranceProblem):
         limit = self.plain.shown_limit()
         return None if limit is None else (f"{self.operating.names[0]}.{limit[0]}", limit[1])
 
-    def sketch(self) -> Mapping[str, Any]:
+    def sketch(self) -> dict[str, Any]:
         """That of the first condition."""
         sketch, common = self.plain.sketch(), self.plain.declaration.unconditional
         if not sketch:
@@ -490,3 +490,6 @@ class GreatestBound:
             own = {name.removeprefix(f"{condition}."): value for name, value in values.items()}
             greatest = np.fmax(greatest, bound.least_costs(own, points))
         return greatest
+
+    def estimate(self, values: Mapping[str, float]) -> None:
+        """No sample of several conditions is estimated from."""

@@ -14,15 +14,7 @@ from dataclasses import is_dataclass
 from functools import lru_cache
 from importlib import import_module
 from importlib.machinery import ModuleSpec
-from importlib.metadata import (
-    Distribution,
-    EntryPoint,
-    EntryPoints,
-    PackageNotFoundError,
-    distribution,
-    entry_points,
-    version,
-)
+from importlib.metadata import Distribution, EntryPoint, PackageNotFoundError, distribution, entry_points, version
 from importlib.util import resolve_name
 from inspect import getattr_static
 from pathlib import Path
@@ -67,7 +59,7 @@ def _entry_points_on_path(group: str, path: tuple[str, ...]) -> tuple[EntryPoint
 
 
 @lru_cache(maxsize=4)
-def _all_on_path(path: tuple[str, ...]) -> EntryPoints:
+def _all_on_path(path: tuple[str, ...]) -> Any:
     """Those of every group: the metadata of all distributions are read once."""
     return entry_points()
 

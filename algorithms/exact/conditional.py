@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import combinations, product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -161,6 +161,7 @@ def _estimated(problem: ToleranceProblem, need: SampledNeed, start: Array, movin
     """The full design (variables,) that is found with the integers of a start, None where the need is not met."""
     ends = np.array([problem.interval(problem.names[at]) for at in moving]).reshape(-1, 2)
     low, width = ends[:, 0], ends[:, 1] - ends[:, 0]
+    last: tuple[Array, tuple[Array, Array]] = np.empty(0), (np.empty(0), np.empty(0))
 
     def complete(y: Array) -> Array:
         design = start.copy()
@@ -168,12 +169,12 @@ def _estimated(problem: ToleranceProblem, need: SampledNeed, start: Array, movin
         return design
 
     def margins(y: Array) -> tuple[Array, Array]:
+        nonlocal last
         if not np.array_equal(last[0], y):
             values, slopes = need.margins(complete(y))
-            last[:] = y.copy(), (values, width * slopes[:, moving])
+            last = y.copy(), (values, width * slopes[:, moving])
         return last[1]
 
-    last: list[Any] = [np.empty(0), ()]
     if margins(np.zeros(len(moving)))[0][0] < 0.0:  # not with the tightest tolerances
         return None
     y = slsqp(

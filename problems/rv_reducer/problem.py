@@ -808,8 +808,8 @@ class RvReducer(PromisingUnits, Machined):
         given = self.settings
         gap = given.limits.get("radial_gap_mm", Bound())
         odd = declared.warnings(self.model.geometry, given.parameters, gap)
-        odd = (*declared.idle_wear(given.parameters), *odd)
-        return (*default_values_sentence(self.given, given.parameters), *odd)
+        idle = declared.idle_wear(given.parameters)
+        return (*default_values_sentence(self.given, given.parameters), *idle, *odd)
 
     # ---------------------------------------------------------------- what a reader is shown
 

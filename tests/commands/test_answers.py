@@ -18,10 +18,11 @@ import tolevo
 from tolevo.cli import app
 from tolevo.commands.run.answers import Sentences
 from tolevo.commands.run.changes import advice
-from tolevo.commands.run.promise import ASSURANCE, sentence
+from tolevo.commands.run.promise import sentence
 from tolevo.page import page
 from tolevo.page.figures import orders
 from tolevo.problems.limits import Limit
+from tolevo.problems.settings import ASSURANCE
 from tolevo.records import RunResult
 
 STACK = """

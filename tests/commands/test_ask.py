@@ -122,9 +122,9 @@ def test_other_searches_and_directories_are_refused(folder: Path, tmp_path: Path
         "does not exist",
     ]
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    for options in ({"overwrite": True}, {"resume": True}):  # what a bench has measured cannot be computed again
+    for resume in (False, True):  # what a bench has measured cannot be computed again
         with pytest.raises(InputError, match="holds a search of `tolevo ask` and the results that it was told"):
-            tolevo.run(stack(), folder, **options)
+            tolevo.run(stack(), folder, overwrite=not resume, resume=resume)
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
     with pytest.raises(InputError, match="evaluates designs itself"):
         tolevo.ask(stack(algorithm={"name": "exact"}), tmp_path / "exact")

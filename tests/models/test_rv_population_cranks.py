@@ -164,8 +164,10 @@ def test_backlash_that_wrong_distances_take_away_is_that_of_the_statics(
 ) -> None:
     """0.01 arcmin, against the same bearings at true distances; the wind-up is in both terms of either difference."""
     drawn, design = population(cranks, units, positions, factor=1.12), with_holes(2.0)
-    clearances = np.zeros_like(drawn.slopes.of_cranks)
-    clearances[:, :, 4] = drawn.slopes.of_cranks[:, :, 4]
+    of_cranks = drawn.slopes.of_cranks
+    assert of_cranks is not None
+    clearances = np.zeros_like(of_cranks)
+    clearances[:, :, 4] = of_cranks[:, :, 4]
     true = replace(drawn, slopes=replace(drawn.slopes, of_cranks=clearances))
     wrong, right = (np.maximum(one.turn(design).play.astype(float), 0.0) for one in (drawn, true))
     of_statics = [by_statics(drawn, design, TORQUE, apart) for apart in (True, False)]
@@ -213,7 +215,7 @@ def test_derivatives_are_those_of_differences(cranks: int) -> None:
             moved = replace(design, half_width={**design.half_width, name: design.width(name) + step})
             other = drawn.turn(moved)
             values.append(((other.play * weight).sum(), other.jam.force.mean()))
-        backlash, jam = np.subtract(*values) / 0.04
+        backlash, jam = (np.array(values[0]) - np.array(values[1])) / 0.04
         assert slopes[name] == pytest.approx(backlash, rel=0.01, abs=5e-5)
         assert of_jam[name] == pytest.approx(jam, rel=0.005)
 

@@ -31,7 +31,7 @@ from tolevo.models.inputs import (
 from tolevo.models.rv_reducer.population.contact import Population
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.rv_reducer import RvReducer
-from tolevo.problems.rv_reducer.evaluation import MEASURES
+from tolevo.problems.rv_reducer.declared import MEASURES
 from tolevo.problems.rv_transmission_error import RvTransmissionError
 from tolevo.problems.settings import Settings, VariableSetting
 from tolevo.units import ARCMIN, ARCSEC

@@ -12,7 +12,7 @@ import weakref
 import pytest
 
 from tolevo.problems.rv_reducer import RvReducer
-from tolevo.problems.rv_reducer.evaluation import MEASURES
+from tolevo.problems.rv_reducer.declared import MEASURES
 from tolevo.problems.settings import Settings
 
 SMALL = {"report_units": 64, "search_units": 64, "elastic_units": 16, "te_positions": 31}

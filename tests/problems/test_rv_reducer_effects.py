@@ -12,7 +12,7 @@ from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.problems.rv_backlash.counterparts import COUNTERPARTS as DOCUMENTS
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.rv_reducer.counterparts import COUNTERPARTS
-from tolevo.problems.rv_reducer.evaluation import MEASURES
+from tolevo.problems.rv_reducer.declared import MEASURES
 from tolevo.problems.settings import Bound, Settings, VariableSetting
 
 UNITS = 16_384

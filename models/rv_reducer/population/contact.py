@@ -110,8 +110,8 @@ CENTRED = frozenset(("pin_position", "circle_offset", "bore", "crank_phase"))
 class Slopes:
     """Standardised errors of a base sample, as `pull_back` takes them; they hold for any design.
 
-    `of_pins` (3, pins, n) has rows of teeth after those of the `pins`, where these have errors of their own. `of_cranks`
-    are those of `cranks.standardised`, None where discs are not coupled to their cranks.
+    `of_pins` (3, pins, n) has rows of teeth after those of the `pins`, where these have errors of their own.
+    `of_cranks` are those of `cranks.standardised`, None where discs are not coupled to their cranks.
     """
 
     pins: int

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import scipy
@@ -344,9 +344,9 @@ def recalibrate(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) ->
         return project_out(scaled, q)
 
     def computed() -> tuple[Array]:
-        start, loss = np.zeros(len(half)), "linear" if population else "soft_l1"
+        loss: Literal["linear", "soft_l1"] = "linear" if population else "soft_l1"
         found = scipy.optimize.least_squares(
-            residual, start, bounds=(-1.0, 1.0), max_nfev=25, diff_step=[1e-3], loss=loss
+            residual, np.zeros(len(half)), bounds=(-1.0, 1.0), max_nfev=25, diff_step=[1e-3], loss=loss
         )
         return (np.asarray(found.x),)
 
