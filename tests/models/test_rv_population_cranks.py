@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tests.models.kernel_reference import Position
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
-from tolevo.models.rv_reducer.population.contact import NAMES, Population, pack_errors
+from tolevo.models.rv_reducer.population.contact import NAMES, Population, contacts_of, pack_errors
 from tolevo.models.rv_reducer.population.errors import Scaled, Table
 from tolevo.models.rv_reducer.population.units import Coupling, Hierarchy, UnitDesign
 from tolevo.units import ARCMIN, UM
@@ -59,8 +59,8 @@ class Statics:
     def __init__(self, drawn: Population, design: UnitDesign, apart: bool = True) -> None:
         lattice, z = drawn.lattice, drawn.sample.z
         table = Table.of(lattice, design.dr_rp, design.dr_p)
-        self.contacts = table.values, lattice.pin, lattice.start, lattice.stop, lattice.directions
         self.packed = pack_errors(Scaled.of(lattice.geometry, drawn.sample, design))
+        self.contacts = contacts_of(lattice, table, self.packed[1])
         width, self.apart = design.width, apart
         journal = width("eccentricity") * z["eccentricity"] + 1.3j * width("crank_phase") * z["crank_phase"]
         self.journal = journal  # 1.3 um per mrad
@@ -72,7 +72,7 @@ class Statics:
 
     def places(self, a: int) -> tuple[Array, Array]:
         """Places of journals less bores (cranks, discs, 2, n) [um], less what gaps contain; the carrier (discs,)."""
-        axes = self.contacts[4][a].astype(float)
+        axes = self.contacts[5][a].astype(float)
         carrier = (axes[:, 2] + 1j * axes[:, 3]) * self.turned
         crank = (axes[:, 4] + 1j * axes[:, 5])[:, None]
         q = self.journal * crank * self.lines.conj() - self.bore
