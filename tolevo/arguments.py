@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from os.path import exists, lexists, samefile
 from pathlib import Path
 
-from .directory import ASKED, OCCUPIED, TOLD, busy_faults, is_occupied
+from .directory import ASKED, OCCUPIED, busy_faults, holds_search, is_occupied
 from .errors import Fault
 from .files import is_folder, unwritable
 from .section import too_many_workers
@@ -26,7 +26,7 @@ def directory_faults(out: Path, replace: bool) -> list[Fault]:
     that holds something and is not to be used.
     """
     faults = unwritable(out, "--out") or busy_faults(out, "--out")
-    if not faults and (out / TOLD).is_file():
+    if not faults and holds_search(out):
         return [Fault("--out", ASKED.format(out))]
     if not faults and not replace and is_occupied(out):
         faults.append(Fault("--out", OCCUPIED.format(out)))

@@ -25,7 +25,18 @@ from benchmarks.gap.answers import Asked, Key, as_text, kept, missing
 from benchmarks.gap.asked import asked, count
 from benchmarks.gap.generator.records import BENCH_GROUPS, GROUPS
 from benchmarks.gap.namers.baselines import BASELINES
-from benchmarks.gap.page import MEASURED, NEWER, NEWER_GROUPS, details, families, newer_page, page, parts_of, written
+from benchmarks.gap.page import (
+    MEASURED,
+    NEWER,
+    NEWER_GROUPS,
+    details,
+    families,
+    newer_page,
+    page,
+    parts_of,
+    repeatable,
+    written,
+)
 from benchmarks.gap.scoring.scorer import figures
 from benchmarks.gap.trial import NAMERS, lines, namer_of, printed, scored
 
@@ -112,15 +123,6 @@ def tell(text: str) -> None:
     sys.stderr.flush()
 
 
-def _repeatable(argv: Sequence[str]) -> list[str]:
-    """The arguments without those that are of one machine: where answers are kept, and workers."""
-    own = ("--out", "--workers")
-    return [
-        one for at, one in enumerate(argv)
-        if one not in own and (at == 0 or argv[at - 1] not in own)
-    ]  # fmt: skip
-
-
 def main(argv: Sequence[str]) -> int:
     given = arguments(argv)
     keys = wanted(given)
@@ -132,7 +134,7 @@ def main(argv: Sequence[str]) -> int:
     there = kept(given.out)
     by = {name: [there[one] for one in keys if one[0] == name] for name in given.namers}
     answers = {name: [scored(one) for one in found] for name, found in by.items() if found}
-    command = shlex.join(["python", "-m", "benchmarks.gap", *_repeatable(argv)])
+    command = shlex.join(["python", "-m", "benchmarks.gap", *repeatable(argv)])
     for part, groups in split(given.groups).items() if given.write else ():
         kinds = {name: [one["group"] in groups for one in by[name]] for name in answers}
         some = {name: list(compress(found, kinds[name])) for name, found in answers.items() if any(kinds[name])}

@@ -21,6 +21,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -36,7 +37,7 @@ from benchmarks.gap.namers.baselines import BASELINES
 from benchmarks.gap.namers.peers import PEERS, Peer
 from benchmarks.gap.namers.plain_bic import selected
 from benchmarks.gap.namers.seen import Marks, middle, seen
-from benchmarks.gap.page import abbreviated, made_by, parts_of, table, written
+from benchmarks.gap.page import abbreviated, made_by, parts_of, repeatable, table, written
 from benchmarks.gap.scoring.held_out import FAR, fitted, predicted
 from benchmarks.gap.scoring.scorer import verdict
 from benchmarks.gap.scoring.told import told
@@ -213,14 +214,11 @@ def main(argv: Sequence[str]) -> int:
     given = parser.parse_args(argv)
     if given.write:
         parts_of(given.write, MARK)
-    code = f"{code_of(WORKFLOW)} {code_of(BIC)}"
+    code = f"{code_of(WORKFLOW)} {code_of(BIC)} {sha256(Path(__file__).read_bytes()).hexdigest()[:12]}"
     there = {(one["group"], one["number"]): one for one in kept(given.out) if one["code"] == code}
     wanted = [(group, given.first + k) for k in range(given.records) for group in FROM]
-    todo = [
-        ([name for name in METHODS if name != SLOW or number < given.first + given.slow], group, number)
-        for group, number in wanted
-        if (group, number) not in there
-    ]
+    of = {key: [name for name in METHODS if name != SLOW or key[1] < given.first + given.slow] for key in wanted}
+    todo = [(of[key], *key) for key in wanted if key not in there or not {*of[key]} <= {*there[key]["said"]}]
     given.out.parent.mkdir(parents=True, exist_ok=True)
     for answer in asked(question, todo, given.workers):
         keep(given.out, {**answer, "code": code})
@@ -231,8 +229,7 @@ def main(argv: Sequence[str]) -> int:
     if given.write:
         missing = [name for name in ("PySINDy", SLOW) if name not in PEERS]
         absent = f" Not installed: {', '.join(missing)}." if missing else ""
-        own = [one for at, one in enumerate(argv) if not {one, argv[at - 1]} & {"--out", "--workers"} or at == 0]
-        command = shlex.join(["python", "-m", "benchmarks.gap.elsewhere", *own])
+        command = shlex.join(["python", "-m", "benchmarks.gap.elsewhere", *repeatable(argv)])
         written(given.write, "\n\n".join([made_by(command, absent), *parts]), MARK)
     ratio = errors_of(found, WORKFLOW) / errors_of(found, BIC)
     median, most = np.quantile(ratio, [0.5, 0.95])

@@ -255,3 +255,12 @@ def written(path: Path, tables: str, part: str = MEASURED) -> None:
     before, after = parts_of(path, part)
     first, last = ends_of(part)
     path.write_text(f"{before}{first}\n\n{tables}\n\n{last}{after}", encoding="utf-8")
+
+
+def repeatable(argv: Sequence[str]) -> list[str]:
+    """The arguments without those that are of one machine: where answers are kept, and workers."""
+    own = ("--out", "--workers")
+    return [
+        one for at, one in enumerate(argv)
+        if one not in own and (at == 0 or argv[at - 1] not in own)
+    ]  # fmt: skip

@@ -123,7 +123,7 @@ def test_other_searches_and_directories_are_refused(folder: Path, tmp_path: Path
     ]
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     for resume in (False, True):  # what a bench has measured cannot be computed again
-        with pytest.raises(InputError, match="holds a search of `tolevo ask` and the results that it was told"):
+        with pytest.raises(InputError, match="holds a search of `tolevo ask`, which no other command continues"):
             tolevo.run(stack(), folder, overwrite=not resume, resume=resume)
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
     with pytest.raises(InputError, match="evaluates designs itself"):

@@ -83,6 +83,25 @@ def test_the_allocation_of_a_run_is_evaluated_as_rounded(tmp_path: Path) -> None
     assert f"bad.csv: row {len(rows) + 2}: states a_t of point {rows['point'][0]} again" in str(caught.value)
 
 
+@pytest.mark.parametrize("as_frame", [False, True])
+def test_variables_without_a_unit_are_evaluated_from_an_allocation(tmp_path: Path, as_frame: bool) -> None:
+    problem = tolevo.read(STAGGERED).problem
+    assert problem is not None
+    tightest = problem.corner(tight=True)
+    rows = [
+        {"choice": "knee", "point": 1, "variable": variable.name, "unit": variable.unit, "rounded": value}
+        for variable, value in zip(problem.variables, tightest, strict=True)
+    ]
+    assert "" in {row["unit"] for row in rows}
+    pd.DataFrame(rows).assign(value=0.0, grade="", notation="").to_csv(tmp_path / "allocation.csv", index=False)
+    table = pd.read_csv(tmp_path / "allocation.csv") if as_frame else tmp_path / "allocation.csv"
+    found = tolevo.evaluate(STAGGERED, table)
+    assert len(found) == 1
+    np.testing.assert_allclose(
+        found["involute_grade"], problem.corner(tight=True)[problem.names.index("involute_grade")]
+    )
+
+
 def test_a_column_in_another_unit_by_its_name_is_converted(tmp_path: Path) -> None:
     """`pitch_mm` was to be renamed to `pitch_um`, by a factor of 1000."""
     path = tmp_path / "d.csv"

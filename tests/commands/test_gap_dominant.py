@@ -223,7 +223,7 @@ def test_a_drag_in_one_direction_is_named_and_stays_one_beyond_the_record(tmp_pa
     result = analysed(tmp_path, drag(700))
     assert result.effects[0].name in ("windage", "viscous_friction")
     assert result.effects[0].explains_percent > 90.0 and "gauge_bias" not in result.names
-    assert "n is never negative, and there is no direction: all rows count as motion in +" in result.notes
+    assert "n is never negative, and there is no direction: rows that move count as motion in +" in result.notes
     (tmp_path / "corrected.toml").write_text(result.corrected, "utf-8")
     n, oil = np.array([50.0, 2000.0, 4500.0, 9000.0]), np.full(4, 60.0)
     asked = pd.DataFrame({"t": np.linspace(0.0, 2700.0, 4), "n": n, "oil": oil, "M_sim": np.zeros(4)})

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,7 @@ from tolevo.commands.gap.gap import GapOutcome, gap
 from tolevo.commands.gap.plan import GapProgress
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.uncertainty import FILE, STEPS
-from tolevo.directory import KINDS, MANIFEST, UNFINISHED
+from tolevo.directory import KINDS, MANIFEST, UNFINISHED, ownership, standing
 from tolevo.directory.standing import present_files
 from tolevo.errors import InputError
 from tolevo.models.rv_reducer import batch
@@ -142,6 +144,27 @@ def test_every_step_can_be_the_last_before_an_interrupt(
     assert analysed(folder, "cut").status == "interrupted"
     assert analysed(folder, "cut").status == "done"
     assert (folder / "cut" / "gap.json").read_bytes() == (folder / "whole" / "gap.json").read_bytes()
+
+
+def test_an_interrupt_while_the_result_is_sealed_changes_no_file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A signal then keeps the steps; a file written after the manifest has its digest would make the result useless."""
+    kept, seal = list[Callable[[], None]](), ownership.write_manifest
+
+    @contextmanager
+    def writing(save: Callable[[], None]) -> Iterator[None]:
+        kept.append(save)
+        yield
+
+    def sealed(*arguments: Any) -> None:
+        seal(*arguments)
+        kept[0]()
+
+    monkeypatch.setattr("tolevo.commands.gap.gap.writing", writing)
+    monkeypatch.setattr(ownership, "write_manifest", sealed)
+    monkeypatch.setattr(journal, "MIN_RECORDED_SECONDS", 0.0)
+    assert analysed(folder, "sealed").status == "done"
+    here = standing(folder / "sealed")
+    assert here.complete and not here.faults
 
 
 def test_units_of_a_model_are_not_computed_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -85,3 +85,24 @@ def test_two_causes_are_two_regions(tmp_path: Path) -> None:
 
 def test_noise_is_nowhere(tmp_path: Path) -> None:
     assert located(tmp_path, bench(8)) == ()
+
+
+@pytest.mark.parametrize("degrees", [6.5, 12.0, 14.0])
+def test_a_joint_that_hardly_turns_holds_half_a_wave_of_no_order(tmp_path: Path, degrees: float) -> None:
+    """Beside a position orders end at 12; below 15 degrees not half a wave of them is in the record."""
+    rng = np.random.default_rng(3)
+    frame = pd.DataFrame({"angle": rng.uniform(0.0, degrees, 120), "place": rng.uniform(100.0, 400.0, 120)})
+    frame["err_predicted"] = 0.1 * frame["place"]
+    frame["err"] = 1.05 * frame["err_predicted"] + rng.normal(0.0, 0.1, 120)
+    configuration = {
+        "model": "table",
+        "columns": {
+            "angle": {"role": "angle", "unit": "deg"},
+            "place": {"role": "position", "unit": "mm"},
+            "err": {"role": "measured", "unit": "um"},
+            "err_predicted": {"role": "predicted", "of": "err", "unit": "um"},
+        },
+    }
+    frame.to_csv(tmp_path / "joint.csv", index=False)
+    plan = read_gap(configuration)
+    assert gap.analysis_result(plan, read_data(plan, tmp_path / "joint.csv")).spectrum.empty

@@ -22,14 +22,14 @@ from ..algorithms.settings import Budget
 from ..asking import DESIGN_TOLERANCE, Search, askable
 from ..configuration.configuration import Configuration
 from ..configuration.source import BUDGET_AND_ENGINE_KEYS
-from ..directory import BUSY, LOCK, OCCUPIED, TOLD, is_occupied
+from ..directory import BUSY, CONFIGURATION, LOCK, OCCUPIED, TOLD, holds_search, is_occupied
 from ..directory.lock import Held, acquire
 from ..errors import Fault, raise_all, refuse
 from ..files import clear_parts, csv_text, read_own_csv, write_text
 from ..problems.tolerance_problem import designs_frame, designs_of
 from ..section import Array
 
-CONFIGURATION, DESIGNS, FRONT = "config.toml", "designs.csv", "front.csv"
+DESIGNS, FRONT = "designs.csv", "front.csv"
 ID, FAILED = "id", "failed"
 MARKS = (FAILED, "nan", "na", "n/a", "error", "inf", "-inf")
 """Texts, in small letters, that mark an evaluation that failed."""
@@ -69,7 +69,7 @@ def ask(configuration: Configuration, folder: Path) -> Standing:
     """
     raise_all(askable(configuration.algorithm_name, configuration.algorithm))
     known = folder / CONFIGURATION
-    if not (known.is_file() and (folder / TOLD).is_file()):
+    if not holds_search(folder):
         if is_occupied(folder) and not _is_begun(folder, configuration):
             raise refuse("--out", OCCUPIED.format(folder).partition(";")[0] + "; name another directory")
     elif differing := _differences(configuration, known):
@@ -85,7 +85,7 @@ def ask(configuration: Configuration, folder: Path) -> Standing:
 
 def no_search_faults(folder: Path) -> list[Fault]:
     """A fault of a directory that holds no search which was asked."""
-    if (folder / CONFIGURATION).is_file() and (folder / TOLD).is_file():
+    if holds_search(folder):
         return []
     return [Fault(str(folder), "holds no search that was asked: begin with `tolevo ask CONFIG --out DIR`")]
 

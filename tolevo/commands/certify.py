@@ -335,13 +335,14 @@ def _lines(points: pd.DataFrame, found: _Bounds, scatter: pd.DataFrame, problem:
         text = f"best known: in the median {problem.objectives[0]} is {middle} what hybrid found from {seeds}{at}"
         lines.append(f"{text}, at the worst point {most}; that is no bound")
     measure = "least" if problem.n_obj == 1 else "hypervolume"
-    low, high, own = runs[measure].min(), runs[measure].max(), scatter[measure].iloc[-1]
-    if not np.isfinite(low):
+    reached = runs[runs["points"] > 0]
+    if reached.empty:
         return [*lines, f"scatter: from none of {seeds} hybrid found a design within the limits"]
-    text = f"scatter: {measure} from {plain_number(float(low))}"
-    text += f" to {plain_number(float(high))}" if np.isfinite(high) else ", none from some,"
-    of_result = f", {plain_number(float(own))} of the result" if np.isfinite(own) else ""
-    return [*lines, f"{text} over {seeds}{of_result}"]
+    low, high, own = reached[measure].min(), reached[measure].max(), scatter.iloc[-1]
+    text = f"scatter: {measure} from {plain_number(float(low))} to {plain_number(float(high))} over {seeds}"
+    if missed := len(runs) - len(reached):
+        text += f", of which {missed} found no design within the limits"
+    return [*lines, text + (f", {plain_number(float(own[measure]))} of the result" if own["points"] > 0 else "")]
 
 
 def _apart(percent: float) -> str:

@@ -96,7 +96,7 @@ def _designs_of_allocation(problem: ToleranceProblem, table: tables.Table, place
         return table
     cells = table.cells.astype({"point": str, "variable": str})
     units = {variable.name: variable.unit for variable in problem.variables}
-    keys = zip(cells.index, cells["point"], cells["variable"], cells["unit"], strict=True)
+    keys = zip(cells.index, cells["point"], cells["variable"], cells["unit"].fillna(""), strict=True)
     seen, faults = set[tuple[str, str]](), list[Fault]()
     for line, point, name, unit in keys:
         if (point, name) in seen:

@@ -9,12 +9,13 @@ directory is that of an unfinished result; and marks the set of files that it ha
 from __future__ import annotations
 
 from .lock import LOCK, holders
-from .ownership import ASKED, BUSY, OCCUPIED, TOLD, Ownership, busy_faults, own_folder
+from .ownership import ASKED, BUSY, CONFIGURATION, OCCUPIED, TOLD, Ownership, busy_faults, holds_search, own_folder
 from .standing import KINDS, MANIFEST, UNFINISHED, Standing, incompleteness, is_occupied, kind_of, seal_of, standing
 
 __all__ = [
     "ASKED",
     "BUSY",
+    "CONFIGURATION",
     "KINDS",
     "LOCK",
     "MANIFEST",
@@ -25,6 +26,7 @@ __all__ = [
     "Standing",
     "busy_faults",
     "holders",
+    "holds_search",
     "incompleteness",
     "is_occupied",
     "kind_of",

@@ -33,9 +33,9 @@ from .standing import (
 
 BUSY = "is in use by {}: wait for it, end it, or name another directory"
 OCCUPIED = "{} is not empty; name another directory, or add --overwrite or --resume"
-TOLD = "told.csv"
-"""The results that `tolevo tell` took, which no other command can repeat."""
-ASKED = "{} holds a search of `tolevo ask` and the results that it was told; name another directory"
+CONFIGURATION, TOLD = "config.toml", "told.csv"
+"""What a search of `tolevo ask` is of, and the results that `tolevo tell` took."""
+ASKED = "{} holds a search of `tolevo ask`, which no other command continues or replaces; name another directory"
 UNCHANGED = (
     "cannot be written ({}: {}): nothing was changed; {} and run the same command again, or name another directory"
 )
@@ -71,7 +71,7 @@ class Ownership:
 
     def check(self, resume: bool, overwrite: bool, apart: Sequence[str] = ()) -> None:
         """Check what is there. Raises InputError where it cannot be continued or replaced."""
-        if (self.folder / TOLD).is_file():
+        if holds_search(self.folder):
             raise refuse("--out", ASKED.format(self.folder))
         if not resume:
             if not overwrite and is_occupied(self.folder):
@@ -210,6 +210,11 @@ def _remove_made_folders(made: Sequence[Path]) -> None:
     for path in made:
         with suppress(OSError):
             path.rmdir()
+
+
+def holds_search(folder: Path) -> bool:
+    """Whether a directory holds a search of `tolevo ask`, whose results no other command can repeat."""
+    return (folder / CONFIGURATION).is_file() and (folder / TOLD).is_file()
 
 
 def busy_faults(folder: Path, place: str) -> list[Fault]:

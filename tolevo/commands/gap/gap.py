@@ -323,6 +323,7 @@ def gap(
             lines = lines_of(result)
             with writing(replicates.save_steps):
                 write(result, out, lines)
+                replicates.close()  # what the manifest lists is not written again
                 place.complete()
         except KeyboardInterrupt:
             replicates.save_steps()

@@ -293,13 +293,14 @@ NODES = 1e-9
 def spectrum(data: GapData, residuals: pd.DataFrame, noises: Sequence[Noise], limit: float) -> pd.DataFrame:
     """Amplitude of each order in the residuals of every output, and the threshold by its noise.
 
-    `limit` is a threshold on minus the logarithm of a probability. Empty without an angle.
+    `limit` is a threshold on minus the logarithm of a probability. Empty without an angle that turns far enough.
     """
-    if Role.ANGLE not in data.measurements or np.ptp(data.measurements[Role.ANGLE]) < 0.1:
+    turns = Role.ANGLE in data.measurements and np.ptp(data.measurements[Role.ANGLE]) >= 0.1
+    orders = order_grid(data) if turns else np.empty(0)
+    if not len(orders):  # or none of which the record holds half a wave
         return pd.DataFrame({name: [] for name in COLUMNS})
     rows = np.linspace(0, len(data) - 1, min(len(data), SPECTRUM_MOST)).astype(int)
     angle = np.asarray(data.measurements[Role.ANGLE], dtype=float)[rows]
-    orders = order_grid(data)
     parts = []
     for output, noise in zip(data.outputs, noises, strict=True):
         before, after = (residuals[f"{output.name}_{side}"].to_numpy()[rows] for side in ("before", "after"))

@@ -80,6 +80,10 @@ class Replicates:
         """The steps of a part of the analysis, None where nothing is kept."""
         return None if self._steps is None else self._steps.section(name)
 
+    def close(self) -> None:
+        """Keep no more steps: the result is complete."""
+        self._allow_steps(False)
+
     def save_steps(self) -> None:
         """Keep the steps so far, once the analysis has begun."""
         if self._steps is not None and self._steps.open:

@@ -574,6 +574,8 @@ def _least_of(row: Mapping[Any, Any], name: str) -> float:
 
 def _probability(percent: float) -> str:
     """Like 90.1 %; nothing is certain, and nothing out of the question, by the samples of parts."""
+    if np.isnan(percent):
+        return "that is not known"
     if percent >= 99.95:
         return "more than 99.9 %"
     return f"{percent:.1f} %" if percent >= 0.05 else "less than 0.1 %"

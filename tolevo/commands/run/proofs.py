@@ -298,6 +298,7 @@ def add_estimated_bounds(result: RunResult, plan: RunPlan, shared: Shared) -> Ru
     solved = recalled_results(shared, estimated_optimum, asked, inputs) if all(needs) else np.empty((0, 2))
     estimate = np.full(len(front), np.nan)
     estimate[points[: len(solved)]] = solved[:, 0]
+    estimate[estimate > front["cost"]] = np.nan  # a point that costs less refutes it
     if not np.any(np.isfinite(estimate)):
         return result
     below, need = 100.0 * (1.0 - estimate / front["cost"].to_numpy(dtype=float)), needs[0]
@@ -308,7 +309,7 @@ def add_estimated_bounds(result: RunResult, plan: RunPlan, shared: Shared) -> Ru
         f"estimated, not proven: with the ripple of the backlash over the turn as {need.units} units show it, the "
         f"least cost at which enough units can be good lies {least} to {most} % "
         f"below the points ({np.count_nonzero(np.isfinite(below))} of {len(front)} tried, column bound_estimate); on "
-        f"fresh units the share that is needed, {percent(100.0 * need.needed)}, is met to within {percent(100.0 * off)}"
+        f"fresh units the share that is needed, {100.0 * need.needed:.2f} %, is met to within {percent(100.0 * off)}"
     )
     marked = front.copy()
     marked.insert(list(front).index("gap_percent") + 1, "bound_estimate", estimate)

@@ -496,8 +496,8 @@ def _write_study(plan: StudyPlan, data: StudyData, place: Ownership, finished: b
         place.begin(keep=KEPT_FILES)
     write_text(out / CONFIGURATION, plan.settings.configuration)
     write_with(out / "curves.parquet", data.curves.copy_to)
+    write_text(out / TABLE, table)
     if len(failed) == len(data.table):
-        write_text(out / TABLE, table)
         reason = failed["reason"].iloc[0]
         raise RunError(f"every run failed ({reason}): see study.csv; mend the cause, then start again with --overwrite")
     lines += write_analysis(plan.settings, data, out)
