@@ -155,7 +155,8 @@ class MeasurableModel(ABC):
     identified effects; a problem whose `default_model` it is belongs to it as well. For units that
     are `made_to_a_drawing` a gap analysis takes geometry and zones from that problem's
     configuration; `geometry` are the parameters that distinguish drawings, `of_the_bench` those of
-    the measurement. `tables` of a configuration define some of its parameters. It is set up from
+    the measurement, and `omits` those of the problem that units of the model do not follow. `tables` of a
+    configuration define some of its parameters. It is set up from
     `parameters` and `designs` (variables by name, in their units; omitted ones keep their default)
     and the distributions `inputs` of the variables by name.
     """
@@ -172,6 +173,7 @@ class MeasurableModel(ABC):
     made_to_a_drawing: ClassVar[bool] = False
     geometry: ClassVar[tuple[str, ...]] = ()
     of_the_bench: ClassVar[tuple[str, ...]] = ()
+    omits: ClassVar[tuple[str, ...]] = ()
     tables: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod

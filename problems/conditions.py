@@ -17,6 +17,7 @@ import numpy as np
 
 from ..errors import Fault
 from ..models.effects.measurements import Active
+from ..models.effects.temperature_time import DifferentialThermalExpansion
 from ..records import UnitsShown
 from ..section import Array, Output, Section, Value, flat
 from .declaration import Declaration, Interval
@@ -415,13 +416,19 @@ class InConditions(ToleranceProblem):
 
     def _idle_temperatures(self) -> Iterator[str]:
         """Conditions whose parts are all at one temperature, which changes no angle of a drive."""
+        warmer = (Active(DifferentialThermalExpansion(), {APART: 1.0}),)
+        has_effect = any(type(self.plain)(replace(self.plain.given, effects=warmer)).counterparts())
         for condition in self.operating.conditions:
             stated = [name for name in TEMPERATURES if name in condition.stated]
-            if stated and not any(active.effect.name == THERMAL for active in condition.effects):
-                yield (
-                    f"condition {condition.name}: {' and '.join(stated)} {'change' if stated[1:] else 'changes'} "
-                    f"nothing, as disc and housing grow alike; state temperatures that differ, or {APART}"
-                )
+            if not stated or any(active.effect.name == THERMAL for active in condition.effects):
+                continue
+            text = f"condition {condition.name}: {' and '.join(stated)} {'change' if stated[1:] else 'changes'} nothing"
+            if not has_effect:
+                yield f"{text} in this problem, which has no effect of temperature: leave it out"
+            elif APART in stated:
+                yield f"{text}: all parts are at one temperature, which closes and opens no gap"
+            else:
+                yield f"{text}, as disc and housing grow alike; state temperatures that differ, or {APART}"
 
     def validity(self) -> tuple[str, ...]:
         texts = tuple(dict.fromkeys(text for problem in self.alone for text in problem.validity()))

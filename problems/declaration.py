@@ -60,6 +60,8 @@ class Declaration:
     """The same in words, printed wherever the numbers appear."""
     unpriced: Unpriced = check_costs
     """Variables without a cost at some parameters, though there are curves for them."""
+    priceable: frozenset[str] = frozenset()
+    """Variables that have no cost unless a configuration states one."""
     machined: tuple[str, ...] = ()
     """Variables whose tolerances are made by the machines of a configuration."""
     conditions: tuple[str, ...] = ()

@@ -98,8 +98,13 @@ def refuse(place: str, message: str) -> InputError:
 
 
 def raise_all(faults: Iterable[Fault]) -> None:
-    """Raise one `InputError` that carries all `faults`; do nothing where there are none."""
-    if collected := tuple(faults):
+    """Raise one `InputError` that carries all `faults`; do nothing where there are none.
+
+    That a key is unknown is left out where another fault says more of it.
+    """
+    collected = tuple(faults)
+    told = {fault.place for fault in collected if not isinstance(fault, UnknownKey)}
+    if collected := tuple(f for f in collected if not isinstance(f, UnknownKey) or f.place not in told):
         raise InputError(collected)
 
 

@@ -27,7 +27,16 @@ from .cycloid import LINEAR_ERRORS
 from .geometry import lever
 from .population.contact import touch
 from .population.errors import Lattice, Scaled, Table, change_units, turn_lattice
-from .population.units import ERRORS, PITCH_SPECTRUM, BaseSample, Involute, UnitBasis, UnitDesign, stem
+from .population.units import (
+    BEARING_PLAY_FACTOR,
+    ERRORS,
+    PITCH_SPECTRUM,
+    BaseSample,
+    Involute,
+    UnitBasis,
+    UnitDesign,
+    stem,
+)
 
 MODEL = "model"
 CONTACT, DOCUMENT = "contact", "document"
@@ -85,6 +94,7 @@ _OF_BATCHES: tuple[Parameter, ...] = (
     _fraction("share_pins", "the errors of pins and their holes"),
     _fraction("share_discs", "equidistance and shift of the discs"),
     PITCH_SPECTRUM,
+    BEARING_PLAY_FACTOR,
     *(parameter for parameter in contact.PARAMETERS if parameter.name in ("discs", "cranks")),
 )
 _NAMES = {parameter.name for parameter in declared.PARAMETERS}
@@ -466,6 +476,7 @@ class RvBatch(MeasurableModel):
     )
     population = True
     corrects: ClassVar[tuple[str, ...]] = ("rv_backlash", "rv_reducer")
+    omits: ClassVar[tuple[str, ...]] = ("over_constraint", "pin_classes")
     made_to_a_drawing = True
     geometry = GEOMETRY
     of_the_bench = OF_THE_BENCH

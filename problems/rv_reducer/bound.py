@@ -130,14 +130,15 @@ def common_errors(problem: RvReducer) -> tuple[list[CommonError], list[str]]:
     low, high = narrow_range(problem.limits, "dr_p_mm", *problem.interval("dr_p_mm"))
     by_normal, by_circle = least_slopes(geometry, (low * MM, high * MM))
     by_play = 0.25 * geometry.play_factor * UM / geometry.nominal.centre_distance / ARCMIN
-    by_play *= problem.model.coupling is None  # play that wrong distances take up has no part in the theorem
     of_discs = geometry.discs, hierarchy.share_discs
-    kinds = (
+    kinds: tuple[tuple[str, float, int, float], ...] = (
         ("pin_circle_radius_um", by_circle, 1, 0.0),
         ("equidistance_um", by_normal, *of_discs),
         ("shift_um", by_circle, *of_discs),
         ("crank_bearing_um", by_play, geometry.cranks * geometry.discs, 0.0),
     )
+    if problem.model.coupling is not None:  # play that wrong distances take up has no part in the theorem
+        kinds = kinds[:-1]
     errors, fixed = [], []
     for variable, slope, parts, common in kinds:
         even = (even_law(hierarchy.of(stem(variable))) or (0.0, None))[1]
@@ -318,6 +319,8 @@ class CommonErrorBound:
         asked = (*self.problem.objectives, *(limit.name for limit in self.problem.limits if limit.count))
         left_out = [name for name in dict.fromkeys(asked) if name not in used]
         grade = " and the grade" if any(variable.name == "involute_grade" for variable in self.problem.free) else ""
+        if self.problem.model.coupling is not None:
+            left_out = ["crank_bearing_um (wrong distances of the cranks take up its play)", *left_out]
         text = (
             f"least cost of {', '.join(error.variable for error in errors)}{grade} at which enough units can "
             f"keep backlash and interference, {THEOREM}: the backlash counts as even over the turn, all other "

@@ -16,7 +16,7 @@ from ...models.rv_reducer.contact.contact import interference, shape_faults
 from ...models.rv_reducer.contact.geometry import ContactGeometry
 from ...models.rv_reducer.population.errors import nearest_prime, shares_a_factor, spreads_evenly
 from ...models.rv_reducer.population.measures import INTERFERENCE
-from ...models.rv_reducer.population.units import GEARS, PITCH_SPECTRUM, Coupling
+from ...models.rv_reducer.population.units import BEARING_PLAY_FACTOR, GEARS, PITCH_SPECTRUM, Coupling
 from ...section import Kind, Need, Output, Parameter, Value, Variable, number, too_many
 from ...units import MM, UM
 from ..declaration import Declaration, Interval
@@ -187,17 +187,7 @@ CONTACT: tuple[Parameter, ...] = (
         low=0.0,
         high=1.0,
     ),
-    Parameter(
-        "bearing_play_factor",
-        1.0,
-        "",
-        "turn of a disc by the play of its crank bearings along their loads, over that about the disc's centre; "
-        "statics of discs with play: 1.12",
-        _A,
-        assumed=True,
-        low=0.5,
-        high=2.0,
-    ),
+    BEARING_PLAY_FACTOR,
     Parameter(
         "over_constraint",
         False,

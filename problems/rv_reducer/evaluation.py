@@ -428,9 +428,11 @@ def _fine_turn(evaluation: Evaluation, unit: int) -> Array:
     sample = evaluation.drawn.rigid.sample.part(slice(unit, unit + 1))
     slopes = Slopes.of(geometry, sample)
     parts = np.array_split(turn_lattice(POSITIONS_SHOWN, geometry.nominal.cycloid_teeth), PARTS_OF_TURN)
-    coupling = evaluation.model.coupling
+    coupling, fitted = evaluation.model.coupling, evaluation.turn.fitted
+    larger = None if fitted is None else fitted.larger[unit : unit + 1]
     turns = (
-        Population(Lattice.of(geometry, angles), sample, slopes, coupling).turn(evaluation.design) for angles in parts
+        Population(Lattice.of(geometry, angles), sample, slopes, coupling).turn(evaluation.design, larger)
+        for angles in parts
     )
     return np.concatenate([turn.play[:, 0].astype(float) for turn in turns])
 

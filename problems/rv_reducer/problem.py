@@ -195,14 +195,20 @@ def validity(parameters: Mapping[str, Value], uniform: bool, change: Change) -> 
         *_of_bearings(parameters),
         "A pin circle that is offset does not centre itself under load: likely pessimistic.",
         "Stiffnesses (contact and series) are assumed; lost motion, transmission error, preload and pin force follow "
-        "from them, backlash does not.",
+        + (
+            "from them, and with over_constraint backlash and jam force as well."
+            if parameters["over_constraint"]
+            else "from them, backlash does not."
+        ),
     )
 
 
 def _of_bearings(parameters: Mapping[str, Value]) -> Iterator[str]:
     """What is left out of crank bearings and their distances."""
     factor = number(parameters["bearing_play_factor"])
-    if factor == 1.0:
+    if parameters["over_constraint"]:
+        yield f"Play of the crank bearings counts {factor:g} times, at the places where discs rest without load."
+    elif factor == 1.0:
         yield (
             "Play of the crank bearings acts about the centre of the disc only; along the load of the bearing it "
             "counts about 1.12 times (bearing_play_factor)."
@@ -210,9 +216,11 @@ def _of_bearings(parameters: Mapping[str, Value]) -> Iterator[str]:
     else:
         yield f"Play of the crank bearings counts {factor:g} times its turn about the centre of the disc everywhere."
     if parameters["over_constraint"]:
+        preload = parameters["interference"] == "preload"
+        rigid, loaded = ("and ", "and interference ") if preload else ("interference and ", "")
         yield (
-            "Wrong distances of the cranks act on backlash, interference and jam force; outputs under load are of "
-            "bearings at true distances, and the jam force is without what squeezed pins add."
+            f"Wrong distances of the cranks act on backlash, {rigid}jam force; outputs under load "
+            f"{loaded}are of bearings at true distances, and the jam force is without what squeezed pins add."
         )
     else:
         yield (
@@ -295,7 +303,8 @@ def _further(problem: RvReducer) -> Iterator[Variant]:
     if not settings.parameters["over_constraint"]:
         text = f"counted, crank holes of the carrier within +-{UNLISTED['crank_hole_um']:g} um"
         wrong = _with_parameters(problem, over_constraint=True)
-        yield Variant("distances of cranks", text, wrong, UNITS_MEASURED)
+        if not any(declared.coupling_faults(wrong.model.geometry, wrong.model.coupling)):
+            yield Variant("distances of cranks", text, wrong, UNITS_MEASURED)
     if settings.parameters["bearing_play_factor"] == 1.0:
         along = _with_parameters(problem, bearing_play_factor=ALONG_ITS_LOAD)
         yield Variant("play of crank bearings along its load", f"{ALONG_ITS_LOAD:g} times", along)
@@ -398,6 +407,7 @@ class RvReducer(PromisingUnits, Machined):
         algorithm="exact",
         sampled=True,
         grain=8,
+        priceable=frozenset(UNLISTED),
         performance=SAMPLED_OUTPUTS - HOLD_INTERFERENCE.keys() - {"yield_percent"},
         unpriced=unpriced,
         unconditional=frozenset(["cost", "radial_gap_mm", "modification_backlash_arcmin"]),

@@ -441,7 +441,8 @@ class RvTransmissionError(ToleranceProblem):
                 "adjustment_effort is neither minimised nor limited: more adjustment always improves the accuracy; add "
                 "it, or fix precision_weight"
             )
-        if not {FORCE, "kc_2_z_std_mrad", "kc_4_z_std_mrad", *COMPOSITE_STD} & set(self.required_outputs):
+        usual = not any(self.settings.parameters[name] for name in (model.FLOW, *model.TRANSITIONS))
+        if usual and not {FORCE, "kc_2_z_std_mrad", "kc_4_z_std_mrad", *COMPOSITE_STD} & set(self.required_outputs):
             messages.append(
                 "peak_mesh_force_N is neither minimised nor limited: the gears' angles about z load the discs "
                 "unevenly, but cause no transmission error: their tolerances become as wide as their ranges allow"

@@ -61,6 +61,16 @@ def faults(folder: Path, keys: str, more: str = "") -> dict[str, str]:
     return {one.place: one.message for one in gap_plan(folder / "gap.toml")[1]}
 
 
+@pytest.mark.parametrize("stated", ["over_constraint = true", "pin_classes = 5"])
+def test_a_run_whose_units_the_simulation_does_not_follow_is_refused(folder: Path, stated: str) -> None:
+    """What takes up play or is matched there would be found as an effect, and counted twice."""
+    run = f'problem = "rv_reducer"\n[parameters]\n{stated}\n[limits]\ninterference_probability = 0.05\n'
+    (folder / "run.toml").write_text(run)
+    (folder / "gap.toml").write_text('model = "rv_batch"\nrun = "run.toml"\n')
+    told = {one.place: one.message for one in gap_plan(folder / "gap.toml")[1]}
+    assert told["run"].startswith(f"run.toml states {stated.partition(' ')[0]} = ") and "do not follow" in told["run"]
+
+
 def test_units_are_those_of_the_run_and_its_allocation(folder: Path) -> None:
     """The mean is that of the model set up by hand at the same numbers."""
     plan = planned(folder, 'run = "run.toml"\nbuilt_to = "built.csv"')

@@ -320,6 +320,9 @@ def test_temperatures_and_wear_that_change_nothing_are_warned_of() -> None:
         "condition hot: temperature_C changes",
         "condition even: disc_temperature_C and housing_temperature_C change",
     ]
+    level = problem_of({**TWO, "condition": [{**COLD, "temperature_difference_K": 0.0}, WARM]}).cautions()
+    assert any(text.endswith("changes nothing: all parts are at one temperature, which closes and opens no gap")
+               for text in level)  # fmt: skip
     worn = {"parameters": {**SMALL, **WORN}}
     assert not any("wears" in text for text in problem_of(
         {**TWO, **worn, "condition": [COLD, {**WARM, "hours": 100.0}]}).cautions())  # fmt: skip

@@ -370,7 +370,41 @@ def test_faults_of_coupling_are_placed() -> None:
         **stated, "cranks": 1, "crank_bearing_stiffness_N_per_mm": -1.0, "measuring_torque_Nm": 0.0}})  # fmt: skip
     places = ("cranks", "crank_bearing_stiffness_N_per_mm", "measuring_torque_Nm")
     assert {f"parameters.{name}" for name in places} <= {fault.split(":")[0] for fault in wrong}
+    assert not any("is not a known key" in fault for fault in alone)
     searched = {**PLAIN, "limits": LIMITS, "variables": {"crank_hole_um": {"low": 1.0, "high": 5.0}},
                 "parameters": {**stated, "cranks": 3, "measuring_torque_Nm": 0.01}}  # fmt: skip
     found = {fault.split(":")[0] for fault in faults_of(searched)}
     assert found >= {"costs.crank_hole_um", "parameters.measuring_torque_Nm"}
+
+
+@pytest.mark.parametrize("name", ["crank_hole_um", "bore_um", "circle_offset_um", "crank_phase_mrad"])
+def test_errors_that_no_document_lists_are_searched_with_a_stated_cost(name: str) -> None:
+    parameters = {**SMALL, "over_constraint": name == "crank_hole_um"}
+    table = {**PLAIN, "limits": LIMITS, "parameters": parameters, "variables": {name: {"low": 1.0, "high": 5.0}}}
+    assert any(fault.startswith(f"costs.{name}: is missing") for fault in faults_of(table))
+    problem = read({**table, "costs": {name: {"model": "reciprocal", "a": 0.1, "b": 2.0}}}).problem
+    assert problem is not None and name in {variable.name for variable in problem.free}
+    tight, loose = (problem.corner(tight=True) for _ in range(2))
+    loose[problem.names.index(name)] = 5.0
+    assert np.diff(problem.cost_of(np.stack([loose, tight])))[0] == pytest.approx(2.0 * (1.0 - 0.2))
+
+
+def test_holes_off_the_middle_move_no_disc() -> None:
+    """All holes that lie further out turn nothing and jam nothing, as those of a disc do."""
+    cases = [{}, {"limits": "+5/+1"}]
+    values = []
+    for stated in cases:
+        table = {**PLAIN, "limits": LIMITS, "parameters": {**SMALL, "over_constraint": True},
+                 "variables": {"crank_hole_um": stated or {"value": 2.0}}}  # fmt: skip
+        problem = read(table).problem
+        assert isinstance(problem, RvReducer)
+        row = design(problem, **{**LEAST_COST, "crank_hole_um": 2.0})
+        values.append(problem.evaluation(row, searching=True).value("jam_force_N"))
+    assert values[1] == pytest.approx(values[0], rel=1e-9)
+
+
+def test_distances_of_cranks_are_tried_only_where_the_torque_of_measuring_is_enough() -> None:
+    settings = {"cranks": 3, "series_stiffness_Nm_per_arcmin": 1000.0, "assumptions": "all"}
+    for parameters, tried in (({}, True), (settings, False)):
+        problem = RvReducer(Settings(parameters={**SMALL, "assumptions": "all", **parameters}))
+        assert any(variant.assumption == "distances of cranks" for variant in problem.variants()) is tried

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -16,15 +16,18 @@ from ..problems.settings import Money, VariableSetting
 from ..section import POSITIVE, Section, Variable
 
 
-def read_costs(section: Section, defaults: Mapping[str, CostCurve]) -> dict[str, CostCurve]:
-    """The curves that the configuration sets; only variables with a cost may have a curve."""
-    curves = {name: _read(section.section(name), default) for name, default in defaults.items() if name in section}
-    section.accept((*defaults, "scale_assumed", "assumed"))
+def read_costs(
+    section: Section, defaults: Mapping[str, CostCurve], priceable: Collection[str] = ()
+) -> dict[str, CostCurve]:
+    """The curves that the configuration sets; variables without a default have one only where they are `priceable`."""
+    known = {**dict.fromkeys(sorted(priceable)), **defaults}
+    curves = {name: _read(section.section(name), default) for name, default in known.items() if name in section}
+    section.accept((*known, "scale_assumed", "assumed"))
     section.finish()
     return {name: curve for name, curve in curves.items() if curve is not None}
 
 
-def _read(section: Section, default: CostCurve) -> CostCurve | None:
+def _read(section: Section, default: CostCurve | None) -> CostCurve | None:
     """A curve with its part of a set-up and of inspection, which require a stated curve."""
     added = [key for key in EXTRAS if key in section]
     more = read_extras(section)

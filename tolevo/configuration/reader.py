@@ -374,7 +374,7 @@ def _settings(top: Section, declared: Declaration, model: ModelClass | None, not
     known = {p.name: p for p in (*of_model, *declared.parameters)}
     parameters = read_parameters(top.section("parameters"), known.values())
     variables = _variables(top.section("variables"), declared, parameters)
-    costs = read_costs(top.section("costs"), declared.costs)
+    costs = read_costs(top.section("costs"), declared.costs, declared.priceable)
     unpriced = declared.unpriced(parameters)
     money, costs = read_money(top, costs, {name: c for name, c in declared.costs.items() if name not in unpriced})
     curves = dict(declared.costs) | costs

@@ -102,7 +102,7 @@ modifications [arcmin/mm], and the zone of the carrier's holes."""
 
 PLAY = 9
 """Row of the discs' standardised errors that has the play of their bearings."""
-CENTRED = frozenset(("pin_position", "circle_offset", "bore", "crank_phase"))
+CENTRED = frozenset(("pin_position", "circle_offset", "bore", "crank_phase", CRANK_HOLE))
 """Errors of which a mid-limit would turn or displace the unit, and is left out."""
 
 
@@ -343,8 +343,8 @@ class Population:
 
         errors = cranks.scaled(self.slopes.of_cranks, design.half_width)
         mids = {error: size for error, size in design.mid.items() if error not in CENTRED}
-        if self.alike.of_cranks is not None and any(mids.values()):
-            errors += cranks.scaled(self.alike.of_cranks, mids)
+        if any(mids.values()) and (alike := self.alike.of_cranks) is not None:
+            errors += cranks.scaled(alike, mids)
         return cranks.Seats.of(self.lattice, self.coupling, errors)
 
 

@@ -101,6 +101,19 @@ PITCH_SPECTRUM = Parameter(
 )
 
 
+BEARING_PLAY_FACTOR = Parameter(
+    "bearing_play_factor",
+    1.0,
+    "",
+    "turn of a disc by the play of its crank bearings along their loads, over that about the disc's centre; "
+    "statics of discs with play: 1.12",
+    "no document prints it",
+    assumed=True,
+    low=0.5,
+    high=2.0,
+)
+
+
 def pitch_spectrum(parameters: Mapping[str, Value]) -> dict[str, float]:
     """The sizes above 0 of the pitch errors of discs. Raises InputError where there are none."""
     stated: Any = parameters.get(PITCH_SPECTRUM.name, ONE_WAVE)
@@ -525,7 +538,7 @@ class UnitBasis:
             cranks=cranks,
             true_levers=True,
             involute_stage=bool(parameters["involute_stage"]),
-            play_factor=number(parameters.get("bearing_play_factor", 1.0)),
+            play_factor=number(parameters.get(BEARING_PLAY_FACTOR.name, 1.0)),
         )
         coupling = coupling_of(parameters, geometry)
         shares = number(parameters["share_pins"]), number(parameters["share_discs"])

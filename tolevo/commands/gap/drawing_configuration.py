@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -203,6 +203,16 @@ def check_pair(top: Section, run: Run, built: Built) -> None:
             top.fault("built_to", f"has no {', '.join(missing)}, which {run.name} searches")
 
 
+def check_omitted(top: Section, run: Run, omitted: Sequence[str]) -> None:
+    """Faults where the run's units follow what those of the simulation do not: a gap would be taken for an effect."""
+    for name in omitted:
+        if value := run.configuration.settings.parameters.get(name):
+            place = name if run.name == OWN_CONFIGURATION else "run"
+            section = top.section("parameters") if run.name == OWN_CONFIGURATION else top
+            text = "which the units that are simulated here do not follow: leave it out, or name a run without it"
+            section.fault(place, f"{run.name} states {name} = {shown(value)}, {text}")
+
+
 def check_stated(top: Section, stated: Stated, run: Run, built: Built, of_the_bench: Iterable[str]) -> None:
     """Faults where this configuration contradicts the run or the allocation."""
     run_settings = run.configuration.settings
@@ -285,6 +295,7 @@ def apply_drawing(
         run = Run(built.source.split(",")[0], built.run)
     stated = _own_settings(top, kind, base)
     if run is not None:
+        check_omitted(top, run, kind.omits)
         check_pair(top, run, built)
         if base.problem is None:
             check_stated(top, stated, run, built, kind.of_the_bench)
