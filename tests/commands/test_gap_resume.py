@@ -20,7 +20,7 @@ from tolevo.commands.gap.plan import GapProgress
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.uncertainty import FILE, STEPS
 from tolevo.directory import KINDS, MANIFEST, UNFINISHED, ownership, standing
-from tolevo.directory.standing import present_files
+from tolevo.directory.standing import present_files, write_manifest
 from tolevo.errors import InputError
 from tolevo.models.rv_reducer import batch
 from tolevo.models.rv_reducer.population.contact import touch
@@ -148,7 +148,7 @@ def test_every_step_can_be_the_last_before_an_interrupt(
 
 def test_an_interrupt_while_the_result_is_sealed_changes_no_file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A signal then keeps the steps; a file written after the manifest has its digest would make the result useless."""
-    kept, seal = list[Callable[[], None]](), ownership.write_manifest
+    kept, seal = list[Callable[[], None]](), write_manifest
 
     @contextmanager
     def writing(save: Callable[[], None]) -> Iterator[None]:

@@ -26,7 +26,8 @@ MAKERS = (
 )  # fmt: skip
 KNOWN = (
     "__future__", "collections", "dataclasses", "functools", "itertools", "typing", "math",
-    "warnings", "numpy", "scipy", "sklearn", "pandas", "benchmarks.gap.generator",
+    "warnings", "logging", "importlib.util", "numpy", "scipy", "sklearn", "pandas", "sympy", "pysindy", "adcd",
+    "benchmarks.gap.generator",
     "benchmarks.gap.scoring", "benchmarks.gap.namers",
 )  # fmt: skip
 

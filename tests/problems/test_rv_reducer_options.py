@@ -391,11 +391,11 @@ def test_errors_that_no_document_lists_are_searched_with_a_stated_cost(name: str
 
 def test_holes_off_the_middle_move_no_disc() -> None:
     """All holes that lie further out turn nothing and jam nothing, as those of a disc do."""
-    cases = [{}, {"limits": "+5/+1"}]
+    cases: list[dict[str, Any]] = [{"value": 2.0}, {"limits": "+5/+1"}]
     values = []
     for stated in cases:
         table = {**PLAIN, "limits": LIMITS, "parameters": {**SMALL, "over_constraint": True},
-                 "variables": {"crank_hole_um": stated or {"value": 2.0}}}  # fmt: skip
+                 "variables": {"crank_hole_um": stated}}  # fmt: skip
         problem = read(table).problem
         assert isinstance(problem, RvReducer)
         row = design(problem, **{**LEAST_COST, "crank_hole_um": 2.0})
@@ -404,7 +404,8 @@ def test_holes_off_the_middle_move_no_disc() -> None:
 
 
 def test_distances_of_cranks_are_tried_only_where_the_torque_of_measuring_is_enough() -> None:
-    settings = {"cranks": 3, "series_stiffness_Nm_per_arcmin": 1000.0, "assumptions": "all"}
-    for parameters, tried in (({}, True), (settings, False)):
+    settings: dict[str, Value] = {"cranks": 3, "series_stiffness_Nm_per_arcmin": 1000.0, "assumptions": "all"}
+    cases: list[tuple[dict[str, Value], bool]] = [({}, True), (settings, False)]
+    for parameters, tried in cases:
         problem = RvReducer(Settings(parameters={**SMALL, "assumptions": "all", **parameters}))
         assert any(variant.assumption == "distances of cranks" for variant in problem.variants()) is tried

@@ -135,7 +135,7 @@ FACTORS: dict[str, float] = {
     "arcsec": ARCSEC, "arcmin": ARCMIN, "deg": DEG, "mrad": 1e-3, "rad": 1.0, "mrad**2": 1e-6,
     "mrad/mm": 1.0, "mrad/mrad": 1.0, "arcmin/s": ARCMIN, "arcsec/s": ARCSEC, "mrad/s": 1e-3,
     "rpm": 2.0 * pi / 60.0, "Hz": 1.0, "s": 1.0, "h": 3600.0, "mm/deg": 1e-3 * 180.0 / pi, "kg": 1.0,
-    "N": 1.0, "N m": 1.0, "Nm": 1.0, "kN m": 1e3, "N_per_mm": 1e3, "Nm_per_arcmin": 1.0 / ARCMIN,
+    "N": 1.0, "N m": 1.0, "Nm": 1.0, "kN m": 1e3, "N/mm": 1e3, "N_per_mm": 1e3, "Nm_per_arcmin": 1.0 / ARCMIN,
     "1/K": 1.0, "K": 1.0, "C": 1.0, "degC": 1.0, "arcsec/K": ARCSEC, "arcmin/K": ARCMIN,
     "arcsec/Nm": ARCSEC, "arcmin/Nm": ARCMIN, "mrad/Nm": 1e-3, "mrad kg/Nm": 1e-3,
     "arcsec/rpm": ARCSEC * 60.0 / (2.0 * pi), "arcsec/rpm^2": ARCSEC * (60.0 / (2.0 * pi)) ** 2,
