@@ -287,13 +287,14 @@ def add_estimated_bounds(result: RunResult, plan: RunPlan, shared: Shared) -> Ru
     """
     problem, front = plan.problem, result.front
     known = problem.cost_bound() if problem.priced == "cost" and not problem.held_costs else None
-    if known is None or not isinstance(plan.algorithm, Exact) or front.empty or known.missing:
+    estimated = getattr(known, "estimate", None)  # bounds of a problem of one's own may have none
+    if known is None or estimated is None or not isinstance(plan.algorithm, Exact) or front.empty or known.missing:
         return result
     places = [round(part * (len(front) - 1)) for part in ESTIMATED]
     points = [int(at) for at in np.unique([chosen_point(result), *places])]
     designs = designs_of(problem, front)
     asked = [Asked({name: float(front[name].iloc[at]) for name in problem.objectives}, designs[at]) for at in points]
-    needs = [known.estimate(one.values) for one in asked]
+    needs = [estimated(one.values) for one in asked]
     inputs = (designs[points], np.array([list(one.values.values()) for one in asked]))
     solved = recalled_results(shared, estimated_optimum, asked, inputs) if all(needs) else np.empty((0, 2))
     estimate = np.full(len(front), np.nan)
