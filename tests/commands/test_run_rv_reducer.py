@@ -128,9 +128,14 @@ print([problem.evaluation(start, True).value("backlash_max_arcmin").hex() for st
 
 
 def test_values_do_not_hang_on_the_threads_of_linear_algebra(tmp_path: Path) -> None:
-    """What is computed for the checks before a search is taken over by it."""
+    """What is computed for the checks before a search is taken over by it: they seek the least backlash here."""
     larger = SMALL.replace("positions = 11", "positions = 61").replace("search_units = 32", "search_units = 64")
-    words = (sys.executable, "-c", CHECKED_STARTS, str(written(tmp_path, larger + EVOLVED + LIMITED)))
+    words = (
+        sys.executable,
+        "-c",
+        CHECKED_STARTS,
+        str(written(tmp_path, larger + EVOLVED + LIMITED + "backlash_max_arcmin = 6.0\n")),
+    )
     one, two = (
         subprocess.run(words, env=os.environ | {"OPENBLAS_NUM_THREADS": threads}, check=True, capture_output=True)
         for threads in ("1", "2")

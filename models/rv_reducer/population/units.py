@@ -658,18 +658,15 @@ class Profile:
 
     @classmethod
     def of(cls, geometry: ContactGeometry, phase: Array, shifts: tuple[float, float] = RANGE) -> Profile:
-        """The profile at phases within those of pins whose lever arms count.
-
-        Sums are those of `einsum`, in one order whatever the number of threads.
-        """
+        """The profile at phases within those of pins whose lever arms count."""
         nodes, table = _profile_table(geometry, contact_phases(geometry), shifts)
         count = table.shape[1]
         columns = table.reshape(len(nodes), 4 * count)
         blocks = np.array_split(phase, 1 + len(phase) // PHASES_AT_ONCE)
-        values = np.concatenate([np.einsum("pn,nc->pc", _interpolation(nodes, block), columns) for block in blocks])
-        basis = chebyshev.chebvander(_nodes(count), count - 1) * (2.0 / count)  # orthogonal at its nodes
-        basis[:, 0] *= 0.5
-        wide = np.einsum("nk,pni->kip", basis, values.reshape(len(phase), count, 4))
+        values = np.concatenate([_interpolation(nodes, block) @ columns for block in blocks])
+        basis = chebyshev.chebvander(_nodes(count), count - 1)
+        coefficients = np.linalg.solve(basis, values.T.reshape(count, 4 * len(phase)))
+        wide = np.asarray(coefficients.reshape(count, 4, len(phase)), dtype=np.float64)
         derivative = np.zeros_like(wide)
         derivative[:-1] = chebyshev.chebder(wide) * (2.0 / (shifts[1] - shifts[0]))
         return cls(geometry, phase, shifts, wide, derivative)
