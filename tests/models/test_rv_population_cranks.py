@@ -158,7 +158,9 @@ def by_statics(drawn: Population, design: UnitDesign, torque: float, apart: bool
     return np.array([one[0] - one[1] for one in rests]) / drawn.lattice.geometry.output_ratio
 
 
-@pytest.mark.parametrize(("cranks", "units", "positions"), [(2, 48, 13), (3, 24, 7)])
+@pytest.mark.parametrize(
+    ("cranks", "units", "positions"), [(2, 12, 7), (3, 24, 7), pytest.param(2, 48, 13, marks=pytest.mark.slow)]
+)
 def test_backlash_that_wrong_distances_take_away_is_that_of_the_statics(
     cranks: int, units: int, positions: int
 ) -> None:
