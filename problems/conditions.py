@@ -414,16 +414,20 @@ class InConditions(ToleranceProblem):
         kept = tuple(text for text in texts if text not in unit or all(text in texts for texts in each))
         return (*kept, *self._idle_temperatures())
 
+    @cached_property
+    def _acts_by_temperature(self) -> bool:
+        """Whether a difference of temperatures changes anything in this problem."""
+        warmer = (Active(DifferentialThermalExpansion(), {APART: 1.0}),)
+        return any(type(self.plain)(replace(self.plain.given, effects=warmer)).counterparts())
+
     def _idle_temperatures(self) -> Iterator[str]:
         """Conditions whose parts are all at one temperature, which changes no angle of a drive."""
-        warmer = (Active(DifferentialThermalExpansion(), {APART: 1.0}),)
-        has_effect = any(type(self.plain)(replace(self.plain.given, effects=warmer)).counterparts())
         for condition in self.operating.conditions:
             stated = [name for name in TEMPERATURES if name in condition.stated]
             if not stated or any(active.effect.name == THERMAL for active in condition.effects):
                 continue
             text = f"condition {condition.name}: {' and '.join(stated)} {'change' if stated[1:] else 'changes'} nothing"
-            if not has_effect:
+            if not self._acts_by_temperature:
                 yield f"{text} in this problem, which has no effect of temperature: leave it out"
             elif APART in stated:
                 yield f"{text}: all parts are at one temperature, which closes and opens no gap"

@@ -535,7 +535,7 @@ OF_COUPLING = (
     Parameter(
         "crank_bearing_stiffness_N_per_mm",
         0.0,
-        "N_per_mm",
+        "N/mm",
         "stiffness of a crank bearing beyond its clearance; 0: that which gives series_stiffness_Nm_per_arcmin",
         _A,
         assumed=True,
@@ -787,7 +787,6 @@ MAX_CRANK_CIRCLE_DEVIATION = 0.02
 """Fraction by which the crank circle may differ from the centre distance of the gears."""
 LEAST_GAP_MM = 0.007
 """Radial gap [mm] below which pins that the population leaves out may close the backlash."""
-OF_THE_PROFILE = ("dr_rp_mm", "dr_p_mm", "radial_gap_mm", "modification_backlash_arcmin")
 LATTICES = ("positions", "search_positions", "te_positions")
 WEAR = ("wear_um_per_1000h", "running_in_um")
 

@@ -208,25 +208,24 @@ def _of_bearings(parameters: Mapping[str, Value]) -> Iterator[str]:
     factor = number(parameters["bearing_play_factor"])
     if parameters["over_constraint"]:
         yield f"Play of the crank bearings counts {factor:g} times, at the places where discs rest without load."
-    elif factor == 1.0:
-        yield (
-            "Play of the crank bearings acts about the centre of the disc only; along the load of the bearing it "
-            "counts about 1.12 times (bearing_play_factor)."
-        )
-    else:
-        yield f"Play of the crank bearings counts {factor:g} times its turn about the centre of the disc everywhere."
-    if parameters["over_constraint"]:
         preload = parameters["interference"] == "preload"
         rigid, loaded = ("and ", "and interference ") if preload else ("interference and ", "")
         yield (
             f"Wrong distances of the cranks act on backlash, {rigid}jam force; outputs under load "
             f"{loaded}are of bearings at true distances, and the jam force is without what squeezed pins add."
         )
-    else:
+        return
+    if factor == 1.0:
         yield (
-            "Cranks have the distances of their bores: wrong distances, which take up play or jam, are left out "
-            "(over_constraint)."
+            "Play of the crank bearings acts about the centre of the disc only; along the load of the bearing it "
+            "counts about 1.12 times (bearing_play_factor)."
         )
+    else:
+        yield f"Play of the crank bearings counts {factor:g} times its turn about the centre of the disc everywhere."
+    yield (
+        "Cranks have the distances of their bores: wrong distances, which take up play or jam, are left out "
+        "(over_constraint)."
+    )
 
 
 # The assumptions of `rv_reducer` that no document settles, changed one at a time.
@@ -785,7 +784,7 @@ class RvReducer(PromisingUnits, Machined):
         shape = declared.faults(self.model.geometry, self.given, ends)
         beyond = size_faults(self.count, MAX_CACHED_EVALUATIONS) or super().faults()
         if shape:  # a profile that cannot be breaks the limits on it as well
-            beyond = [fault for fault in beyond if fault.place.removeprefix("limits.") not in declared.OF_THE_PROFILE]
+            beyond = [fault for fault in beyond if fault.place.removeprefix("limits.") not in DEFAULT_LIMITS]
         faults = [
             *shape,
             *declared.coupling_faults(self.model.geometry, self.model.coupling),

@@ -275,9 +275,14 @@ def add_conditional_bounds(result: RunResult, plan: RunPlan, shared: Shared) -> 
         "between random tolerances it lies below the chord"
         + (f", elsewhere {tried.excess:.2g} {unit} above it at most" if tried.above else "")
     )
-    marked = front.copy()
-    marked.insert(list(front).index("gap_percent") + 1, "bound_conditional", bound)
-    summary = {**result.summary, "bound_conditional": statement, "notes": [*result.summary["notes"], statement]}
+    return _with_unproven(result, "bound_conditional", bound, statement)
+
+
+def _with_unproven(result: RunResult, name: str, bound: Array, statement: str) -> RunResult:
+    """The result with a bound (points,) that is not proven, and what it rests on."""
+    marked = result.front.copy()
+    marked.insert(list(marked).index("gap_percent") + 1, name, bound)
+    summary = {**result.summary, name: statement, "notes": [*result.summary["notes"], statement]}
     return replace(result, front=marked, summary=summary, notes=(*result.notes, statement))
 
 
@@ -295,16 +300,17 @@ def add_estimated_bounds(result: RunResult, plan: RunPlan, shared: Shared) -> Ru
     designs = designs_of(problem, front)
     asked = [Asked({name: float(front[name].iloc[at]) for name in problem.objectives}, designs[at]) for at in points]
     needs = [estimated(one.values) for one in asked]
+    if not all(needs):
+        return result
     inputs = (designs[points], np.array([list(one.values.values()) for one in asked]))
-    solved = recalled_results(shared, estimated_optimum, asked, inputs) if all(needs) else np.empty((0, 2))
+    solved = recalled_results(shared, estimated_optimum, asked, inputs)
     estimate = np.full(len(front), np.nan)
-    estimate[points[: len(solved)]] = solved[:, 0]
+    estimate[points] = solved[:, 0]
     estimate[estimate > front["cost"]] = np.nan  # a point that costs less refutes it
     if not np.any(np.isfinite(estimate)):
         return result
     below, need = 100.0 * (1.0 - estimate / front["cost"].to_numpy(dtype=float)), needs[0]
-    assert need is not None
-    off = max(abs(share - one.needed) for share, one in zip(solved[:, 1], needs, strict=True) if one and share == share)
+    off = float(np.nanmax(np.abs(solved[:, 1] - [one.needed for one in needs])))
     least, most = (f"{float(end):.2g}" for end in (np.nanmin(below), np.nanmax(below)))
     statement = (
         f"estimated, not proven: with the ripple of the backlash over the turn as {need.units} units show it, the "
@@ -312,10 +318,7 @@ def add_estimated_bounds(result: RunResult, plan: RunPlan, shared: Shared) -> Ru
         f"below the points ({np.count_nonzero(np.isfinite(below))} of {len(front)} tried, column bound_estimate); on "
         f"fresh units the share that is needed, {100.0 * need.needed:.2f} %, is met to within {percent(100.0 * off)}"
     )
-    marked = front.copy()
-    marked.insert(list(front).index("gap_percent") + 1, "bound_estimate", estimate)
-    summary = {**result.summary, "bound_estimate": statement, "notes": [*result.summary["notes"], statement]}
-    return replace(result, front=marked, summary=summary, notes=(*result.notes, statement))
+    return _with_unproven(result, "bound_estimate", estimate, statement)
 
 
 def percent(value: float) -> str:
