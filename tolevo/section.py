@@ -627,3 +627,50 @@ Single = NDArray[np.float32]
 Complex = NDArray[np.complex128]
 Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
+
+
+# Names with a dot, `gap.variation`, as keys: quoted, or in a table of their own.
+
+
+class Nested:
+    """A section in which `gap.variation` may be `"gap.variation"`, or `variation` of `[gap]`; so at any depth."""
+
+    def __init__(self, section: Section, names: Iterable[str]) -> None:
+        self._section = section
+        inner: dict[str, list[str]] = {}
+        for head, dot, rest in (name.partition(".") for name in names):
+            inner.setdefault(head, []).extend([rest] if dot else [])
+        self._tables = {
+            head: Nested(section.section(head), rests)
+            for head, rests in inner.items()
+            if rests and isinstance(section.take(head), Mapping)
+        }
+
+    def find(self, name: str) -> tuple[Section, str]:
+        """The section in which a name is a key, and the key."""
+        head, _, rest = name.partition(".")
+        if not rest or head not in self._tables:
+            return self._section, name
+        table, key = self._tables[head].find(rest)
+        if name in self._section and key in table:
+            self._section.take(name)
+            self._section.fault(name, f'is given twice: as "{name}" and in [{head}]')
+        return (self._section, name) if name in self._section else (table, key)
+
+    def finish(self) -> None:
+        """Report every key that was not asked for."""
+        for table in self._tables.values():
+            table.finish()
+        self._section.finish()
+
+
+def nested(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values by dotted name as tables of tables."""
+    nested_values: dict[str, Any] = {}
+    for name, value in values.items():
+        head, _, rest = name.partition(".")
+        if rest:
+            nested_values.setdefault(head, {})[rest] = value
+        else:
+            nested_values[name] = value
+    return nested_values

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 import tomli_w
 
 from ..algorithms.settings import AlgorithmSettings, Budget
-from ..commands.gap.plan import ColumnRole, output_of, read_columns
 from ..commands.run.choice import ChoiceSettings
 from ..errors import Fault, InputError, raise_all
 from ..models.gear import Gear
 from ..models.measurable import Column, MeasuredTable, Role
 from ..problems.settings import Settings
 from ..section import Output, Section
+from .columns import ColumnRole, output_of, read_columns
 from .parameters import GEAR, UNRESOLVED, read_effects, read_gear, read_unresolved, resolved_gear
 from .plugins import RECORD, SENSE, ZERO, read_labels, read_record, read_sense, read_zero
 from .resolved import resolved_measurement

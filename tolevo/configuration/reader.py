@@ -18,8 +18,8 @@ from ..problems.cost_columns import column_faults, factor_faults, read_cost_colu
 from ..problems.declaration import Declaration
 from ..problems.settings import METHODS, Bound, PropagationSetting, Settings, VariableSetting, unit_slips
 from ..problems.tolerance_problem import ToleranceProblem
-from ..section import POSITIVE, SAMPLES, Kind, Output, Range, Section, Value, Variable, completed
-from .cells import Nested, fill_poses, read_design_columns, read_model_columns
+from ..section import POSITIVE, SAMPLES, Kind, Nested, Output, Range, Section, Value, Variable, completed
+from .columns import read_design_columns, read_model_columns
 from .configuration import START, TABLE, Configuration, read_table_model, table_model
 from .cost_files import fill_files
 from .costs import check_ends, narrow_setting, read_costs, read_money, unknown
@@ -272,7 +272,11 @@ def _read_problem(
     if "problem" not in top:
         top.fault("problem", 'is missing: name a problem (see `tolevo list`), or model = "..."')
     problem_class = problem_of(top)
-    top = fill_poses(fill_reducers(top, problem_class, folder), problem_class, folder)
+    top = fill_reducers(top, problem_class, folder)
+    if problem_class and "cell" in problem_class.declaration.tables:
+        from .cells import fill_poses
+
+        top = fill_poses(top, folder)
     configured = problem_class.configured(top) if problem_class else None
     declared = configured.declaration if configured else Declaration()
     model = load_named(top, "model", "models", declared.model)

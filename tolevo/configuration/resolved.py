@@ -14,8 +14,8 @@ from ..problems.cost_columns import column_tables, robust_table
 from ..problems.promise import means_promise
 from ..problems.settings import Bound, Settings, VariableSetting
 from ..problems.tolerance_problem import ToleranceProblem
-from ..section import Variable
-from .cells import nested, resolved_columns
+from ..section import Variable, nested
+from .columns import resolved_columns
 from .costs import resolved_money
 from .parameters import resolved_effects
 from .plugins import RECORD, resolved_sense, resolved_zero

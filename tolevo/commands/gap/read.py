@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from ... import tables
+from ...configuration.columns import output_of
 from ...errors import Fault, nearest, raise_all
 from ...models.effects.effect import kind_of
 from ...models.effects.measurements import SESSION
@@ -33,7 +34,7 @@ from .data import (
     too_few_units_fault,
 )
 from .fit import Fit
-from .plan import GapPlan, alike, column_messages, output_of
+from .plan import GapPlan, alike, column_messages
 
 
 def range_faults(plan: GapPlan, data: GapData, place: str) -> list[Fault]:
