@@ -110,6 +110,9 @@ class Genetic(AlgorithmSettings):
 class Solver(AlgorithmSettings):
     """An algorithm that is not a population search: it evaluates designs itself."""
 
+    tested: ClassVar[bool] = False
+    """Whether it has tested its result afresh: nothing is searched where that breaks limits, or is empty."""
+
     @abstractmethod
     def solve(self, run: Run) -> None:
         """Evaluate designs by `run.evaluate` until the front is complete; they are the result.

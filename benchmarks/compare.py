@@ -2,7 +2,9 @@
 """Optimisers side by side: `python -m benchmarks.compare [--quick]`, in Markdown.
 
 One process, one thread, interleaved: every contender runs once on every task before any runs a
-second time. docs/benchmarks.md says what is measured.
+second time. docs/benchmarks.md says what is measured. With `--equal TASK=SECONDS ...` every contender,
+`exact` as well, has as much CPU time on a task, and any number of evaluations; `--keep FILE` goes on where
+such a run was stopped, and `--write PAGE` puts its table between the marks of a page.
 """
 
 from __future__ import annotations
@@ -16,10 +18,11 @@ import argparse
 import gc
 import time
 from collections import defaultdict
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from pkgutil import iter_modules
 from types import ModuleType
 
@@ -28,6 +31,8 @@ import numpy as np
 from tolevo.section import Array
 
 from . import peers, promised
+from .gap.page import made_by, written
+from .kept import keep, kept
 from .task import OutOfTime, Recorder, Task
 from .tasks.cost_rss import cost_rss
 from .tasks.mixed_process import mixed_process
@@ -44,15 +49,29 @@ BASE = "pymoo_nsga2"
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """Seeds, evaluations and CPU seconds of a run, minutes after which no round begins."""
+    """Seeds, evaluations and CPU seconds of a run, minutes after which no round begins.
+
+    The CPU seconds of `equal` tasks are those of every contender, and none is left uncut.
+    """
 
     seeds: int = 5
     evaluations: int = 50_000
     seconds: float = 5.0
     minutes: float = 10.0
+    equal: Mapping[str, float] = field(default_factory=dict)
+
+    def limit(self, module: ModuleType, task: Task) -> float:
+        """CPU seconds of a run."""
+        if task.name in self.equal:
+            return self.equal[task.name]
+        return np.inf if getattr(module, "UNCUT", False) else self.seconds * task.patience
 
 
 QUICK = Effort(1, 12_000, 1.5, 1.0)
+ENOUGH = 10_000_000
+"""Evaluations that no run of equal CPU time comes to."""
+PART = "equal"
+"""Part of the page with its table."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,8 +117,7 @@ def measure(module: ModuleType, task: Task, seed: int, effort: Effort) -> Measur
 
 def once(module: ModuleType, task: Task, seed: int, effort: Effort) -> tuple[Recorder, Array | None]:
     """What was recorded, and the front that was returned; None where the time was over before."""
-    limit = np.inf if getattr(module, "UNCUT", False) else effort.seconds * task.patience
-    recorder = Recorder(task, limit)
+    recorder = Recorder(task, effort.limit(module, task))
     try:
         return recorder, module.run(recorder, seed, effort.evaluations)
     except OutOfTime:
@@ -111,18 +129,39 @@ def suits(module: ModuleType, task: Task) -> bool:
     return bool(getattr(module, "suits", lambda _: True)(task))
 
 
-def rounds(found: dict[str, ModuleType], tasks: list[Task], effort: Effort) -> Iterator[tuple[str, str, Measured]]:
-    """Every contender on every task, seed by seed, until the minutes are over."""
-    start = time.monotonic()
+def rounds(
+    found: dict[str, ModuleType], tasks: list[Task], effort: Effort, path: Path | None = None
+) -> Iterator[tuple[str, str, Measured]]:
+    """Every contender on every task, seed by seed, until the minutes are over; a file's runs are not repeated."""
+    start, known = time.monotonic(), {} if path is None else _known(path, effort.equal)
     for module in found.values():  # compiles what is compiled at first use
         module.run(Recorder(tasks[0], np.inf), 0, 400)
     for seed in range(1, effort.seeds + 1):
-        if time.monotonic() - start > 60.0 * effort.minutes:
-            return
+        over = time.monotonic() - start > 60.0 * effort.minutes
         for task in tasks:
             for name, module in found.items():
-                if suits(module, task):
-                    yield task.name, name, measure(module, task, seed, effort)
+                if not suits(module, task):
+                    continue
+                measured = known.get((task.name, name, seed))
+                if measured is None:
+                    if over:
+                        return
+                    measured = measure(module, task, seed, effort)
+                    if path is not None:
+                        place = {"task": task.name, "name": name, "seed": seed, "limit": effort.limit(module, task)}
+                        keep(path, place | asdict(measured))
+                yield task.name, name, measured
+
+
+def _known(path: Path, limits: Mapping[str, float]) -> dict[tuple[str, str, int], Measured]:
+    """The runs that a file has with these CPU seconds, by task, contender and seed."""
+    known = {}
+    for run in kept(path):
+        if run["limit"] == limits.get(run["task"]):
+            reached = tuple((float(count), float(cpu)) for count, cpu in run["reached"])
+            measured = Measured(reached, run["returned"], run["each"], run["seen"])
+            known[run["task"], run["name"], run["seed"]] = measured
+    return known
 
 
 def number(value: float, form: str) -> str:
@@ -161,6 +200,33 @@ def table(task: Task, results: Results, labels: dict[str, str]) -> str:
     return "\n".join([head, *(row(labels[n], results[task.name, n], base) for n in ordered)])
 
 
+def equal_table(tasks: list[Task], results: Results, labels: dict[str, str], seconds: Mapping[str, float]) -> str:
+    """Shares of the best hypervolume after equal CPU times, the largest of the first task first."""
+    whole = {task.name: min(len(runs) for (of, _), runs in results.items() if of == task.name) for task in tasks}
+    results = {(of, name): runs[: whole[of]] for (of, name), runs in results.items()}
+    heads = [
+        f"{task.name}, {whole[task.name]} seeds of {seconds[task.name]:g} s: hypervolume, % | CPU s to 99 %"
+        for task in tasks
+    ]
+    taken = [name for name in labels if any((task.name, name) in results for task in tasks)]
+    ordered = sorted(
+        taken, key=lambda name: [_share(results.get((task.name, name), [])) for task in tasks], reverse=True
+    )
+    rows = []
+    for name in ordered:
+        cells = [labels[name]]
+        for task in tasks:
+            runs = results.get((task.name, name), [])
+            cells.append(quartiles([100.0 * run.seen for run in runs], ".2f") if runs else "-")
+            cells.append(quartiles([run.reached[0][1] for run in runs], ".2g") if runs else "-")
+        rows.append(f"| {' | '.join(cells)} |")
+    return "\n".join([f"| | {' | '.join(heads)} |", "|---" * (1 + 2 * len(tasks)) + "|", *rows])
+
+
+def _share(runs: list[Measured]) -> float:
+    return float(np.median([run.seen for run in runs])) if runs else -np.inf
+
+
 def _speed(runs: list[Measured]) -> tuple[float, float]:
     shortest = float(np.median([run.reached[0][1] for run in runs]))
     return shortest, -float(np.nanmedian([run.seen for run in runs]))
@@ -179,20 +245,36 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, help="at most so many rounds")
     parser.add_argument("--minutes", type=float, help="after which no round of seeds begins")
     parser.add_argument("--tasks", nargs="+", help="only those whose name has one of these words")
+    parser.add_argument(
+        "--equal", nargs="+", metavar="TASK=SECONDS", help="these tasks, CPU seconds of every contender"
+    )
+    parser.add_argument("--keep", type=Path, help="file by which a run of --equal goes on")
+    parser.add_argument("--write", type=Path, help="page that gets the table of --equal")
     given = parser.parse_args()
     quick, effort = given.quick, QUICK if given.quick else Effort()
     if given.minutes is not None:
         effort = replace(effort, minutes=given.minutes)
     if given.seeds is not None:
         effort = replace(effort, seeds=given.seeds)
+    if given.equal:
+        limits = {name: float(seconds) for name, seconds in (one.split("=") for one in given.equal)}
+        effort = replace(effort, equal=limits, evaluations=ENOUGH)
     found, missing = contenders()
     labels = {name: f"{module.DISTRIBUTION} {release(module)} {module.LABEL}" for name, module in found.items()}
     tasks = [cost_rss(9), cost_rss(12), mixed_process(), rv_backlash(), rv_reducer()]
-    if given.tasks:
-        tasks = [task for task in tasks if any(word in task.name for word in given.tasks)]
+    if given.tasks or given.equal:
+        words = given.tasks or [*effort.equal]
+        tasks = [task for task in tasks if any(word in task.name for word in words)]
     results: Results = defaultdict(list)
-    for place, name, measured in rounds(found, tasks, effort):
+    for place, name, measured in rounds(found, tasks, effort, given.keep):
         results[place, name].append(measured)
+    if given.equal:
+        lines = equal_table(tasks, results, labels, effort.equal)
+        print(lines)
+        if given.write:
+            command = made_by(f"python -m benchmarks.compare --equal {' '.join(given.equal)}")
+            written(given.write, f"{command}\n\n{lines}", PART)
+        return
     done = len(results[tasks[-1].name, BASE])
     print(f"Medians of {done} seeds; at most {effort.evaluations:,} evaluations and "
           f"{effort.seconds:g} CPU s a run; one thread.")  # fmt: skip

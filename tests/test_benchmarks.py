@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ pytestmark = pytest.mark.source_tree
 
 from benchmarks import compare, dynamics, promised, proven  # noqa: E402
 from benchmarks.parts import beyond  # noqa: E402
-from benchmarks.peers import tolevo_exact  # noqa: E402
+from benchmarks.peers import tolevo_exact, tolevo_nsga2  # noqa: E402
 from benchmarks.task import Array, OutOfTime, Recorder, Task  # noqa: E402
 from benchmarks.tasks.cost_rss import B, S, cost_rss  # noqa: E402
 from benchmarks.tasks.mixed_process import PART, PARTS, PROCESSES, mixed_process  # noqa: E402
@@ -202,6 +203,25 @@ def test_figures_say_whether_they_are_met() -> None:
     assert each.met
     assert each.value == "20.0"
     assert returned.met is None  # one seed has no range
+
+
+def test_equal_cpu_time_is_that_of_every_contender_and_goes_on_from_a_file(tmp_path: Path) -> None:
+    task, path = cost_rss(9), tmp_path / "runs.jsonl"
+    found = {"tolevo_exact": tolevo_exact, "tolevo_nsga2": tolevo_nsga2}
+    effort = compare.Effort(seeds=2, evaluations=compare.ENOUGH, equal={task.name: 0.05})
+    assert {effort.limit(module, task) for module in found.values()} == {0.05}  # `exact` is not left uncut
+    first = list(compare.rounds(found, [task], effort, path))
+    assert [name for _, name, _ in first] == 2 * ["tolevo_exact", "tolevo_nsga2"]
+    stopped = replace(effort, minutes=-1.0)  # nothing is begun
+    again = list(compare.rounds(found, [task], stopped, path))
+    assert [run.seen for _, _, run in again] == [run.seen for _, _, run in first]
+    assert not list(compare.rounds(found, [task], replace(stopped, equal={task.name: 0.1}), path))
+    results = {(task.name, name): [run for _, of, run in first if of == name] for name in found}
+    lines = compare.equal_table([task], results, dict(zip(found, "ab", strict=True)), effort.equal)
+    head, _, best, second = lines.split("\n")
+    assert head == f"| | {task.name}, 2 seeds of 0.05 s: hypervolume, % | CPU s to 99 % |"
+    assert best.startswith("| a | 99.9")
+    assert second.startswith("| b | ")
 
 
 def test_right_hand_sides_of_the_dynamics_are_the_mesh() -> None:

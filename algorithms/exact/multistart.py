@@ -25,6 +25,7 @@ class MultiStart(Solver):
     """
 
     one_objective: ClassVar[bool] = True
+    tested: ClassVar[bool] = True
     starts: int = 5
 
     def solve(self, run: Run) -> None:

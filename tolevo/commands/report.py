@@ -497,12 +497,11 @@ def report(folders: Sequence[Path], out: Path | None = None, figures: Path | Non
     return _compare_folders(folders, out or Path(COMPARISON), figures)
 
 
-def _draw(drawn: Mapping[str, Figure], folder: Path | None) -> None:
-    if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, figure in drawn.items():
-            write_bytes(folder / f"{name}.png", as_png(figure))
-            write_bytes(folder / f"{name}.svg", as_svg(figure))
+def _draw(drawn: Mapping[str, Figure], folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, figure in drawn.items():
+        write_bytes(folder / f"{name}.png", as_png(figure))
+        write_bytes(folder / f"{name}.svg", as_svg(figure))
 
 
 def _build_page(folder: Path, out: Path | None, figures: Path | None, renew: bool = False) -> Report:
@@ -522,7 +521,8 @@ def _build_page(folder: Path, out: Path | None, figures: Path | None, renew: boo
     _, build, draw = _pages()[kind]
     text, going = build(result, remarks), stored.unfinished
     _write(stored, out, add_reload(text) if renew and going else text)
-    _draw(draw(result), figures)
+    if figures is not None:
+        _draw(draw(result), figures)
     return Report(out or folder / PAGE, remarks, going)
 
 
@@ -667,7 +667,8 @@ def _compare_folders(folders: Sequence[Path], out: Path, figures: Path | None) -
     for stored in held:
         _check_unchanged(stored)
     write_text(out, comparison_page(comparison, tuple(remarks)))
-    _draw({"fronts": comparison_figure(comparison)}, figures)
+    if figures is not None:
+        _draw({"fronts": comparison_figure(comparison)}, figures)
     return Report(out, (*remarks, *sentences))
 
 

@@ -116,7 +116,8 @@ def _lanes(
     wrong[:] = 1.0
     for _ in range(_STEPS):
         stiffness[:] = 0.0
-        need[:] = torque
+        for u in range(lanes):
+            need[u] = torque[u]
         for d in range(discs):
             _bearing(arms[d], gap[d], at[d], slope[d], moment[d])
             for u in range(lanes):

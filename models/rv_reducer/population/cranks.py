@@ -446,7 +446,8 @@ def _jam(axes: Single, cranks: Single, lines: Single, most: Single, place: Any, 
                         if pressed > most[first + u]:
                             most[first + u] = pressed
                             place[0, first + u], place[1, first + u], place[2, first + u] = a, d, k
-                            rest[:, first + u] = v[:, u]
+                            for i in range(3):
+                                rest[i, first + u] = v[i, u]
 
 
 @_compiled
@@ -463,7 +464,8 @@ def _jam_slopes(
         a, d, k = place[0, u], place[1, u], place[2, u]
         one, z = cranks[d, :, :, u : u + 1].copy(), errors[d, :, :, u : u + 1].copy()
         _residuals(axes[a, d], one, lines, q)
-        v[:, 0] = rest[:, u]
+        for i in range(3):
+            v[i, 0] = rest[i, u]
         lc, ls = lines[k, 0], lines[k, 1]
         x = q[k, 0, 0] - (v[0, 0] * lc + v[1, 0] * ls)
         y = q[k, 1, 0] - (v[1, 0] * lc - v[0, 0] * ls) - v[2, 0]

@@ -309,7 +309,9 @@ def _lanes(mesh: Mesh, discs: Discs, behind: float, torque: float, state: State,
         for u in range(lanes):
             nearest = high[d, u] if flank == 0 else -low[d, u]
             need[u] = min(need[u], nearest + terms[d, 6, u] - sign * terms[d, 7, u])
-    turn_of_unit[:], wrong[:] = need, True
+    wrong[:] = True
+    for u in range(lanes):
+        turn_of_unit[u] = need[u]
     for d in range(many):
         for u in range(lanes):
             x[d, u] = need[u] + depth[u] + sign * terms[d, 7, u] - terms[d, 6, u]
@@ -557,7 +559,8 @@ def balances(contacts: Any, springs: Any, errors: Any, torques: Any, rated: int,
             i = start[a, 0, 0]
             for d in range(many):
                 begin, end = start[a, d, 0], stop[a, d, 1]
-                spans[d, :, 0], spans[d, :, 1] = start[a, d] - i, stop[a, d] - i
+                for flank in range(2):
+                    spans[d, flank, 0], spans[d, flank, 1] = start[a, d, flank] - i, stop[a, d, flank] - i
                 _disc(axes[a, d], of_discs[d], centre, terms[d])
                 table, numbers, of_teeth = rows[begin:end], pins[begin:end], teeth[begin:end]
                 _gaps(table, numbers, of_teeth, opening, shifted, terms[d], begin - i, gaps)
@@ -569,8 +572,13 @@ def balances(contacts: Any, springs: Any, errors: Any, torques: Any, rated: int,
                 _case(mesh, of_lanes, behind, torques[case], state, preload[a, first:last], work)
                 if case == rated:
                     _largest(mesh, force[i : i + wide], place[case], a, i, peaks)
-            x[:, a, :, first:last], side[:, a, :, first:last] = place, toward
-            turn[:, a, first:last] = turned
+            for case in range(torques.size):  # loops: an array assigned to a slice takes seconds to compile
+                for u in range(lanes):
+                    turn[case, a, first + u] = turned[case, u]
+                for d in range(many):
+                    for u in range(lanes):
+                        x[case, a, d, first + u] = place[case, d, u]
+                        side[case, a, d, first + u] = toward[case, d, u]
 
 
 @_compiled

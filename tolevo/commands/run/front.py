@@ -9,9 +9,9 @@ import zlib
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from importlib.metadata import version
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -258,6 +258,7 @@ class Designs(Closing):
         self._batches = 0
         self._executor: Executor | None = None
         self._starting: tuple[Processes, Background[Part, Any]] | None = None
+        self._ahead: Background[Part, Any] | None = None
 
     def close(self) -> None:
         """End all other processes."""
@@ -275,6 +276,23 @@ class Designs(Closing):
     def helpers(self) -> int:
         """Processes, or workers of a scheduler, that take part in addition to this process."""
         return 0 if self._executor is None else self._executor.workers
+
+    def ahead(self, function: Callable[[ToleranceProblem, TaskT], ResultT], task: TaskT) -> Callable[[], ResultT]:
+        """What returns `function(problem, task)` later: the first process that is free begins with it."""
+        if not self.where.dask and (free := self.free()):
+            self._starting = self._begun(free, function, [task])
+            self._ahead = self._starting[1]
+
+        @cache
+        def result() -> ResultT:
+            if self._ahead is not None:
+                self._ahead.wait()
+                for _, found in self._ahead.taken():
+                    if not isinstance(found, Lost):
+                        return cast("ResultT", found)
+            return function(self.problem, task)
+
+        return result
 
     def results(self, function: Callable[[ToleranceProblem, TaskT], ResultT], tasks: Sequence[TaskT]) -> list[ResultT]:
         """`function(problem, task)` of each task; that of a lost worker is computed here."""
@@ -309,13 +327,20 @@ class Designs(Closing):
             return
         if self._starting is not None and self._starting[1].over:
             begun, first = self._starting
-            first.taken()
+            if first is not self._ahead:
+                first.taken()
             if self._executor is not None:
                 self._executor.close()
             self._executor, self._starting = begun, None
         if self._starting is None and (free := self.free()) > self.helpers:
-            processes, tasks = Processes(free), deque(self._parts(function, [task] * free))
-            self._starting = processes, Background(processes, computed, partial(next_of, tasks))
+            self._starting = self._begun(free, function, [task] * free)
+
+    def _begun(
+        self, free: int, function: Callable[[ToleranceProblem, Any], Any], tasks: Sequence[Any]
+    ) -> tuple[Processes, Background[Part, Any]]:
+        """So many processes, with tasks for the first of them."""
+        processes, parts = Processes(free), deque(self._parts(function, tasks))
+        return processes, Background(processes, computed, partial(next_of, parts))
 
 
 # The state from which a run begins: a new one, or that in which it was interrupted.

@@ -72,7 +72,7 @@ class SideSearch:
         return front
 
 
-def documents(problem: ToleranceProblem) -> pd.DataFrame:
+def documents(problem: ToleranceProblem, _: object = None) -> pd.DataFrame:
     """The printed allocations, evaluated by the same model: one row each, with `label`."""
     printed = problem.references()
     if not printed:
@@ -94,14 +94,14 @@ def side_searches(plan: RunPlan, printed: pd.DataFrame) -> tuple[SideSearch, ...
         searches.append(SideSearch(label, cheapest, *_ga(problem), first, relaxed=False))
     for row in printed.to_dict("records"):
         seed, bounds = next(seeds), relaxed_bounds(problem, row)
-        if bounds and not _continues_front(plan):
+        if bounds and not continues_front(plan):
             wider = problem.relaxed(bounds)
             label = str(row["label"])
             searches.append(SideSearch(label, wider, plan.algorithm, plan.budget, seed, True, plan.engine))
     return tuple(searches)
 
 
-def _continues_front(plan: RunPlan) -> bool:
+def continues_front(plan: RunPlan) -> bool:
     """Whether searches with other limits, or beside the front, begin where its points are."""
     problem = plan.problem
     of_cost = problem.n_obj == 2 and "cost" in problem.objectives
@@ -114,7 +114,7 @@ def searches_from_front(plan: RunPlan, printed: pd.DataFrame, x: Array) -> tuple
     With the limits that a document breaks: least cost at its value of the other objective, and the least of
     that at its cost. The second is the other solver, at the values of some of the points.
     """
-    if not _continues_front(plan) or not len(x):
+    if not continues_front(plan) or not len(x):
         return ()
     problem, searches = plan.problem, []
     f, g = problem.tested(x)

@@ -70,6 +70,7 @@ from .references import (
     REDUCERS,
     SideSearch,
     compare,
+    continues_front,
     documents,
     regrets,
     searches_from_front,
@@ -300,9 +301,10 @@ def _run(
 ) -> RunOutcome:
     checkpoint, out = open_checkpoint(plan, place, resume), place.folder
     start, resume_notes = time.monotonic() - seconds_before(checkpoint), notes_of(checkpoint, resume)
-    printed = documents(plan.problem) if plan.references else pd.DataFrame()
-    searches = side_searches(plan, printed) if plan.references else ()
-    searches += effects.search_without_effects(plan) + effects.side_search(plan)
+    beside = effects.search_without_effects(plan) + effects.side_search(plan)
+    later = plan.references and continues_front(plan) and not beside  # nothing before the front needs the documents
+    known = documents(plan.problem) if plan.references and not later else pd.DataFrame()
+    searches = side_searches(plan, known) + beside if plan.references else beside
     place.begin(keep=(CONFIGURATION, CHECKPOINT, SIDE, REDUCERS) if resume else (CONFIGURATION,))
     write_text(out / CONFIGURATION, plan.configuration)
     checkpoint.write()
@@ -310,13 +312,14 @@ def _run(
     where = workers if isinstance(workers, Execution) else Execution(workers)
     try:
         with Designs(plan.problem, where, lambda: (where.workers or 1) - 1) as designs:
+            printed = designs.ahead(documents, None) if later else lambda: known
             search_result, fronts = _run_searches(plan, checkpoint, searches, printed, designs, progress)
             if search_result.interrupted or any(side_front is None for side_front in fronts.values()):
                 checkpoint.write()
-                return _write_interrupted(plan, out, search_result, printed, start)
+                return _write_interrupted(plan, out, search_result, printed(), start)
             with recording_steps(checkpoint.section("result")):
                 found = _conclude_run(
-                    plan, search_result, fronts, printed, resume_notes, start, progress, designs.results
+                    plan, search_result, fronts, printed(), resume_notes, start, progress, designs.results
                 )
     except KeyboardInterrupt:
         checkpoint.write()
@@ -429,7 +432,7 @@ def _run_searches(
     plan: RunPlan,
     checkpoint: Checkpoint,
     searches: tuple[SideSearch, ...],
-    printed: pd.DataFrame,
+    printed: Callable[[], pd.DataFrame],
     designs: Designs,
     progress: Callable[[Progress], None] | None,
 ) -> tuple[SearchResult, Fronts]:
@@ -459,7 +462,7 @@ def _run_searches(
             return search_result, sides.fronts()
         sides.finish()
     designs.free = idle
-    searches += searches_from_front(plan, printed, search_result.chosen)
+    searches += searches_from_front(plan, printed(), search_result.chosen)
     checkpoint.keep_only([side.key for side in searches])
     plan.problem.release()
     with Sides(searches, designs.where, checkpoint, progress, designs.executor) as sides:
