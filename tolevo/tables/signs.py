@@ -52,12 +52,16 @@ def _ends(before: str, others: str) -> str:
 
 LIMITS = {
     "nominal": "nominal nom nominalvalue nominalsize basic theoretical soll sollwert sollmaß sollmass nennmaß nennmass "
-    "nennwert target theo nominale 名义值 标准值 理论值 設計値 基準値",
-    "upper": _sided("upper up plus + ober obere oberes ob", "+ plus sup upper up oben", "ot otol maxtol tolmax 上公差"),
+    "nennwert target theo nominale design designvalue 名义值 标准值 理论值 设计值 標準値 設計値 基準値",
+    "upper": _sided(
+        "upper up plus + ober obere oberes ob",
+        "+ plus sup upper up oben",
+        "ot otol maxtol tolmax 上公差 公差上限 上限公差",
+    ),
     "lower": _sided(
         "lower low lo minus - unter untere unteres unt un",
         "- minus inf lower low unten",
-        "ut utol ltol mintol tolmin 下公差",
+        "ut utol ltol mintol tolmin 下公差 公差下限 下限公差",
     ),
     "usl": _ends("upper ober obere oberer oberes ob", "usl og ogw otg höchstmaß größtmaß 上限 规格上限"),
     "lsl": _ends("lower unter untere unterer unteres unt", "lsl ug ugw utg mindestmaß kleinstmaß 下限 规格下限"),
