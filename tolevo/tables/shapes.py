@@ -23,7 +23,7 @@ from .signs import LIMITS, bare, is_date, is_missing, is_summary, number_in
 _WORDS = {
     "characteristic": "id feature featurename characteristic characteristicname dimension dim dimensionname merkmal "
     "merkmalname merkmalsname merkmalsbezeichnung bezeichnung name element elementname prüfmerkmal messgröße label "
-    "char charid cote caractéristique quota caratteristica 特性 特征 特性名称 尺寸 项目 項目 測定項目",
+    "messpunkt char charid cote caractéristique quota caratteristica 特性 特征 特性名称 尺寸 项目 項目 測定項目",
     "property": "property axis ax achse eigenschaft item",
     "value": "actual act ist istwert istmaß istmass measured meas messwert value wert measuredvalue actualvalue "
     "measurement mesure mesuré misura misurato 测量值 实测值 实际值 測定値 実測値",
@@ -101,7 +101,7 @@ def transposed_rows(rows: Sequence[Row], shape: str | None, place: str) -> list[
 
 def _heads_parts(row: list[str]) -> bool:
     """Whether a line is one of names whose columns are parts."""
-    if role_of(row[0]) != "characteristic":
+    if role_of(row[0]) not in ("characteristic", "property"):
         return False
     parts = [cell for cell in row[1:] if cell and not role_of(cell) and not is_summary(cell)]
     numbered = [match for cell in parts if (match := _NUMBERED.fullmatch(cell))]
@@ -378,7 +378,7 @@ def _of_stated(
         doubt = magnitudes = False  # without their signs, the lower limits of some would be above the upper ones
     if not (magnitudes or below or plus) and any(lower > 0.0 for lower, _ in lowers):
         # As signs, the limits of one would be the wrong way round.
-        magnitudes = any(0.0 < lower >= upper for lower, upper in lowers)
+        magnitudes = any(lower >= upper >= 0.0 < lower for lower, upper in lowers)
         doubt = not magnitudes
     specifications = {}
     faults = [Fault(f"{place}: {kind} {heading}", _UNSIGNED)] if doubt else []
