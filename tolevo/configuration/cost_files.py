@@ -432,8 +432,8 @@ def fill_measured(filled: Filled, folder: Path, faults: list[Fault]) -> None:
             filled.notes += [note for values, _ in read for note in values.pop("notes", ())]
             samples = [values for values, _ in read]
             for values, name in read:
-                if values.pop("study", {}).get("parts"):
-                    text = f"{name} is a gauge study (K2202 is 2 or 3): its parts are measured again and again: gauge"
+                if values.pop("study", None):
+                    text = f"{name} is a gauge study (K2202), in which parts are measured again and again: gauge"
                     faults.append(Fault(place, f"{text} = {{ file = ... }} reads it"))
             if "made_to" in measured:  # limits of the drawing may have changed since
                 dropped = ("made_to", "mid", "lower", "upper")

@@ -18,7 +18,7 @@ import pandas as pd
 from ..errors import Fault, nearest
 from ..units import converted, dimension, fits, split_unit
 from .record import Table
-from .signs import PLAIN, Exact, is_date, is_missing, is_summary, notation, seconds
+from .signs import PLAIN, Exact, bare, is_date, is_missing, is_summary, notation, seconds
 
 _SPELLINGS = {
     "rpm": "U/min",
@@ -39,6 +39,8 @@ _SPELLINGS = {
 ALIASES = {spelling: unit for unit, spellings in _SPELLINGS.items() for spelling in spellings.split()}
 UNKNOWN = frozenset(["grad", "GRAD", "min.", "分", "B", "d", "a", "l", "r", "h."])
 """Words that are ambiguous: no unit is read from them."""
+UNIT_WORDS = "unit units einheit einheiten 单位 単位"
+"""What a column or row of units is called."""
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*[\[(（［【〔](?P<unit>[^\[\]()（）［］【】]+)[\])）］】〕]\s*")
 _SLASH = re.compile(r"(?P<name>.*\S)\s+(?:/|in)\s*(?P<unit>\S+)")
 
@@ -174,8 +176,8 @@ def _is_preamble(row: list[str], count: int) -> bool:
 
 
 def is_unit_row(row: list[str], numeric: list[int]) -> bool:
-    """Whether a row holds units: every cell is a unit, or empty."""
-    cells = [cell for cell in row if cell]
+    """Whether a row holds units: every cell is a unit, or empty; the first can say so."""
+    cells = [cell for cell in row[bare(row[0]) in UNIT_WORDS.split() :] if cell]
     stated = [cell for column, cell in enumerate(row) if cell and column in numeric]
     return (
         bool(stated)

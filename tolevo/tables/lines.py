@@ -388,8 +388,9 @@ def rows_of_fixed_width(text: str) -> list[Row] | None:
     signs = any(sign in line for _, line in sample for sign in ";\t|")
     if len(sample) < 3 or signs or not any("  " in line for _, line in sample):
         return None
-    lengths = Counter(len(line.split()) for _, line in sample[len(sample) // 2 :])
-    data = [at for at, (_, line) in enumerate(sample) if _is_data(line, lengths.most_common(1)[0][0])]
+    filled = [at for at, (_, line) in enumerate(sample) if _is_data(line)]
+    lengths = Counter(len(sample[at][1].split()) for at in filled if 2 * at >= len(sample))
+    data = [at for at in filled if len(sample[at][1].split()) == max(lengths, key=lengths.get, default=0)]
     if len(data) < 2 or data[0] == 0 or not any("  " in sample[at][1] for at in [data[0] - 1, *data]):
         return None
     fields = _occupied([sample[at][1] for at in data])
@@ -429,10 +430,10 @@ def _cells_between(lines: list[str], spans: list[Span]) -> Iterable[Sequence[str
     return rows
 
 
-def _is_data(line: str, count: int) -> bool:
-    """Whether a line has the usual number of words, half of which are numbers or dates."""
+def _is_data(line: str) -> bool:
+    """Whether a line has several words, half of which are numbers or dates."""
     words = line.split()
-    return len(words) == count > 1 and 2 * sum(notation(w) is not None or is_date(w) for w in words) >= count
+    return len(words) > 1 and 2 * sum(notation(w) is not None or is_date(w) for w in words) >= len(words)
 
 
 def _occupied(lines: list[str]) -> list[Span]:

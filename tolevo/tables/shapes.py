@@ -7,6 +7,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -15,14 +16,14 @@ from numpy.typing import NDArray
 
 from ..errors import Fault, raise_all
 from ..units import converted, fits
-from .header import SAMPLE, Row, is_same_unit, known_unit, split_header
+from .header import SAMPLE, UNIT_WORDS, Row, is_same_unit, known_unit, split_header
 from .record import LONG, WIDE, Columns, Specification, Table, objects_of
-from .signs import LIMITS, bare, is_missing, is_summary, number_in
+from .signs import LIMITS, bare, is_date, is_missing, is_summary, number_in
 
 _WORDS = {
     "characteristic": "id feature featurename characteristic characteristicname dimension dim dimensionname merkmal "
     "merkmalname merkmalsname merkmalsbezeichnung bezeichnung name element elementname prüfmerkmal messgröße label "
-    "charid cote caractéristique quota caratteristica 特性 特征 特性名称 尺寸 项目 測定項目",
+    "messpunkt char charid cote caractéristique quota caratteristica 特性 特征 特性名称 尺寸 项目 項目 測定項目",
     "property": "property axis ax achse eigenschaft item",
     "value": "actual act ist istwert istmaß istmass measured meas messwert value wert measuredvalue actualvalue "
     "measurement mesure mesuré misura misurato 测量值 实测值 实际值 測定値 実測値",
@@ -31,7 +32,7 @@ _WORDS = {
     "part": "part partnb partno partnumber partid teil teilnr teilenr teilnummer teilenummer serial serialnumber "
     "serialno sn serialnr seriennr seriennummer werkstück werkstücknr piece sample stück stücknr bauteil probe "
     "pièce pezzo 零件 工件",
-    "unit": "unit units einheit einheiten",
+    "unit": UNIT_WORDS,
 }
 """What columns and rows of measuring machines are called, by what they are, without blanks and points."""
 _GROUP_WORDS = {
@@ -100,7 +101,7 @@ def transposed_rows(rows: Sequence[Row], shape: str | None, place: str) -> list[
 
 def _heads_parts(row: list[str]) -> bool:
     """Whether a line is one of names whose columns are parts."""
-    if role_of(row[0]) != "characteristic":
+    if role_of(row[0]) not in ("characteristic", "property"):
         return False
     parts = [cell for cell in row[1:] if cell and not role_of(cell) and not is_summary(cell)]
     numbered = [match for cell in parts if (match := _NUMBERED.fullmatch(cell))]
@@ -128,7 +129,17 @@ def long_columns(table: Table) -> _Long | None:
             roles.setdefault(role, name)
     if "characteristic" not in roles and "property" in roles:
         roles["characteristic"] = roles.pop("property")
+    first = table.columns.names[0]
+    if "characteristic" not in roles and {"value", "nominal"} <= set(roles) and _can_name(table, first):
+        roles["characteristic"] = first
     return roles if {"characteristic", "value"} <= set(roles) else None
+
+
+def _can_name(table: Table, column: str) -> bool:
+    """Whether a column can hold names of characteristics: texts that are no dates, parts or lots."""
+    if column in table.numeric or role_of(column) or group_of(column):
+        return False
+    return not any(is_missing(text) or is_date(text) for text in table.columns.factorised(column)[1])
 
 
 def is_long(table: Table, long: _Long) -> bool:
@@ -137,11 +148,12 @@ def is_long(table: Table, long: _Long) -> bool:
     """
     if long["value"] not in table.numeric or long["characteristic"] in table.values:
         return False
-    if "upper" in long or "usl" in long:
+    if {"upper", "usl"} & set(long) or {"nominal", "deviation"} <= set(long):
         return True
-    if {"nominal", "deviation"} <= set(long):
-        return True
-    return "nominal" in long and len(table.columns.factorised(long["characteristic"])[1]) < len(table.columns)
+    if "nominal" not in long:
+        return False
+    names, sizes = (len(table.columns.factorised(long[role])[1]) for role in ("characteristic", "nominal"))
+    return names < len(table.columns) or sizes > 1
 
 
 def wide_of_long(table: Table, place: str, shape: str | None) -> tuple[Table, list[Fault]]:
@@ -164,7 +176,9 @@ def wide_of_long(table: Table, place: str, shape: str | None) -> tuple[Table, li
         names = codes, [f"{names[1][names[0][at]]} {of_property[1][of_property[0][at]]}" for at in first]
     of_features = names
     if "block" in columns.cells and "part" not in long and "nominal" in long:
-        of_features = _of_blocks(names, columns.factorised("block"), columns.numbers(long["nominal"], table.values))
+        axes = role_of(long["characteristic"]) == "property"
+        sizes = columns.numbers(long["nominal"], table.values)
+        of_features = _of_blocks(names, columns.factorised("block"), sizes, axes)
     by_block, names = names is of_features, of_features
     part = columns.factorised(long["part"]) if "part" in long else (np.zeros(len(columns), dtype=np.int64), [""])
     counts = np.bincount(names[0])
@@ -201,7 +215,8 @@ def wide_of_long(table: Table, place: str, shape: str | None) -> tuple[Table, li
     wide |= {label: row if held is numbers else row.tolist() for label, row in zip(names[1], held, strict=True)}
     units, of_units = _units_of(table, long, names, place)
     specifications, of_limits = _specifications(table, long, names, units, place)
-    notes = [*table.notes, "read as: a row per characteristic"]
+    how = "" if role_of(long["characteristic"]) else f", which column {long['characteristic']} names"
+    notes = [*table.notes, f"read as: a row per characteristic{how}"]
     notes += [f"not used: {', '.join(unused)}"] if unused else []
     if "part" not in long and len(part[1]) == 1:
         notes.append("no column names the parts: the k-th value of each characteristic is of the k-th part")
@@ -218,14 +233,15 @@ def wide_of_long(table: Table, place: str, shape: str | None) -> tuple[Table, li
     return turned, faults + of_units + of_limits
 
 
-def _of_blocks(names: _Names, block: _Names, nominal: NDArray[np.float64]) -> _Names:
-    """The characteristics with the titles of their blocks, where these are of features: where one name
-    has other nominal sizes in other blocks.
+def _of_blocks(names: _Names, block: _Names, nominal: NDArray[np.float64], axes: bool) -> _Names:
+    """The characteristics with the titles of their blocks, where these are of features: where one name has
+    other nominal sizes in other blocks, or where the names are axes and no title is that of a part, a lot.
     """
     codes, first = _numbered(names[0] * len(block[1]) + block[0])
     sizes = pd.Series(nominal)
     one, one_each = ((sizes.groupby(keys).transform("first") == sizes).all() for keys in (names[0], codes))
-    if one or not one_each:
+    stems = [match["stem"] if (match := _NUMBERED.fullmatch(title)) else title for title in block[1]]
+    if not one_each or (one and not (axes and all(stem and not group_of(stem) for stem in stems))):
         return names
     return codes, [f"{block[1][block[0][at]]} {names[1][names[0][at]]}" for at in first]
 
@@ -362,7 +378,7 @@ def _of_stated(
         doubt = magnitudes = False  # without their signs, the lower limits of some would be above the upper ones
     if not (magnitudes or below or plus) and any(lower > 0.0 for lower, _ in lowers):
         # As signs, the limits of one would be the wrong way round.
-        magnitudes = any(0.0 < lower >= upper for lower, upper in lowers)
+        magnitudes = any(lower >= upper >= 0.0 < lower for lower, upper in lowers)
         doubt = not magnitudes
     specifications = {}
     faults = [Fault(f"{place}: {kind} {heading}", _UNSIGNED)] if doubt else []
@@ -385,8 +401,11 @@ def unclear_rows(table: Table, place: str) -> list[Fault]:
     name, cells = next(iter(table.columns.cells.items()))
     if name in table.values or role_of(name) in ("characteristic", "property"):
         return []
-    numbered, ends = role_of(name) == "part" and name in table.numeric, max(len(cells) - SAMPLE, SAMPLE)
-    shown = ((at, str(cells[at])) for at in (*range(min(SAMPLE, len(cells))), *range(ends, len(cells))))
+    ends = max(len(cells) - SAMPLE, SAMPLE)
+    shown = [(at, str(cells[at])) for at in (*range(min(SAMPLE, len(cells))), *range(ends, len(cells)))]
+    counts = [int(text) for _, text in shown if text.isdecimal()]
+    rising = len(counts) > 2 and all(after > before for before, after in pairwise(counts))
+    numbered = name in table.numeric and (role_of(name) == "part" or rising)
     texts = [(at, text) for at, text in shown if not is_missing(text) and np.isnan(number_in(text))]
     unclear = [(at, text) for at, text in texts if numbered or _LIMIT_LIKE.search(text)]
     what = "names no part, as most rows do: if it holds limits, call it USL or LSL, upper or lower tol, else remove it"
@@ -419,6 +438,9 @@ def specification(
             faults.append(Fault(place, f"{text} is {by_deviation:.10g}"))
         end = by_deviation if np.isnan(limit) else limit
         ends.append(None if np.isnan(end) else float(end))
+    if 2.0 * max(abs(usl), 0.0 if np.isnan(lsl) else abs(lsl)) < abs(nominal):
+        text = f"its upper limit {usl:.10g} is no size near {nominal:.10g}: name it a tolerance where it is a deviation"
+        faults.append(Fault(place, text))
     if ends[0] is not None and ends[1] is not None and ends[0] > ends[1]:
         faults.append(Fault(place, f"the lower limit {ends[0]:g} is above the upper limit {ends[1]:g}"))
     return Specification(None if np.isnan(nominal) else float(nominal), ends[0], ends[1]), faults

@@ -52,12 +52,16 @@ def _ends(before: str, others: str) -> str:
 
 LIMITS = {
     "nominal": "nominal nom nominalvalue nominalsize basic theoretical soll sollwert sollmaß sollmass nennmaß nennmass "
-    "nennwert target theo nominale 名义值 标准值 理论值 設計値 基準値",
-    "upper": _sided("upper up plus + ober obere oberes ob", "+ plus sup upper up oben", "ot otol maxtol tolmax 上公差"),
+    "nennwert target theo nominale design designvalue 名义值 标准值 理论值 设计值 標準値 設計値 基準値",
+    "upper": _sided(
+        "upper up plus + ober obere oberes ob",
+        "+ plus sup upper up oben",
+        "ot otol maxtol tolmax 上公差 公差上限 上限公差",
+    ),
     "lower": _sided(
         "lower low lo minus - unter untere unteres unt un",
         "- minus inf lower low unten",
-        "ut utol ltol mintol tolmin 下公差",
+        "ut utol ltol mintol tolmin 下公差 公差下限 下限公差",
     ),
     "usl": _ends("upper ober obere oberer oberes ob", "usl og ogw otg höchstmaß größtmaß 上限 规格上限"),
     "lsl": _ends("lower unter untere unterer unteres unt", "lsl ug ugw utg mindestmaß kleinstmaß 下限 规格下限"),
@@ -65,8 +69,8 @@ LIMITS = {
 """What nominal sizes, tolerances and limits are called, without blanks and points."""
 SUMMARY = frozenset(
     "mittelwert mittel mw summe min max min. max. minimum maximum mean average avg std stdev "
-    "stabw stabw. sigma range spannweite total sum count anzahl median cp cpk xq x-quer xquer "
-    "toleranz tolerance ende end eof moyenne écart-type 平均 平均值 平均値 合计 合計 最大 最小 "
+    "stabw stabw. sigma range spannweite total sum count anzahl median cp cpk xq xquer "
+    "toleranz tolerance ende end eof moyenne écarttype 平均 平均值 平均値 合计 合計 最大 最小 "
     "最大值 最小值 标准差 公差 上限 下限 pp ppk cpu cpl cg cgk variance varianz s(n-1) 6s 6sigma n stddev "
     "standardabweichung standarddeviation sd meanvalue mittelwerte maximalwert minimalwert statistics "
     "statistik endofreport endofdata s r sn-1".split()
@@ -79,8 +83,8 @@ PLAIN = re.compile(r"[+-]?\d+(?:[.,]\d*)?").fullmatch
 
 
 def bare(name: str) -> str:
-    """A name in lower case, without blanks, points and brackets."""
-    return re.sub(r"[\s._:/()\[\]]", "", name).casefold()
+    """A name in lower case, without blanks, points, brackets, and hyphens within it."""
+    return re.sub(r"[\s._:/()\[\]]|(?<=[^\W\d])-(?=[^\W\d])", "", name).casefold()
 
 
 def is_missing(cell: str) -> bool:

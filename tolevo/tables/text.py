@@ -34,6 +34,8 @@ EAST_ASIAN = {
     "cp949": "euc_kr",
 }
 """Encodings of two bytes a character, by the detector's names for them."""
+FEWEST_SIGNS = 4
+"""Different signs from which the detector tells encodings of two bytes from each other."""
 CHOICES = (WESTERN, CENTRAL, "cp850", "cp1251", "cp1253", "cp1254", "mac-roman", *EAST_ASIAN)
 """Encodings that the detector chooses from: among all that it knows, short names of columns look
 like any of twenty.
@@ -42,7 +44,9 @@ GUESSES = ("cp1252", "cp1250", "cp850", "gbk", "big5", "cp932", "euc_kr", "mac_r
 """Encodings whose decoded text is shown where one must be stated."""
 _LATIN_1 = bytes([*range(0x80), *range(0xA0, 0x100)])
 _CONTROLS = bytes([*range(9), 0x0B, 0x0C, *range(0x0E, 0x20), 0x7F])
-_SIGN_IN_WORD = re.compile(r"[\xa0-\xff](?<!\w)[a-z\xdf-\xff](?<=\w)|(?<=[a-z])[\xa1-\xaf\xb1-\xb6\xb8-\xbf](?<!\w)")
+_SIGN_IN_WORD = re.compile(
+    r"[\xa0-\xff](?<!\w)(?:[a-z\xdf-\xff](?<=\w)|[\xa1-\xff](?<!\w))|(?<=[a-z])[\xa1-\xaf\xb1-\xb6\xb8-\xbf](?<!\w)"
+)
 _LETTER_IN_WORD = re.compile(rb"[A-Za-z][\xb5-\xff]{1,2}[a-z]|(?<![\x80-\xff])[\xb5-\xff](?:[\x80-\xff]{2})*(?=[a-z])")
 """One or two letters with accents between others, or an odd number before one, as in "Länge" and "µm": a word of two
 bytes a character has an even number of bytes, and no other letters around it.
@@ -115,7 +119,8 @@ def _decode_legacy(content: bytes, place: str) -> str:
     words = western and not _SIGN_IN_WORD.search(latin) and bool(_LETTER_IN_WORD.search(lines))
     choices = [name for name in CHOICES if not (western and name == "mac-roman") and not (words and name in EAST_ASIAN)]
     name = str(chardet.detect(sample, include_encodings=choices)["encoding"] or "").lower()
-    if name in EAST_ASIAN and _decodes(lines, EAST_ASIAN[name]) is not None:
+    signs = {sign for sign in _decodes(lines, EAST_ASIAN.get(name, "ascii")) or "" if not sign.isascii()}
+    if len(signs) >= FEWEST_SIGNS:
         return EAST_ASIAN[name]
     if (
         western
