@@ -238,6 +238,12 @@ def _most_of(problem: ToleranceProblem, values: Mapping[str, Array], name: str, 
     return np.asarray(np.minimum(own + LOOSER * np.abs(own), limit))
 
 
+def apart(form: Form) -> list[Form]:
+    """The form in each choice of ways by itself, where these are few: weighted costs leave gaps between choices."""
+    few = 1 < form.combinations <= APART and not form.also
+    return [form.made_in(choice) for choice in form.choices()] if few else [form]
+
+
 def _bounds_within_costs(
     problem: ToleranceProblem, priced: Form, limits: Array, names: tuple[str, ...], most: Array
 ) -> Array | None:
@@ -253,11 +259,9 @@ def _bounds_within_costs(
     few = SOLVED_QUANTILES if plain.quantiles else SOLVED_WITHIN
     solved = np.unique(order[np.linspace(0, len(order) - 1, few).astype(int)])
     place, step = np.argsort(order), max(1, len(order) // few)
-    apart = 1 < plain.combinations <= APART and not plain.also
     bounds = []
-    for choice in plain.choices() if apart else (None,):
-        weighted = _Weighted(problem, plain if choice is None else plain.made_in(choice), names)
-        bound = _least_bound(priced if choice is None else priced.made_in(choice), limits)
+    for form, alone in zip(apart(plain), apart(priced), strict=True):
+        weighted, bound = _Weighted(problem, form, names), _least_bound(alone, limits)
         best = bound.copy()
         for at in solved:
             near = np.flatnonzero((np.abs(place - place[at]) <= step) & np.isfinite(best))

@@ -90,13 +90,14 @@ TRIALS = [
         X.tolist(),
         pd.DataFrame(X, columns=["x1", "x2", "x3"]),
         SimpleNamespace(X=X, F=VALUES),
+        SimpleNamespace(X=X, F=VALUES, front=lambda: VALUES),
         SimpleNamespace(get_x=lambda: X, get_f=lambda: VALUES),
         SimpleNamespace(best_trials=TRIALS),
         ROWS,
         SimpleNamespace(result=ROWS),
         SimpleNamespace(result=lambda: ROWS),
     ],
-    ids=["array", "list", "frame", "pymoo", "pygmo", "optuna", "solutions", "platypus", "jmetalpy"],
+    ids=["array", "list", "frame", "pymoo", "VAMOS", "pygmo", "optuna", "solutions", "platypus", "jmetalpy"],
 )
 def test_results_by_what_they_have(result: Any) -> None:
     found = tolevo.certify(Costs(), result, **FEW, forms=False)

@@ -72,7 +72,8 @@ def designs_of_result(problem: ToleranceProblem, result: Any) -> tuple[Array, Ar
     Platypus or jMetalPy, a frame, or an array. Raises InputError where it holds no designs of the problem.
     """
     names = [variable.name for variable in problem.free]
-    x, values = getattr(result, "front", result), None  # a run of this suite has a front
+    front = getattr(result, "front", None)  # of a run of this suite; that of VAMOS holds objectives
+    x, values = front if isinstance(front, pd.DataFrame) else result, None
     if hasattr(x, "best_trials"):  # a study of Optuna
         x, values = [trial.params for trial in result.best_trials], [trial.values for trial in result.best_trials]
     elif hasattr(x, "get_x") and hasattr(x, "get_f"):  # a population of pygmo
