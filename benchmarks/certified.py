@@ -8,7 +8,6 @@ the rest is `python -m benchmarks.certified`.
 from __future__ import annotations
 
 import importlib.util
-import random
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -160,16 +159,18 @@ def of_optuna(case: Case, seed: int) -> Any:
     return study
 
 
-def of_platypus(case: Case, seed: int) -> Any:
-    from platypus import NSGAII, Problem, Real
+def of_vamos(case: Case, seed: int) -> Any:
+    vamos: Any = importlib.import_module("vamos")
+    count, objectives = len(case.low), len(case.penalised(case.low))
 
-    random.seed(seed)
-    problem = Problem(len(case.low), len(case.penalised(case.low)))
-    problem.types[:] = [Real(low, high) for low, high in zip(case.low.tolist(), case.high.tolist(), strict=True)]
-    problem.function = lambda x: case.penalised(x).tolist()
-    method = NSGAII(problem, population_size=40)
-    method.run(EVALUATIONS)
-    return method
+    class Own:
+        n_var, n_obj, n_constr, n_constraints = count, objectives, 0, 0
+        xl, xu, encoding = case.low, case.high, "real"
+
+        def evaluate(self, x: Array, out: Any) -> None:
+            out["F"] = np.array([case.penalised(row) for row in x])
+
+    return vamos.optimize(Own(), algorithm="nsgaii", max_evaluations=EVALUATIONS, pop_size=40, seed=seed)
 
 
 def of_array(case: Case, seed: int) -> Any:
@@ -184,7 +185,7 @@ PACKAGES: dict[str, Callable[[Case, int], Any]] = {
     "pymoo": of_pymoo,
     "pygmo": of_pygmo,
     "optuna": of_optuna,
-    "platypus": of_platypus,
+    "vamos": of_vamos,
     "array": of_array,
 }
 

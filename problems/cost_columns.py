@@ -161,20 +161,18 @@ def column_tables(problem: ToleranceProblem) -> dict[str, Any]:
     tables = []
     for column in problem.settings.cost_columns:
         table: dict[str, Any] = {"name": column.name} | ({"unit": column.unit} if column.unit else {})
-        if column.weights:
-            table["weights"] = dict(column.weights)
-        else:
-            table["curves"] = {
-                name: _tables_of(curves, labels_of(problem.declaration, name)) for name, curves in column.curves.items()
-            }
-        tables.append(table)
+        curves = {name: [curve_table(curve) for curve in ways] for name, ways in column.curves.items()}
+        stated = {"weights": dict(column.weights)} if column.weights else {"curves": _by_process(problem, curves)}
+        tables.append(table | stated)
     return {COST: tables} if tables else {}
 
 
-def _tables_of(curves: Curves, labels: Sequence[str]) -> dict[str, Any]:
-    if len(curves) == 1:
-        return curve_table(curves[0])
-    return {label: curve_table(curve) for label, curve in zip(labels, curves, strict=True)}
+def _by_process(problem: ToleranceProblem, values: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
+    """What is stated of each variable, in a table by process where it has several values."""
+    labels = {name: labels_of(problem.declaration, name) for name in values}
+    return {
+        name: ways[0] if len(ways) == 1 else dict(zip(labels[name], ways, strict=True)) for name, ways in values.items()
+    }
 
 
 def with_columns(declaration: Declaration, columns: Sequence[CostColumn]) -> Declaration:
@@ -214,11 +212,8 @@ def robust_table(problem: ToleranceProblem) -> dict[str, Any]:
     robust = problem.settings.robust
     if robust is None:
         return {}
-    factors = {
-        name: values[0] if len(values) == 1 else dict(zip(labels_of(problem.declaration, name), values, strict=True))
-        for name, values in robust.factors.items()
-    }
-    return {"robust": ({} if robust.factor is None else {"factor": robust.factor}) | {"factors": factors}}
+    factor = {} if robust.factor is None else {"factor": robust.factor}
+    return {"robust": factor | {"factors": _by_process(problem, robust.factors)}}
 
 
 def factor_faults(problem: ToleranceProblem) -> list[Fault]:
@@ -249,7 +244,9 @@ def _ways_of(problem: ToleranceProblem, designs: Array, variable: str, ways: int
     return np.rint(problem.column(designs, choice)).astype(np.int64)
 
 
-def _by_variable(problem: ToleranceProblem, column: CostColumn, designs: Array, slope: bool) -> dict[str, Array]:
+def _by_variable(
+    problem: ToleranceProblem, column: CostColumn, designs: Array, slope: bool = False
+) -> dict[str, Array]:
     """What each variable adds to a column of curves (n,), or the derivative by it."""
     values = {}
     for name, curves in column.curves.items():
@@ -262,16 +259,14 @@ def _by_variable(problem: ToleranceProblem, column: CostColumn, designs: Array, 
 
 def costs_by_variable(problem: ToleranceProblem, designs: Array) -> dict[str, dict[str, Array]]:
     """By column, what each variable adds to it (n,)."""
-    return {c.name: _by_variable(problem, c, designs, False) for c in problem.settings.cost_columns if c.curves}
+    return {c.name: _by_variable(problem, c, designs) for c in problem.settings.cost_columns if c.curves}
 
 
 def column_values(problem: ToleranceProblem, designs: Array, cost: Array) -> dict[str, Array]:
     """The columns (n,) at full designs whose first cost is `cost` (n,)."""
-    nothing = np.zeros(len(designs))
-    values = {COST: cost} | {
-        name: np.asarray(sum(parts.values(), nothing)) for name, parts in costs_by_variable(problem, designs).items()
-    }
-    return _with_sums(problem.settings.cost_columns, values)
+    parts, nothing = costs_by_variable(problem, designs), np.zeros(len(designs))
+    values = {name: np.asarray(sum(each.values(), nothing)) for name, each in parts.items()}
+    return _with_sums(problem.settings.cost_columns, {COST: cost} | values)
 
 
 def column_slopes(problem: ToleranceProblem, designs: Array, cost: Array) -> dict[str, Array]:
@@ -280,7 +275,7 @@ def column_slopes(problem: ToleranceProblem, designs: Array, cost: Array) -> dic
     for column in problem.settings.cost_columns:
         if column.curves:
             slopes[column.name] = np.zeros_like(designs)
-            for name, slope in _by_variable(problem, column, designs, True).items():
+            for name, slope in _by_variable(problem, column, designs, slope=True).items():
                 slopes[column.name][:, problem.names.index(name)] = slope
     return _with_sums(problem.settings.cost_columns, slopes)
 
@@ -387,7 +382,7 @@ def _with_curves(
         rest = {name: curves for name, curves in by_name.items() if name not in searched}
         if not all(name in problem.fixed for name in rest):
             return None
-        values = _by_variable(problem, CostColumn("", curves=rest), design, False)
+        values = _by_variable(problem, CostColumn("", curves=rest), design)
         base += weight * float(sum(value[0] for value in values.values()))
     also = [_with_curves(problem, other, curve_of, of_cost, terms) for other in form.also]
     whole = tuple(other for other in also if other is not None)

@@ -351,7 +351,7 @@ class Tools:
         """Every output and limit margin of a problem at given designs."""
         read = api.read(self._tables(configuration, file))
         found = api.evaluate(read, pd.DataFrame(designs))
-        return {"designs": found, **_stated(read, found)}
+        return {"designs": found, "words": list(found.attrs[api.NOTES]), **_stated(read, found)}
 
     @answering
     def gap(self, data: str, configuration: Toml = "", file: File = "", out: Out = "") -> dict[str, Any]:

@@ -133,6 +133,13 @@ def askable(name: str, algorithm: AlgorithmSettings | None) -> list[Fault]:
     return [Fault("algorithm.name", text)]
 
 
+def needed_outputs(problem: ToleranceProblem) -> list[str]:
+    """The outputs that `tell` takes: objectives and limited outputs; a limited variable is known."""
+    limited = [limit.name for limit in problem.limits if limit.count]
+    names = dict.fromkeys((*problem.objectives, *limited))
+    return [name for name in names if name not in problem.names]
+
+
 @dataclass(frozen=True, eq=False)
 class Asked:
     """The results of a search so far.
@@ -211,7 +218,7 @@ class Search:
         raise_all(self._faults(outputs, len(self._new)))
         assert self._open is not None
         designs = self.problem.complete(self._new)
-        values = {name: np.asarray(outputs[name], dtype=float) for name in self.needed()}
+        values = {name: np.asarray(outputs[name], dtype=float) for name in needed_outputs(self.problem)}
         f, g = self.problem.objective_values(values), self.problem.violations(designs, values)
         f, g, failed = mark_failures_infeasible(f, g, self.problem.box)
         self._archive.add(self._new, f, np.where(failed, np.inf, violation_of(g)))
@@ -232,15 +239,9 @@ class Search:
         failed = designs_frame(self.problem, self.problem.complete(self._failed))
         return Asked(front.sort_values(self.problem.objectives[0], ignore_index=True), self._evaluations, failed)
 
-    def needed(self) -> list[str]:
-        """The outputs that `tell` takes: objectives and limited outputs; a limited variable is known."""
-        limited = [limit.name for limit in self.problem.limits if limit.count]
-        names = dict.fromkeys((*self.problem.objectives, *limited))
-        return [name for name in names if name not in self.problem.names]
-
     def _faults(self, outputs: Mapping[str, Any] | pd.DataFrame, count: int) -> list[Fault]:
         faults = []
-        for name in self.needed():
+        for name in needed_outputs(self.problem):
             if name not in outputs:
                 text = "is missing: state every objective and every output with a limit"
             elif np.shape(outputs[name]) != (count,):

@@ -205,7 +205,7 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
     statement, omitted = form.statement, form.relaxed
     if held := problem.held_costs:
         most = np.array([_most_of(problem, values, name, points) for name in held]).T
-        higher = _bounds_within_costs(problem, limits, held, most, bound)
+        higher = _bounds_within_costs(problem, form, limits, held, most)
         if higher is None:
             omitted, statement = (*omitted, *held), f"{statement}; {', '.join(held)} left out"
         else:
@@ -225,6 +225,8 @@ WEIGHTINGS = 40
 """Weights that are tried for a point at most."""
 WEIGHTED_GAP = 1e-8
 """Relative gap between a bound and what better weights could add, at which a search ends."""
+APART = 16
+"""Choices of ways that are bounded apart at most."""
 LARGEST_WEIGHT, LARGER = 4.0, 30.0
 """Weights at most at first, in units of the ratio of the ranges of both costs, and how much larger they may be next."""
 
@@ -236,30 +238,37 @@ def _most_of(problem: ToleranceProblem, values: Mapping[str, Array], name: str, 
     return np.asarray(np.minimum(own + LOOSER * np.abs(own), limit))
 
 
+def apart(form: Form) -> list[Form]:
+    """The form in each choice of ways by itself, where these are few: weighted costs leave gaps between choices."""
+    few = 1 < form.combinations <= APART and not form.also
+    return [form.made_in(choice) for choice in form.choices()] if few else [form]
+
+
 def _bounds_within_costs(
-    problem: ToleranceProblem, limits: Array, names: tuple[str, ...], most: Array, bound: Array
+    problem: ToleranceProblem, priced: Form, limits: Array, names: tuple[str, ...], most: Array
 ) -> Array | None:
     """Bounds (n,) at limits (n, r) and at most `most` (n, k) of some costs; None where these have no form.
 
-    `bound` (n,) are those without the costs.
+    Few choices of ways are bounded apart, where nothing but their convexity is needed for the best weights to leave
+    no gap; the least of their bounds is that of all. `priced` is the form of the cost without the others.
     """
     plain = problem.form()
-    if plain is None:
-        return None
-    weighted = _Weighted(problem, plain, names)
-    if not weighted.known:
+    if plain is None or not _Weighted(problem, plain, names).known:
         return None
     order = np.lexsort([*most.T, *np.where(np.isfinite(limits), limits, 0.0).T])
     few = SOLVED_QUANTILES if plain.quantiles else SOLVED_WITHIN
     solved = np.unique(order[np.linspace(0, len(order) - 1, few).astype(int)])
-    tried = [(at, weights) for at in solved for weights in weighted.best_weights(limits[at], most[at], bound[at])]
-    best = bound.copy()
-    place = np.argsort(order)
-    for at, weights in tried:
-        step = max(1, len(order) // few)
-        near = np.flatnonzero((np.abs(place - place[at]) <= step) & np.isfinite(best))
-        best[near] = np.maximum(best[near], weighted.bounds(weights, limits[near], most[near]))
-    return best
+    place, step = np.argsort(order), max(1, len(order) // few)
+    bounds = []
+    for form, alone in zip(apart(plain), apart(priced), strict=True):
+        weighted, bound = _Weighted(problem, form, names), _least_bound(alone, limits)
+        best = bound.copy()
+        for at in solved:
+            near = np.flatnonzero((np.abs(place - place[at]) <= step) & np.isfinite(best))
+            for weights in weighted.best_weights(limits[at], most[at], bound[at]):
+                best[near] = np.maximum(best[near], weighted.bounds(weights, limits[near], most[near]))
+        bounds.append(best)
+    return np.asarray(np.min(bounds, axis=0))
 
 
 class _Weighted:

@@ -513,6 +513,29 @@ def finish_front(run: Run, polish: bool) -> None:
         run.evaluations += aside.evaluations
 
 
+def choose_among_integer_sets(run: Run, points: int) -> None:
+    """Make points along the front of the archive the result, each the best of all sets of integers at its own values.
+
+    At most `SOLVED` points: where several objectives besides the first are held, each of them is solved in every set.
+    """
+    unit, sets = scale_of(run.problem), integer_sets(run.problem)
+    aside = Run(run.problem, Budget(evaluations=run.evaluations_left), seed=0)
+    x = _select_along_front(run, min(points, SOLVED))
+    for done, (vector, own) in enumerate(zip(x, run.problem.searched(x)[0], strict=True)):
+        run.phase("points in every set of integers", done / len(x))
+        limit, least, best = np.concatenate([[np.inf], own[1:]]), own[0], vector
+        for integers in sets:
+            branch = Branch(aside, integers, unit)
+            try:
+                values = branch.minimise(0, branch.smooth.scaled(vector[None, :])[0], limit)
+            except BudgetSpent:
+                break
+            if values is not None and values[0] < least and np.all(values <= limit + NEARLY * unit):
+                least, best = values[0], branch.smooth.vectors(branch.y[0][None, :])[0]
+        run.choose(best[None, :])
+    run.evaluations += aside.evaluations
+
+
 def replace_violating_points(run: Run) -> None:
     """Replace points of the result that break a limit as reported, though they keep it in the search.
 

@@ -131,36 +131,28 @@ class _Game:
     def worst(self, allocation: Allocation) -> tuple[float, Scenario]:
         """A proven upper bound of the worst regret of an allocation, and the scenario of it."""
         ways, t = allocation
-        features, origins, given = [], [], 0.0
+        features, given = [], 0.0
+        factors: list[list[Scenario]] = []
         for at, (feature, chosen) in enumerate(zip(self.form.features, ways, strict=True)):
             own = float(feature.ways[chosen].curve.cost(t[at : at + 1])[0])
-            high = self.factor(at, chosen)
+            high, key = self.factor(at, chosen), (at, self.curve(at, chosen))
             given += feature.count * high * own
-            split: list[tuple[Way, int]] = []
+            split: list[tuple[Way, Scenario]] = []
             for number, way in enumerate(feature.ways):
-                if self.curve(at, number) == self.curve(at, chosen):
-                    split += [(part, number) for part in _cheaper_and_dearer(way, own, high)]
+                if self.curve(at, number) == key[1]:
+                    split += [(part, {key: factor}) for part, factor in _cheaper_and_dearer(way, own, high)]
                 else:
-                    split.append((replace(way, curve=times(way.curve, 1.0 / self.factor(at, number))), number))
+                    low = 1.0 / self.factor(at, number)
+                    split.append(
+                        (replace(way, curve=times(way.curve, low)), {key: high, (at, self.curve(at, number)): low})
+                    )
             features.append(replace(feature, ways=tuple(way for way, _ in split)))
-            origins.append([number for _, number in split])
-        form = replace(self.form, features=tuple(features), base=0.0)
-        bound, other = self.answer(form, exact=False)
+            factors.append([scenario for _, scenario in split])
+        bound, other = self.answer(replace(self.form, features=tuple(features), base=0.0), exact=False)
         scenario: Scenario = {}
         for at, chosen in enumerate(ways):
-            high = self.factor(at, chosen)
-            scenario[at, self.curve(at, chosen)] = high
-            if other is None:
-                continue
-            number = origins[at][other[0][at]]
-            if self.curve(at, number) != self.curve(at, chosen):
-                scenario[at, self.curve(at, number)] = 1.0 / self.factor(at, number)
-                continue
-            own, theirs = (
-                float(self.form.features[at].ways[way].curve.cost(np.array([value]))[0])
-                for way, value in ((chosen, t[at]), (number, other[1][at]))
-            )
-            scenario[at, self.curve(at, chosen)] = high if theirs <= own else 1.0 / high
+            alone = {(at, self.curve(at, chosen)): self.factor(at, chosen)}
+            scenario |= alone if other is None else factors[at][other[0][at]]
         return max(given - bound, 0.0) if np.isfinite(bound) else 0.0, scenario
 
     # ------------------------------------------------ the game
@@ -270,8 +262,9 @@ def _with_curves(form: Form, curve: Callable[[int, int, Way], CostCurve]) -> For
     return replace(form, features=tuple(changed(at, feature) for at, feature in enumerate(form.features)))
 
 
-def _cheaper_and_dearer(way: Way, own: float, factor: float) -> list[Way]:
-    """A way of the curve that an allocation has at a cost `own`, cut where it costs as much.
+def _cheaper_and_dearer(way: Way, own: float, factor: float) -> list[tuple[Way, float]]:
+    """A way of the curve that an allocation has at a cost `own`, cut where it costs as much, each with the factor of
+    the curve that is worst there.
 
     What the other allocation saves is worth `factor` times as much where it is cheaper, and 1/`factor`
     times as much is lost where it is dearer; both are relative to `factor` times `own`.
@@ -280,13 +273,9 @@ def _cheaper_and_dearer(way: Way, own: float, factor: float) -> list[Way]:
     dearer = add_constant_cost(times(way.curve, 1.0 / factor), (factor - 1.0 / factor) * own)
     ends = way.curve.cost(np.array([way.low, way.high]))
     if ends[0] <= own:
-        return [replace(way, curve=cheaper)]
+        return [(replace(way, curve=cheaper), factor)]
     if ends[1] >= own:
-        return [replace(way, curve=dearer)]
-
-    def excess(x: Array) -> Array:
-        return own - way.curve.cost(np.exp(x))
-
-    at = float(np.exp(bracketed_roots(excess, (np.log(way.low), np.log(way.high))).x))
-    at = min(max(at, way.low), way.high)
-    return [replace(way, curve=dearer, high=at), replace(way, curve=cheaper, low=at)]
+        return [(replace(way, curve=dearer), 1.0 / factor)]
+    root = bracketed_roots(lambda x: own - way.curve.cost(np.exp(x)), (np.log(way.low), np.log(way.high))).x
+    at = min(max(float(np.exp(root)), way.low), way.high)
+    return [(replace(way, curve=dearer, high=at), 1.0 / factor), (replace(way, curve=cheaper, low=at), factor)]

@@ -13,7 +13,7 @@ from ...problems.limits import LIMIT_ROUNDING, loosened
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import POINTS, Array, Flags
 from ..settings import Budget, Solver
-from .bounds import LIMIT_WIDENING, convex_pieces, reason, restrict_form, row_limits, upper_limit
+from .bounds import LIMIT_WIDENING, apart, convex_pieces, reason, restrict_form, row_limits, upper_limit
 from .choices import (
     Watch,
     best_search_vectors,
@@ -62,7 +62,10 @@ class Exact(Solver):
 
     def solve(self, run: Run) -> None:
         from .corrected import corrected_vectors, is_corrected
-        from .epsilon import epsilon_front  # with the solvers, which reading a configuration does not need
+        from .epsilon import (
+            choose_among_integer_sets,
+            epsilon_front,
+        )  # with the solvers, which reading a configuration does not need
 
         form = closed_form(run.problem)
         if form is None and run.problem.objectives == (run.problem.priced,):
@@ -75,6 +78,8 @@ class Exact(Solver):
             if run.problem.held_costs:
                 _evaluate_weighted_fronts(run, self.points)
             epsilon_front(run, self.points)
+            if run.problem.held_costs and run.problem.n_obj > 2:
+                choose_among_integer_sets(run, self.points)
             return
         run.phase("closed form", 0.0)
         remaining = run.evaluations_left
@@ -125,11 +130,12 @@ def _evaluate_weighted_fronts(run: Run, points: int) -> None:
         weighted = problem.weighted_form(form, {problem.priced: 1.0, name: weight * unit})
         if weighted is None:
             return
-        pieces = convex_pieces(restrict_form(weighted, used))
-        optimum = front(pieces, few, loosened(upper[used], ROOMIER), swept[used])
-        x = best_search_vectors(problem, pieces, within(pieces, optimum, _strict_limits(pieces, upper[used])))
-        if len(x):
-            run.evaluate(x)
+        for alone_in in apart(weighted):
+            pieces = convex_pieces(restrict_form(alone_in, used))
+            optimum = front(pieces, few, loosened(upper[used], ROOMIER), swept[used])
+            x = best_search_vectors(problem, pieces, within(pieces, optimum, _strict_limits(pieces, upper[used])))
+            if len(x):
+                run.evaluate(x)
 
 
 def _report_optimum(run: Run, form: Form, optimum: Optimum, share: float) -> None:

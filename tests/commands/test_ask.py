@@ -106,6 +106,15 @@ def test_faults_write_nothing(folder: Path, change: Callable[[pd.DataFrame], pd.
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
+def test_results_in_other_units_are_faults(folder: Path) -> None:
+    before = read_own_csv(folder / "told.csv")
+    results = answers(read(folder, "designs.csv")).rename(columns={"variation": "variation [um]"})
+    results.to_csv(folder / "um.csv", index=False)
+    with pytest.raises(InputError, match=r'um\.csv: column variation .* stated in "um", but variation is in "mm"'):
+        tolevo.tell(folder, folder / "um.csv")
+    pd.testing.assert_frame_equal(read_own_csv(folder / "told.csv"), before)
+
+
 def test_other_searches_and_directories_are_refused(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="holds a search with another seed"):
         tolevo.ask(stack(seed=9), folder)

@@ -19,15 +19,14 @@ import pandas as pd
 from .. import tables
 from ..algorithms.archive import nondominated
 from ..algorithms.settings import Budget
-from ..asking import DESIGN_TOLERANCE, Search, askable
+from ..asking import DESIGN_TOLERANCE, Search, askable, needed_outputs
 from ..configuration.configuration import Configuration
 from ..configuration.source import BUDGET_AND_ENGINE_KEYS
 from ..directory import BUSY, CONFIGURATION, LOCK, OCCUPIED, TOLD, holds_search, is_occupied
 from ..directory.lock import Held, acquire
 from ..errors import Fault, raise_all, refuse
 from ..files import clear_parts, csv_text, read_own_csv, write_text
-from ..problems.tolerance_problem import designs_frame, designs_of
-from ..section import Array
+from ..problems.tolerance_problem import designs_of
 
 DESIGNS, FRONT = "designs.csv", "front.csv"
 ID, FAILED = "id", "failed"
@@ -157,21 +156,16 @@ def _front(configuration: Configuration, asked: pd.DataFrame, told: pd.DataFrame
     return rows.iloc[kept].sort_values(problem.objectives[0], ignore_index=True, kind="stable")
 
 
-def _needed(configuration: Configuration) -> list[str]:
-    """The outputs that a search needs of each design."""
-    plan = configuration.plan()
-    return Search(plan.problem, plan.algorithm, plan.seed, plan.engine).needed()
-
-
 def _none_told(configuration: Configuration) -> pd.DataFrame:
-    return pd.DataFrame({ID: np.zeros(0, dtype=np.int64)} | {n: np.zeros(0) for n in _needed(configuration)})
+    needed = dict.fromkeys(needed_outputs(configuration.plan().problem), np.zeros(0))
+    return pd.DataFrame({ID: np.zeros(0, dtype=np.int64)} | needed)
 
 
 def _told(folder: Path, configuration: Configuration) -> pd.DataFrame:
     """The results on disk. Raises InputError where they are not as this command wrote them."""
     try:
         told = read_own_csv(folder / TOLD)
-        if list(told.columns) != [ID, *_needed(configuration)] or told[ID].duplicated().any():
+        if list(told.columns) != [ID, *needed_outputs(configuration.plan().problem)] or told[ID].duplicated().any():
             raise ValueError("its columns or ids are not those of this search")
         return told.astype({ID: np.int64} | dict.fromkeys(told.columns[1:], float))
     except (OSError, ValueError) as error:
@@ -180,9 +174,13 @@ def _told(folder: Path, configuration: Configuration) -> pd.DataFrame:
 
 def _new_results(before: Standing, results: tables.Table, place: str) -> tuple[pd.DataFrame, list[str]]:
     """The results of a table that are not known yet. Raises InputError with every fault."""
-    cells, needed = results.cells, list(before.told.columns[1:])
+    problem, needed = before.configuration.problem, list(before.told.columns[1:])
+    assert problem is not None
+    units = {column.name: column.unit for column in (*problem.variables, *problem.outputs)}
+    fitted = tables.fit_columns(results, place, units, problem.settings.columns)
+    cells = fitted.cells
     missing = [Fault(place, f"column {name} is missing") for name in (ID, *needed) if name not in cells]
-    raise_all(missing)
+    raise_all([*missing, *fitted.faults])
     faults, taken, again, empty = list[Fault](), dict[int, list[float]](), 0, 0
     open_designs = before.designs.set_index(ID)
     known = {at: values.tolist() for at, values in before.told.set_index(ID).iterrows()}
@@ -220,7 +218,7 @@ def _new_results(before: Standing, results: tables.Table, place: str) -> tuple[p
                 faults.append(Fault(where, f"contradicts the result of design {at} that was told before"))
     raise_all(faults)
     new = pd.DataFrame([[at, *values] for at, values in taken.items()], columns=[ID, *needed])
-    notes = [f"{again} were known already"] if again else []
+    notes = [*fitted.notes, *([f"{again} were known already"] if again else [])]
     return new, notes + ([f"{empty} rows are not answered yet"] if empty else [])
 
 
@@ -243,19 +241,8 @@ def _other_design(row: dict[str, Any], design: Any, variables: list[str]) -> str
 
 def _write(found: Standing) -> None:
     """The tables that follow from what was told."""
-    problem = found.configuration.problem
-    assert problem is not None
-    write_text(found.folder / DESIGNS, csv_text(_labelled(found.designs, problem)))
-    write_text(found.folder / FRONT, csv_text(_labelled(found.front, problem)))
-
-
-def _labelled(frame: pd.DataFrame, problem: Any) -> pd.DataFrame:
-    """A table whose designs are written as tables of designs are."""
-    if not len(frame):
-        return frame
-    designs: Array = designs_of(problem, frame)
-    labelled = designs_frame(problem, designs)
-    return frame.assign(**{name: labelled[name].to_numpy() for name in map(str, labelled)})
+    write_text(found.folder / DESIGNS, csv_text(found.designs))
+    write_text(found.folder / FRONT, csv_text(found.front))
 
 
 def _is_begun(folder: Path, configuration: Configuration) -> bool:

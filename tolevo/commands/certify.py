@@ -7,7 +7,7 @@ another algorithm knows, and how far the seeds of that algorithm scatter.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,24 +15,24 @@ import numpy as np
 import pandas as pd
 
 from .. import tables
-from ..algorithms.archive import nondominated
-from ..algorithms.exact.fitted import HELD_OUT, LOG, PLAIN, Row, designs_needed, fitted, least_value
+from ..algorithms.archive import hypervolume, nondominated
+from ..algorithms.exact.fitted import HELD_OUT, LOG, PLAIN, designs_to_fit, fitted, least_value
 from ..algorithms.hybrid import Hybrid
 from ..algorithms.search import search
 from ..algorithms.settings import Budget
 from ..errors import raise_all, refuse
 from ..problems.plain import PlainProblem
 from ..problems.tolerance_problem import ToleranceProblem, designs_frame
-from ..section import Array, Flags
+from ..section import Array
 from ..units import plain_number
 from .evaluate import designs_in
 from .run.proofs import add_bounds
 
 DIFFERS = 1e-6
 """Relative difference from which the objectives of a result are not those that the problem computes."""
-DISPROVED = 1e-7
-"""Relative excess of a bound over a feasible value that disproves it."""
-NO_FORM = "no form"
+NO_FORM, COST = "no form", "cost"
+AROUND, REACH = 8, (1e-4, 1e-3, 1e-2, 0.1)
+"""Designs around each least value at which forms are verified, and how far apart, in parts of the ranges."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,29 +72,22 @@ def designs_of_result(problem: ToleranceProblem, result: Any) -> tuple[Array, Ar
     Platypus or jMetalPy, a frame, or an array. Raises InputError where it holds no designs of the problem.
     """
     names = [variable.name for variable in problem.free]
-    values: Any = None
-    if isinstance(result, pd.DataFrame):
-        frame = result
-    elif hasattr(result, "best_trials"):  # a study of Optuna
-        trials = result.best_trials
-        frame, values = pd.DataFrame([trial.params for trial in trials]), [trial.values for trial in trials]
-    elif hasattr(result, "get_x") and hasattr(result, "get_f"):  # a population of pygmo
-        frame = _frame(np.asarray(result.get_x()), names)
-        values = np.asarray(result.get_f())[:, : problem.n_obj]
-    elif hasattr(result, "X") and hasattr(result, "F"):  # pymoo, VAMOS
+    front = getattr(result, "front", None)  # of a run of this suite; that of VAMOS holds objectives
+    x, values = front if isinstance(front, pd.DataFrame) else result, None
+    if hasattr(x, "best_trials"):  # a study of Optuna
+        x, values = [trial.params for trial in result.best_trials], [trial.values for trial in result.best_trials]
+    elif hasattr(x, "get_x") and hasattr(x, "get_f"):  # a population of pygmo
+        x, values = np.asarray(result.get_x()), np.asarray(result.get_f())[:, : problem.n_obj]
+    elif hasattr(x, "X") and hasattr(x, "F"):  # pymoo, VAMOS
         if result.X is None:
             raise refuse("result", "has no design: its X is None, as where no feasible design was found")
-        frame, values = _frame(result.X, names), result.F
-    elif hasattr(result, "front") and isinstance(result.front, pd.DataFrame):  # a run of this suite
-        frame = result.front
-    else:
-        solutions = getattr(result, "result", result)
-        solutions = solutions() if callable(solutions) else solutions
-        if isinstance(solutions, Sequence) and solutions and hasattr(solutions[0], "variables"):
-            frame = _frame([list(solution.variables) for solution in solutions], names)
-            values = [list(solution.objectives) for solution in solutions]
-        else:
-            frame = _frame(solutions, names)
+        x, values = result.X, result.F
+    elif not isinstance(x, pd.DataFrame):
+        x = getattr(x, "result", x)
+        x = x() if callable(x) else x
+        if isinstance(x, Sequence) and x and hasattr(x[0], "variables"):
+            x, values = [list(one.variables) for one in x], [list(one.objectives) for one in x]
+    frame = x if isinstance(x, pd.DataFrame) else _frame(x, names)
     table, faults = tables.table_of(frame, "result")
     raise_all(faults)
     assert table is not None
@@ -130,32 +123,37 @@ def certify(
     The other algorithm is run from `seeds` seeds with so many `evaluations` each.
     """
     designs, stated = designs_of_result(problem, result)
-    f, g = problem.searched(_vectors(problem, designs))
+    free = [problem.names.index(variable.name) for variable in problem.free]
+    f, g = problem.searched(designs[:, free])
     if not isinstance(problem, PlainProblem):  # what a run reports as kept is kept
-        g = problem.tested(_vectors(problem, designs))[1]
+        g = problem.tested(designs[:, free])[1]
     feasible = np.all(g <= 0.0, axis=1) & np.isfinite(f).all(axis=1)
-    points = designs_frame(problem, designs)[[variable.name for variable in problem.free]]
+    points = designs_frame(problem, designs)[[problem.names[at] for at in free]]
     points = points.assign(**dict(zip(problem.objectives, f.T, strict=True)), feasible=feasible)
     runs = [search(problem, Hybrid(), Budget(evaluations=evaluations), seed + at) for at in range(seeds)]
-    known = [run.f[nondominated(run.f)] if len(run.f) else run.f for run in runs]
-    everything = np.concatenate([f[feasible], *known])
-    found = _bounds(problem, designs, points, everything, seed, forms)
-    points = points.assign(bound=found.bound, gap_percent=_percent(points, found.bounded, found.bound, feasible))
-    best = _best_known(f, np.concatenate(known))
-    points = points.assign(best_known=best, distance_percent=_percent(points, problem.objectives[0], best, feasible))
-    scatter = _scatter(problem, known, runs, f[feasible], seed)
+    first = problem.objectives[0]
+    if not isinstance(problem, PlainProblem):
+        frame, proof = add_bounds(problem.frame(designs), problem)
+        rows = dict.fromkeys(problem.objectives, NO_FORM if proof.missing else "declared")
+        bound = frame["bound"].to_numpy(dtype=float)
+        found = _Bounds(bound, COST if COST in rows else first, rows, proof.statement)
+    elif forms:
+        known = np.concatenate([designs[:, free], *(run.x for run in runs)])
+        found = _fitted_bounds(problem, points, known, np.random.default_rng(seed))
+    else:
+        found = _Bounds(np.full(len(f), np.nan), first, {}, "nothing is proven: no form was looked for")
+    points = points.assign(bound=found.bound, gap_percent=_percent(points, found.bounded, found.bound))
+    best = _best_known(f, np.concatenate([run.f for run in runs]))
+    points = points.assign(best_known=best, distance_percent=_percent(points, first, best))
+    scatter = _scatter(problem, {f"seed {seed + at}": run for at, run in enumerate(runs)}, f[feasible])
     lines = [*_compared(stated, f), *_lines(points, found, scatter, problem)]
     return Certificate(points, found.bounded, found.forms, found.statement, scatter, tuple(lines))
 
 
-def _vectors(problem: ToleranceProblem, designs: Array) -> Array:
-    return designs[:, [problem.names.index(variable.name) for variable in problem.free]]
-
-
-def _percent(points: pd.DataFrame, name: str, least: Array, feasible: Flags) -> Array:
+def _percent(points: pd.DataFrame, name: str, least: Array) -> Array:
     """Distance (n,) of an objective from a least value in percent; NaN where there is none, or that is 0."""
-    whole = np.where((least == 0.0) | ~np.isfinite(least) | ~feasible, np.nan, np.abs(least))
-    return np.asarray(100.0 * (points[name].to_numpy(dtype=float) - least) / whole)
+    known = points["feasible"] & (least != 0.0) & np.isfinite(least)
+    return np.asarray(100.0 * (points[name].to_numpy(dtype=float) - least) / np.where(known, np.abs(least), np.nan))
 
 
 def _best_known(f: Array, known: Array) -> Array:
@@ -177,132 +175,85 @@ class _Bounds:
     statement: str
 
 
-def _bounds(
-    problem: ToleranceProblem, designs: Array, points: pd.DataFrame, everything: Array, seed: int, forms: bool
-) -> _Bounds:
-    """The declared bounds of a problem, else those of forms that are found."""
-    first = problem.objectives[0]
-    if not isinstance(problem, PlainProblem):
-        frame, proof = add_bounds(problem.frame(designs), problem)
-        rows = dict.fromkeys(problem.objectives, "declared" if not proof.missing else NO_FORM)
-        return _Bounds(frame["bound"].to_numpy(dtype=float), "cost" if "cost" in rows else first, rows, proof.statement)
-    if not forms:
-        return _Bounds(np.full(len(points), np.nan), first, {}, "nothing is proven: no form was looked for")
-    return _fitted_bounds(problem, designs, points, everything, seed)
+def _fitted_bounds(problem: PlainProblem, points: pd.DataFrame, known: Array, rng: np.random.Generator) -> _Bounds:
+    """Bounds by forms that are fitted, verified at `known` designs (k, free variables) and where the least values lie.
 
+    The first `points` designs are those of the result.
+    """
+    whole = [variable.integer for variable in problem.free]
 
-def _fitted_bounds(
-    problem: PlainProblem, designs: Array, points: pd.DataFrame, everything: Array, seed: int
-) -> _Bounds:
-    rng = np.random.default_rng(seed)
-    count, none = designs_needed(problem.n_var), np.full(len(points), np.nan)
-    x = problem.xl + (problem.xu - problem.xl) * rng.random((count, problem.n_var))
-    x = np.where([variable.integer for variable in problem.free], np.rint(x), x)
-    outputs = problem.outputs_of(problem.complete(x), errors=False)
-    limited = [limit for limit in problem.limits if limit.count]
-    names = dict.fromkeys((*problem.objectives, *(limit.name for limit in limited)))
-    rows = {
-        name: fitted(x, y) if np.all(np.isfinite(y := np.asarray(outputs[name], dtype=float))) else []
-        for name in names
-        if name in outputs
-    }
-    labelled = any(variable.labels for variable in problem.free)
+    def values(designs: Array) -> tuple[Array, Mapping[str, Array]]:
+        x = np.where(whole, np.rint(designs), designs)
+        return x, problem.outputs_of(problem.complete(x), errors=False)
+
+    x, outputs = values(designs_to_fit(problem.xl, problem.xu, rng))
+    limits = {limit.name: limit.high for limit in problem.limits if limit.count and limit.name in outputs}
+    names = list(dict.fromkeys((*problem.objectives, *limits)))
+    rows = {name: fitted(x, np.asarray(outputs[name], dtype=float)) for name in names}
     words = {name: " or ".join(row.kind for row in found) or NO_FORM for name, found in rows.items()}
-    bounded, chosen = _bounded(problem, {} if labelled else rows)
-    if bounded is None:
-        why = "a choice has no order" if labelled else "no objective agrees with a form that is convex and verified"
-        return _Bounds(none, problem.objectives[0], words, f"nothing is proven: {why}")
-    limits = {limit.name: limit.high for limit in limited if np.isfinite(limit.high)}
+    # rows in the coordinates in which most are convex, of which the first objective with a form is bounded
+    sets = [{n: r for n, found in rows.items() for r in found if r.coordinates == c} for c in (PLAIN, LOG)]
+    bounded = next((name for name in problem.objectives if rows[name]), problem.objectives[0])
+    chosen = max((known_rows for known_rows in sets if bounded in known_rows), key=len, default={})
+
+    def unproven(why: str) -> _Bounds:
+        return _Bounds(np.full(len(points), np.nan), bounded, words, f"nothing is proven: {why}")
+
+    if any(variable.labels for variable in problem.free):
+        return unproven("a choice has no order")
+    if not chosen:
+        return unproven("no objective agrees with a form that is convex and verified")
     at_points = [name for name in problem.objectives if name != bounded and name in chosen]
-    fixed = [name for name in limits if name in chosen and name not in at_points and name != bounded]
-    ordered = [chosen[name] for name in (bounded, *at_points, *fixed)]
-    vectors = _vectors(problem, designs)
-    values = points[at_points].to_numpy(dtype=float)
-    values = np.minimum(values, [limits.get(name, np.inf) for name in at_points])
-    most = np.hstack([values, np.tile([limits[name] for name in fixed], (len(points), 1))])
-    bound = none.copy()
+    fixed = [n for n, high in limits.items() if n in chosen and n not in (bounded, *at_points) and np.isfinite(high)]
+    used = [bounded, *at_points, *fixed]
+    most = points[at_points].assign(**{name: limits[name] for name in fixed}).to_numpy(dtype=float)
+    most = np.minimum(most, [limits.get(name, np.inf) for name in (*at_points, *fixed)])
+    bound, near = np.full(len(points), np.nan), [known]
     for row in np.flatnonzero(points["feasible"]):
         slack = 1e-9 * np.maximum(np.abs(most[row]), 1e-9)
-        bound[row] = least_value(ordered, most[row] + slack, (problem.xl, problem.xu), vectors[row])
-    if _is_disproved(problem, bounded, points, bound, everything):
-        return _Bounds(none, bounded, words, "nothing is proven: a feasible design lies below the bound of its form")
-    left = [name for name in names if name not in (bounded, *at_points, *fixed)]
-    return _Bounds(
-        bound, bounded, words, _statement(ordered, (bounded, *at_points, *fixed), len(at_points), left, count)
-    )
-
-
-def _bounded(problem: ToleranceProblem, rows: Mapping[str, list[Row]]) -> tuple[str | None, dict[str, Row]]:
-    """The first objective with a form, and the rows in coordinates in which most of them are convex."""
-    for name in problem.objectives:
-        sets = [
-            {n: row for n, found in rows.items() for row in found if row.coordinates == coordinates}
-            for coordinates in (PLAIN, LOG)
-            if any(row.coordinates == coordinates for row in rows.get(name, ()))
-        ]
-        if sets:
-            return name, max(sets, key=len)
-    return None, {}
-
-
-def _is_disproved(
-    problem: ToleranceProblem, bounded: str, points: pd.DataFrame, bound: Array, everything: Array
-) -> bool:
-    """Whether a feasible design is as good as a point in the other objectives and lies below its bound."""
-    at = problem.objectives.index(bounded)
-    others = [column for column in range(problem.n_obj) if column != at]
-    f = points[list(problem.objectives)].to_numpy(dtype=float)
-    for point, least in zip(f, bound, strict=True):
-        as_good = np.all(everything[:, others] <= point[others], axis=1)
-        if (
-            np.isfinite(point).all()
-            and not np.isnan(least)
-            and np.any(everything[as_good, at] < least - DISPROVED * max(1.0, abs(least)))
-        ):
-            return True
-    return False
-
-
-def _statement(rows: Sequence[Row], names: Sequence[str], others: int, left: Sequence[str], count: int) -> str:
-    """What is proven of the first of the names at the next `others`, on which condition, and what is left out."""
-    forms = ", ".join(f"{name} ({row.kind})" for name, row in zip(names, rows, strict=True))
-    at = f" at {' and '.join(names[1 : 1 + others])} no worse" if others else ""
+        ends = (problem.xl, problem.xu)
+        bound[row], least = least_value([chosen[name] for name in used], most[row] + slack, ends, known[row])
+        reach = rng.choice(REACH, (AROUND, 1)) * (problem.xu - problem.xl)
+        near += [least[None], least + reach * rng.normal(size=(AROUND, problem.n_var))]
+    x, outputs = values(np.clip(np.concatenate(near), problem.xl, problem.xu))
+    for name in used:
+        wrong = chosen[name].deviations(x, np.asarray(outputs[name], dtype=float)) > chosen[name].error
+        if np.any(wrong):
+            at = (
+                f"at {np.count_nonzero(wrong)} of {len(x)} designs of the result, of hybrid and around the least values"
+            )
+            return unproven(f"{name} is not {words[name]} {at}")
+    forms = ", ".join(f"{name} ({chosen[name].kind})" for name in used)
+    at = f" at {' and '.join(at_points)} no worse" if at_points else ""
     text = (
-        f"no design has a lower {names[0]} than the bound{at}, provided that the forms hold: {forms}; they were fitted "
-        f"to {count - HELD_OUT} designs and agree at {HELD_OUT} others, which is verified there and not between them"
+        f"no design has a lower {bounded} than the bound{at}, provided that the forms hold: {forms}; they agree at "
+        f"{HELD_OUT + len(x)} designs that they were not fitted to, those of the result, of hybrid and around the "
+        "least values among them, which is verified there and not between them"
     )
-    omitted = f"left out, which makes the bound lower and not wrong: {', '.join(left)}"
-    return f"{text}; {omitted}" if left else text
+    omitted = [name for name in names if name not in used]
+    text += f"; left out, which makes the bound lower and not wrong: {', '.join(omitted)}" if omitted else ""
+    return _Bounds(bound, bounded, words, text)
 
 
-def _scatter(
-    problem: ToleranceProblem, known: Sequence[Array], runs: Sequence[Any], own: Array, seed: int
-) -> pd.DataFrame:
-    """A row for each seed, and for the result itself: evaluations, points, and the hypervolume or least value."""
-    measure = _measure(problem, [*known, own])
-    rows = [
-        {"source": f"seed {seed + at}", "evaluations": run.evaluations, "points": len(values), **measure(values)}
-        for at, (run, values) in enumerate(zip(runs, known, strict=True))
+def _scatter(problem: ToleranceProblem, runs: Mapping[str, Any], own: Array) -> pd.DataFrame:
+    """A row for each seed, and for the result itself: evaluations, points, and the hypervolume or least value.
+
+    The hypervolume is that in the box of all fronts together.
+    """
+    sources = [
+        (name, run.evaluations, run.f[nondominated(run.f)] if len(run.f) else run.f) for name, run in runs.items()
     ]
-    return pd.DataFrame([*rows, {"source": "result", "evaluations": np.nan, "points": len(own), **measure(own)}])
-
-
-def _measure(problem: ToleranceProblem, fronts: Sequence[Array]) -> Callable[[Array], dict[str, float]]:
-    """The least value of one objective; of several the hypervolume in the box of all `fronts` together."""
-    if problem.n_obj == 1:
-        return lambda values: {"least": float(np.min(values, initial=np.inf))}
-    import moocore
-
-    whole = np.concatenate(fronts)
+    sources.append(("result", np.nan, own))
+    whole = np.concatenate([values for _, _, values in sources])
     whole = whole[nondominated(whole)] if len(whole) else np.zeros((1, problem.n_obj))
     ideal, nadir = whole.min(axis=0), whole.max(axis=0)
-    unit = np.where(nadir > ideal, nadir - ideal, 1.0)
-
-    def measured(values: Array) -> dict[str, float]:
-        scaled = (values - ideal) / unit
-        return {"hypervolume": float(moocore.hypervolume(scaled, ref=[1.1] * problem.n_obj)) if len(values) else 0.0}
-
-    return measured
+    nadir = np.where(nadir > ideal, nadir, ideal + 1.0)
+    rows = []
+    for name, evaluations, values in sources:
+        least = {"least": float(np.min(values, initial=np.inf))}
+        measured = least if problem.n_obj == 1 else {"hypervolume": hypervolume(values, ideal, nadir)}
+        rows.append({"source": name, "evaluations": evaluations, "points": len(values), **measured})
+    return pd.DataFrame(rows)
 
 
 def _compared(stated: Array | None, f: Array) -> list[str]:
