@@ -23,6 +23,7 @@ $(LOCKED): requirements.lock
 
 $(READY): $(LOCKED) pyproject.toml
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .
+	@$(BIN)/python -m compileall -q algorithms models problems tolevo  # where Python may not write bytecode, a third of a start
 	@touch $@
 
 run: $(READY)  ## the main job: cost against backlash of the RV-40E-121

@@ -17,6 +17,7 @@ from .algorithms.run import DiscreteDesigns, mark_failures_infeasible
 from .algorithms.search import driver
 from .algorithms.settings import AlgorithmSettings, Solver
 from .errors import Fault, raise_all, refuse
+from .execution import single_threaded
 from .problems.tolerance_problem import ToleranceProblem, designs_frame, designs_of
 from .section import Array, Integers
 
@@ -184,6 +185,7 @@ class Search:
         self._failed = np.empty((0, problem.n_var))
         self._evaluations = 0
 
+    @single_threaded
     def ask(self) -> pd.DataFrame:
         """The next designs, one per row, every variable a column; the same until they are told."""
         tries = 0
@@ -205,6 +207,7 @@ class Search:
                         self._new = self._discrete.rest(len(self._open))
         return designs_frame(self.problem, self.problem.complete(self._new))
 
+    @single_threaded
     def tell(self, x: pd.DataFrame, outputs: pd.DataFrame | Mapping[str, Any]) -> None:
         """Take the outputs at the designs `x` that `ask` returned.
 

@@ -14,11 +14,11 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessP
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, wraps
 from importlib.metadata import version
 from multiprocessing import active_children, connection, get_context, parent_process
 from multiprocessing.process import BaseProcess
-from typing import Any, Generic, Protocol, Self, TypeVar
+from typing import Any, Generic, ParamSpec, Protocol, Self, TypeVar
 
 from .errors import Fault, InputError, RunError
 from .interrupts import REQUESTS, warn_in_a_line
@@ -37,6 +37,7 @@ __all__ = [
     "executor_of",
     "next_of",
     "pinned",
+    "single_threaded",
     "unreachable",
 ]
 
@@ -87,6 +88,7 @@ class Lost:
 
 TaskT = TypeVar("TaskT", bound=Task)
 Result = TypeVar("Result")
+Arguments = ParamSpec("Arguments")
 
 
 class Closing:
@@ -208,6 +210,17 @@ def pinned() -> AbstractContextManager[object]:
     """
     controller = _controller()
     return ExitStack() if controller is None else controller.limit(limits=1)
+
+
+def single_threaded(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """The function, computed as in `pinned`."""
+
+    @wraps(function)
+    def call(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
+        with pinned():
+            return function(*args, **kwargs)
+
+    return call
 
 
 @lru_cache(maxsize=1)

@@ -1,3 +1,6 @@
+import os
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -9,6 +12,7 @@ import tolevo
 from tests.small_jobs import TWO_PARTS
 from tolevo.errors import InputError
 from tolevo.problems.rv_backlash import RvBacklash
+from tolevo.problems.rv_reducer.problem import RvReducer
 
 STAGGERED = {
     "problem": "rv_backlash",
@@ -111,3 +115,17 @@ def test_a_column_in_another_unit_by_its_name_is_converted(tmp_path: Path) -> No
     found = tolevo.evaluate(STAGGERED, path)
     np.testing.assert_allclose(found["pitch_um"], 4.0, rtol=1e-12)
     np.testing.assert_allclose(found["backlash_arcmin"], same["backlash_arcmin"], rtol=1e-9)
+
+
+@pytest.mark.slow  # the contact is compiled
+def test_what_compiles_the_contact_computes_the_same_as_what_loads_it(tmp_path: Path) -> None:
+    document = {v.name: [0.0 if v.document is None else float(v.document)] for v in RvReducer.declaration.variables}
+    pd.DataFrame(document).to_csv(tmp_path / "d.csv", index=False)
+    (tmp_path / "c.toml").write_text('problem = "rv_reducer"\n', encoding="utf-8")
+    evaluation = [sys.executable, "-m", "tolevo", "evaluate", "c.toml", "d.csv", "--out"]
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    tables = [tmp_path / "compiled.csv", tmp_path / "loaded.csv"]
+    for table in tables:
+        subprocess.run([*evaluation, table.name], cwd=tmp_path, env=environment, check=True)
+    compiled, loaded = (table.read_text(encoding="utf-8") for table in tables)
+    assert compiled == loaded

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from tests.models.kernel_reference import by_arrays
 from tolevo.models.rv_reducer.contact import contact as performance
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry, PartErrors
+from tolevo.models.rv_reducer.population import kernel
 from tolevo.models.rv_reducer.population.contact import NAMES, Slopes, touch
 from tolevo.models.rv_reducer.population.elastic import OUTPUTS, TE_POSITIONS, Elastic, Loading, elastic
 from tolevo.models.rv_reducer.population.errors import (
@@ -385,3 +387,14 @@ def test_no_load_transmission_error_is_that_of_first_contact() -> None:
 def test_bad_loading() -> None:
     with pytest.raises(ValueError, match=r"normal_stiffness.*rated_torque.*te_torque"):
         Loading(normal_stiffness=0.0, rated_torque=-1.0, te_torque=float("nan"))
+
+
+def test_compiled_functions_call_their_own_copies() -> None:
+    """By name the loader gives every caller the copy that was loaded first, and copies round differently."""
+    mesh = numba.types.Tuple((numba.float32[:, ::1], numba.float32[::1], numba.int64[:, :, ::1]))
+    fresh = kernel.compiled(kernel._bent.py_func, cache=False)
+    fresh.compile((mesh, numba.int64, numba.int64, *[numba.float64] * 4))
+    module = next(iter(fresh.overloads.values())).library._final_module
+    linkage = {function.name: function.linkage.name for function in module.functions if not function.is_declaration}
+    assert {kind for name, kind in linkage.items() if "5_pins" in name} == {"internal"}
+    assert "external" in {kind for name, kind in linkage.items() if "5_bent" in name}

@@ -6,13 +6,18 @@ import subprocess
 import sys
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 from typer.testing import CliRunner
 
 import tolevo
+from tolevo import api
 from tolevo.cli import app
+from tolevo.configuration import reader
+from tolevo.errors import refuse
 
 CLUTCH = Path(str(files("tolevo.configs") / "stack_clutch.toml"))
 SMALL = ("algorithm.population=20", "algorithm.generations=5")
@@ -133,3 +138,22 @@ def test_importing_the_package_imports_nothing_else() -> None:
     code = "import sys, tolevo; print(*(m for m in sys.modules if m in ('numpy', 'pandas', 'pymoo')))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
+
+
+@pytest.mark.parametrize("name", ["analyse", "ask", "certify", "evaluate", "run", "search", "simulate"])
+def test_sums_of_every_function_are_those_of_one_thread(
+    name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    threads = []
+
+    def read(*_: Any, **__: Any) -> None:
+        threads.extend(library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas")
+        raise refuse("problem", "is read no further")
+
+    monkeypatch.setattr(api, "read", read)
+    monkeypatch.setattr(reader, "read", read)
+    (tmp_path / "t.csv").write_text("a,b\n1,2\n", encoding="utf-8")
+    further = {"evaluate": tmp_path / "t.csv", "simulate": tmp_path / "t.csv", "ask": tmp_path / "s", "certify": None}
+    with threadpool_limits(2), pytest.raises(tolevo.ConfigurationError, match="is read no further"):
+        getattr(tolevo, name)({"problem": "stack"}, *[further[name]] if name in further else [])
+    assert set(threads) == {1}

@@ -11,8 +11,8 @@ That is convex with three unknowns, and Newton's method solves it for many units
 torque leave the turn sqrt(c^2 - d^2)/(2 a_0) to either side, d the error of their distance and c the mean clearance;
 from d = c on they jam with (d - c)/2 of squeeze in either bearing.
 
-Lengths are micrometres. numba is imported with this module alone, where discs are coupled, and its functions are all
-here because its cache does not see changes of other files.
+Lengths are micrometres. The module is imported where discs are coupled; compiled functions are all here because numba's
+cache does not see changes of other files.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,6 +29,7 @@ from ....units import ARCMIN, UM
 from ..contact.geometry import ContactGeometry
 from .contact import NAMES, PLAY, Slopes, Touch
 from .errors import Lattice, Table, crank_lines
+from .kernel import compiled
 from .units import BaseSample, Coupling
 
 LANES = 256
@@ -158,11 +158,7 @@ class Jam:
         return total
 
 
-def _compiled(function: Any) -> Any:
-    return numba.njit(cache=True, error_model="numpy", fastmath=True, nogil=True)(function)
-
-
-@_compiled
+@compiled
 def _residuals(axis: Single, cranks: Single, lines: Single, q: Single) -> None:
     """Fills q (cranks, 2, lanes) of one disc, less the displacement and turn by the means of journals and bores, which
     gaps contain, and the turn by the means of the carrier's holes, which all discs have alike.
@@ -186,7 +182,7 @@ def _residuals(axis: Single, cranks: Single, lines: Single, q: Single) -> None:
             q[k, 1, u] -= zt * lc - zr * ls + turned
 
 
-@_compiled
+@compiled
 def _bend(q: Single, cranks: Single, lines: Single, sign: float, v: Single, work: Single) -> None:
     """Fills `work` (9, lanes) at v (3, lanes): the pull of the bearings on a disc, then half of their stiffness."""
     zero, unity, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
@@ -215,7 +211,7 @@ def _bend(q: Single, cranks: Single, lines: Single, sign: float, v: Single, work
             work[8, u] += hyy
 
 
-@_compiled
+@compiled
 def _solved(work: Single, u: int, more: float, g0: float, g1: float, g2: float) -> Any:
     """The move of lane `u` by which its bearings, stiffer by `more`, take up a pull."""
     a, b, c = work[3, u] + more, work[4, u], work[5, u]
@@ -227,7 +223,7 @@ def _solved(work: Single, u: int, more: float, g0: float, g1: float, g2: float) 
     return s0, s1, (m2 * g0 + (b * c - a * e) * g1 + (a * d - b * b) * g2) * inverse
 
 
-@_compiled
+@compiled
 def _rest(q: Single, cranks: Single, lines: Single, sign: float, pull: float, v: Single, work: Single) -> None:
     """Moves v (3, lanes), displacement along and across the first line and lag, to where discs rest."""
     unity, half = np.float32(1.0), np.float32(0.5)
@@ -242,7 +238,7 @@ def _rest(q: Single, cranks: Single, lines: Single, sign: float, pull: float, v:
             v[2, u] += part * s2
 
 
-@_compiled
+@compiled
 def _rest_of_two(q: Single, cranks: Single, sign: float, pull: float, lag: Single, v: Single) -> None:
     """As `_rest` of two cranks, whose forces are equal and opposite: X (1 - C/sqrt(D^2 + X^2)) = t for twice the lag X,
     the error D of the distance and the mean clearance C. That is convex, so that Newton's method from C + t on ends.
@@ -268,7 +264,7 @@ def _rest_of_two(q: Single, cranks: Single, sign: float, pull: float, lag: Singl
         v[2, u] = half * x
 
 
-@_compiled
+@compiled
 def _seats(axes: Single, cranks: Single, lines: Single, pull: Any, turn: Any, into: Single) -> None:
     """Fills `into`, the places of `Seats`, at all positions (positions, discs, 6)."""
     many, units = cranks.shape[1], cranks.shape[3]
@@ -301,7 +297,7 @@ def _seats(axes: Single, cranks: Single, lines: Single, pull: Any, turn: Any, in
                         into[a, d, flank, 2, first + u] = turn * (v[2, u] - part * pull)
 
 
-@_compiled
+@compiled
 def _responses(
     q: Single, cranks: Single, lines: Single, sign: float, v: Single, p: Single, by: Single, work: Single
 ) -> None:
@@ -330,7 +326,7 @@ def _responses(
             by[k, 2, u] = half * bears * pushed
 
 
-@_compiled
+@compiled
 def _add_cranks(
     w: Single, axis: Single, lines: Single, z: Single, by: Single, p: Single, sign: float, mean: Any, total: Any
 ) -> None:
@@ -358,7 +354,7 @@ def _add_cranks(
         total[16] += hole
 
 
-@_compiled
+@compiled
 def _seat_slopes(
     weight: Single,
     touching: Any,
@@ -413,7 +409,7 @@ def _seat_slopes(
                     total[9] -= lost
 
 
-@_compiled
+@compiled
 def _jam(axes: Single, cranks: Single, lines: Single, most: Single, place: Any, rest: Single) -> None:
     """Fills the squeeze [um] (n,) of the bearing that is squeezed most over the turn, its place, and the rest there."""
     many, units = cranks.shape[1], cranks.shape[3]
@@ -450,7 +446,7 @@ def _jam(axes: Single, cranks: Single, lines: Single, most: Single, place: Any, 
                                 rest[i, first + u] = v[i, u]
 
 
-@_compiled
+@compiled
 def _jam_slopes(
     weight: Single, axes: Single, cranks: Single, lines: Single, place: Any, rest: Single, errors: Single, total: Any
 ) -> None:

@@ -11,6 +11,8 @@ from typing import Any
 
 import numba
 import numpy as np
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
 
 from ....section import Single
 
@@ -20,12 +22,35 @@ SOLVED = 128
 """Units whose balances are solved side by side."""
 
 
-def _compiled(function: Any) -> Any:
-    return numba.njit(cache=True, error_model="numpy", fastmath=True, nogil=True)(function)
+class _Closed(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
+    """Machine code that calls its own copies of other functions.
+
+    With fastmath the copies of a function in its callers round differently, and the loader takes one of them for all
+    that call it by name: the one that was loaded first, which depends on what has been compiled or computed before.
+    """
+
+    def _optimize_final_module(self) -> None:
+        super()._optimize_final_module()
+        for function in self._final_module.functions:
+            if function.linkage.name == "linkonce_odr" and "6tolevo" in function.name:
+                function.linkage = "internal"
+
+
+class _Closing(Compiler):  # type: ignore[misc]
+    def compile_extra(self, func: Any) -> Any:
+        self.state.library = _Closed(self.state.targetctx.codegen(), func.__qualname__)
+        self.state.library.enable_object_caching()
+        return super().compile_extra(func)
+
+
+def compiled(function: Any, **options: Any) -> Any:
+    """A function, compiled: it gives the same to the last bit whatever was compiled or called before."""
+    given = {"cache": True, "error_model": "numpy", "fastmath": True, "nogil": True, "pipeline_class": _Closing}
+    return numba.njit(**{**given, **options})(function)
 
 
 def _inlined(function: Any) -> Any:
-    return numba.njit(cache=True, error_model="numpy", fastmath=True, nogil=True, inline="always")(function)
+    return compiled(function, inline="always")
 
 
 # The placement of a disc, and the turn at which it makes a contact.
@@ -37,7 +62,7 @@ def _turned(x: float, y: float, cosine: float, sine: float) -> tuple[float, floa
     return x * cosine - y * sine, x * sine + y * cosine
 
 
-@_compiled
+@compiled
 def _disc(axes: Single, disc: Single, circle: Single, terms: Single) -> None:
     """Fills `terms` (8, lanes) of one disc at one position.
 
@@ -86,7 +111,7 @@ def _placed(along: Single, pins: Any, teeth: Any, i: int) -> Any:
 # First contact.
 
 
-@_compiled
+@compiled
 def _nearest(
     rows: Single,
     pins: Any,
@@ -109,7 +134,7 @@ def _nearest(
             which[u] = place if nearer else which[u]
 
 
-@_compiled
+@compiled
 def _displace(seat: Single, first: int, sign: float, terms: Single) -> None:
     """Displaces a disc by its seat (3, units), or back, and gives it the play that the seat leaves."""
     for u in range(terms.shape[1]):
@@ -118,7 +143,7 @@ def _displace(seat: Single, first: int, sign: float, terms: Single) -> None:
         terms[6, u] = seat[2, first + u]
 
 
-@_compiled
+@compiled
 def touch(contacts: Any, errors: Any, seats: Single, turns: Any) -> None:
     """Fills `turns` at first contact: forward, backward, and the contacts that make them.
 
@@ -173,7 +198,7 @@ def touch(contacts: Any, errors: Any, seats: Single, turns: Any) -> None:
                         behind[a, first + u] = i + which[u]
 
 
-@_compiled
+@compiled
 def differences(column: Any, ahead: Any, behind: Any, slope: Single) -> None:
     """Fills `slope` (positions, units) with a column of the table (contacts) forward less backward."""
     for a in range(slope.shape[0]):
@@ -181,7 +206,7 @@ def differences(column: Any, ahead: Any, behind: Any, slope: Single) -> None:
             slope[a, u] = column[ahead[a, u]] - column[behind[a, u]]
 
 
-@_compiled
+@compiled
 def touch_slopes(weight: Single, touching: Any, contacts: Any, slopes: Any, total: Any) -> None:
     """Adds to `total` (16) the slopes of sum(weight * (forward - backward)) in the order of
     `contact.NAMES`.
@@ -252,7 +277,7 @@ _NUDGE = 1e-6
 """Turn [arcmin] beyond first contact from which a balance starts where nothing bears."""
 
 
-@_compiled
+@compiled
 def _gaps(
     rows: Single, pins: Any, teeth: Any, across: Single, along: Single, terms: Single, first: int, gaps: Single
 ) -> None:
@@ -265,7 +290,7 @@ def _gaps(
             into[u] = _made(contact, opening, shifted, terms, u)
 
 
-@_compiled
+@compiled
 def _bounds(gaps: Single, span: Any, low: Single, high: Single) -> None:
     """First contact of one disc backward and forward; `span` (2, 2) is its contacts by flank."""
     high[:], low[:] = _FAR, -_FAR
@@ -276,7 +301,7 @@ def _bounds(gaps: Single, span: Any, low: Single, high: Single) -> None:
             low[u] = max(low[u], -_FAR if forward else gap[u])
 
 
-@_compiled
+@compiled
 def _bearing(mesh: Mesh, d: int, flank: int, at: Single, rise: Single, moment: Single) -> None:
     """Sums of stiffness and of stiffness times gap over the pins that bear at `at` (lanes)."""
     gaps, stiff, spans = mesh
@@ -292,7 +317,7 @@ def _bearing(mesh: Mesh, d: int, flank: int, at: Single, rise: Single, moment: S
             moment[u] += bears * g
 
 
-@_compiled
+@compiled
 def _lanes(mesh: Mesh, discs: Discs, behind: float, torque: float, state: State, wrong: Any, work: Single) -> None:
     """Balance of every lane on one flank; `wrong` (lanes) where that does not hold.
 
@@ -351,7 +376,7 @@ def _lanes(mesh: Mesh, discs: Discs, behind: float, torque: float, state: State,
             side[d, u] = np.int8(sign) if loaded else np.int8(0)
 
 
-@_compiled
+@compiled
 def _pins(mesh: Mesh, d: int, u: int, x: float) -> tuple[float, float, float]:
     """Torque forward, torque of all pins, and stiffness of a disc's pins at its turn x."""
     gaps, stiff, spans = mesh
@@ -367,7 +392,7 @@ def _pins(mesh: Mesh, d: int, u: int, x: float) -> tuple[float, float, float]:
     return forward, torque, rise
 
 
-@_compiled
+@compiled
 def _bent(mesh: Mesh, d: int, u: int, behind: float, target: float, low: float, high: float) -> Any:
     """The turn x in [low, high] with x + behind M(x) = target."""
     x = 0.5 * (low + high)
@@ -384,7 +409,7 @@ def _bent(mesh: Mesh, d: int, u: int, behind: float, target: float, low: float, 
     return x
 
 
-@_compiled
+@compiled
 def _rests(mesh: Mesh, discs: Discs) -> None:
     """Fills the rests (2, discs, lanes): turns between which a disc's pins hold no torque.
 
@@ -410,7 +435,7 @@ def _rests(mesh: Mesh, discs: Discs) -> None:
             rest[0, d, u], rest[1, d, u] = x, x
 
 
-@_compiled
+@compiled
 def _loaded(
     mesh: Mesh, d: int, u: int, turned: float, play: float, low: float, high: float, behind: float
 ) -> tuple[float, int, float, float, float]:
@@ -433,7 +458,7 @@ def _loaded(
     return x, toward, forward, torque, rise / (1.0 + rise * behind)
 
 
-@_compiled
+@compiled
 def _balance(
     mesh: Mesh, discs: Discs, u: int, behind: float, torque: float, start: float, state: State
 ) -> tuple[float, float]:
@@ -472,7 +497,7 @@ def _balance(
     return at, forward
 
 
-@_compiled
+@compiled
 def _open(discs: Discs, state: State, squeezed: Any) -> None:
     """The middle of the play without torque, by lane; `squeezed` where pins bear."""
     (terms, low, high, _), (x, side, turn, _) = discs, state
@@ -489,7 +514,7 @@ def _open(discs: Discs, state: State, squeezed: Any) -> None:
         squeezed[u] = squeezed[u] or least > most
 
 
-@_compiled
+@compiled
 def _largest(mesh: Mesh, force: Single, x: Single, place: int, shift: int, peaks: Any) -> None:
     """Raises the peaks (lanes) to the largest pin force here, with its position and contact."""
     (gaps, _, spans), (peak, where, which) = mesh, peaks
@@ -505,7 +530,7 @@ def _largest(mesh: Mesh, force: Single, x: Single, place: int, shift: int, peaks
                 which[u] = contact if higher else which[u]
 
 
-@_compiled
+@compiled
 def _case(mesh: Mesh, discs: Discs, behind: float, torque: float, state: State, held: Single, work: Single) -> None:
     """The balances of all lanes at one position under a torque on the discs.
 
@@ -525,7 +550,7 @@ def _case(mesh: Mesh, discs: Discs, behind: float, torque: float, state: State, 
                 held[u] = forward
 
 
-@_compiled
+@compiled
 def balances(contacts: Any, springs: Any, errors: Any, torques: Any, rated: int, into: Any) -> None:
     """Balances of all units at all positions under `torques` (cases) on the discs.
 
@@ -581,7 +606,7 @@ def balances(contacts: Any, springs: Any, errors: Any, torques: Any, rated: int,
                         side[case, a, d, first + u] = toward[case, d, u]
 
 
-@_compiled
+@compiled
 def add_friction(contacts: Any, springs: Any, errors: Any, x: Single, into: Single) -> None:
     """Adds to `into` (positions, units) the frictional torque of the pins that bear at the turns `x` (positions, discs,
     units) of the discs.
@@ -610,7 +635,7 @@ def add_friction(contacts: Any, springs: Any, errors: Any, x: Single, into: Sing
 # takes the remaining change.
 
 
-@_compiled
+@compiled
 def _closed(
     row: Single, pin_across: Single, pin_along: Single, terms: Single, x: Single, flank: int, into: Single
 ) -> None:
@@ -622,7 +647,7 @@ def _closed(
         into[u] = sign * max(sign * (x[u] - h), zero)
 
 
-@_compiled
+@compiled
 def _collect(
     closed: Single,
     stiff: float,
@@ -651,7 +676,7 @@ def _collect(
     return most > zero
 
 
-@_compiled
+@compiled
 def _factors(rise: Single, fixed: Single, side: Any, behind: float, of_turn: Single, factor: Single) -> None:
     """Factors (discs, lanes) by which w gives a contact's weight through the balance.
 
@@ -675,7 +700,7 @@ def _factors(rise: Single, fixed: Single, side: Any, behind: float, of_turn: Sin
                 factor[d, u] = fixed[d, u] / max(rise[d, u], tiny)
 
 
-@_compiled
+@compiled
 def _spread(
     contact: Any,
     closed: Single,
@@ -715,7 +740,7 @@ def _spread(
     return by_shift
 
 
-@_compiled
+@compiled
 def _add_disc(sums: Single, axes: Single, z: Single, unit: Single, side: Any, total: Any) -> None:
     """Adds to `total` the weights of one disc (7, lanes) times the errors of disc and unit."""
     ex, ey, dx, dy, cx, cy = axes[0], axes[1], axes[2], axes[3], axes[4], axes[5]
@@ -739,14 +764,14 @@ def _add_disc(sums: Single, axes: Single, z: Single, unit: Single, side: Any, to
         total[14] += lever
 
 
-@_compiled
+@compiled
 def _add_tooth(row: Single, weight: Single, units: Any, of_tooth: Single, total: Any) -> None:
     """Adds to `total` the weights of one contact times the error of its tooth (units)."""
     for u in range(weight.size):
         total[4] += row[3] * weight[u] * of_tooth[units[u]]
 
 
-@_compiled
+@compiled
 def _add_pin(row: Single, weight: Single, units: Any, of_pin: Single, total: Any) -> None:
     """Adds to `total` the weights of one contact times the errors of its pin (3, units)."""
     placed = hole = radius = np.float32(0.0)
@@ -760,7 +785,7 @@ def _add_pin(row: Single, weight: Single, units: Any, of_pin: Single, total: Any
     total[3] -= row[1] * radius
 
 
-@_compiled
+@compiled
 def _weighed(
     of_turn: Single, of_preload: Single, of_peak: Single, of_friction: Single, first: int, units: Any
 ) -> tuple[int, int]:
@@ -777,7 +802,7 @@ def _weighed(
     return u, count
 
 
-@_compiled
+@compiled
 def balance_slopes(
     weights: Any, contacts: Any, springs: Any, errors: Any, balance: Any, slopes: Any, total: Any
 ) -> None:
