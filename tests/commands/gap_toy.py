@@ -67,7 +67,7 @@ def toy(
     groups = join_groups(parts, [one.candidate.one_sided for one in members], N)
     book = Dictionary(tuple(members), groups)
     labels = np.arange(N) % 10
-    return Search(fitter, book, book.white(space), Thresholds(limit, 20.0), labels,
+    return Search(fitter, book, book.raw.white(space), Thresholds(limit, 20.0), labels,
                   GapSettings(**settings))  # fmt: skip
 
 

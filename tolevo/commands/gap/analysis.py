@@ -15,7 +15,17 @@ from .blocks import HeldOut, improvement
 from .close import corrected
 from .data import GapData
 from .fit import Fit, Fitter, Member, Space, is_term
-from .generic import LEVELS, stack_columns
+from .generic import (
+    LEVELS,
+    effect_of,
+    is_plays,
+    member_of,
+    member_with,
+    stack_columns,
+    term_of,
+    whole_term,
+    without_idle_plays,
+)
 from .linear import basis, project_out
 from .null_model import (
     Identified,
@@ -36,6 +46,7 @@ from .null_model import (
     withdraw_members,
 )
 from .population import Misfit, Scatter, misfit, scatter
+from .records import Step
 from .scan import GenericResidual, Remaining, dictionary, generic_residual
 from .selection import (
     MIN_EXTRA_FRACTION,
@@ -43,15 +54,16 @@ from .selection import (
     Other,
     Search,
     Selection,
+    Trial,
     concluding,
     first_of_confounded,
     rivals,
     same_columns,
     select,
+    step_records,
     with_identified_by_likelihood,
 )
 from .setup import Setup, move_setup
-from .unresolved import effect_of, is_plays, label, member_of, member_with, term_of, whole_term, without_idle_plays
 
 NO_CURVE = 0.02
 """Deviation from which a contribution is no function of one variable, as a fraction of its rms."""
@@ -141,6 +153,7 @@ MINOR = 0.1
 """Gain of all effects, as a fraction of the gain of the terms given the effects, below which the
 effects may only correct the terms: no form of one or two variables is the whole law.
 """
+EARLIER = "the effects selected before, in the noise given them, fit better than those selected now"
 SCORE_MARGIN = 5.0
 """Score by which an answer without the displaced effects must be better than the one with them."""
 
@@ -400,6 +413,13 @@ class Analysis:
         """The search given the final null model."""
         return self.null_model.search
 
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """The path of the selection, and of rows what became of it in the answer."""
+        of_units = self.setup.data.target.population
+        trials = self.selection.steps if of_units else concluding(self.search, self.selection, self.fit)
+        return step_records(self.search, trials)
+
     def without_effects(self) -> Analysis:
         """The analysis of a batch without any identified effect."""
         null = self.initial_null_model
@@ -440,8 +460,8 @@ def analysed(setup: Setup) -> Analysis:
         previous_names, kept_fit = selection.fit.names, null_model.search.fitter.refined(selection.fit.members)
         selection = select(null_model.search)
         if kept_fit.score < selection.fit.score - BETTER:  # another path from the null fit
-            end = kept_fit, null_model.search.tested(kept_fit)
-            selection = replace(selection, fit=kept_fit, accepted=(*selection.accepted, end))
+            end = Trial("keep", ", ".join(kept_fit.names), EARLIER, kept_fit, null_model.search.tested(kept_fit))
+            selection = replace(selection, fit=kept_fit, steps=(*selection.steps, end), identified=kept_fit.names)
         if selection.fit.names == previous_names:
             break
     return (_analyse_batch if setup.data.target.population else _settle_rows)(selection, null_model)
@@ -497,8 +517,7 @@ def _settle_rows(selection: Selection, null_model: NullModel) -> Analysis:
             break
         null_model = change_noise(null_model, noises)
         search = null_model.search
-        accepted = [search.fitter.fit(fit.members) for fit, _ in selection.accepted]
-        selection = replace(selection, accepted=tuple((fit, search.tested(fit)) for fit in accepted))
+        selection = replace(selection, steps=tuple(step.refitted(search) for step in selection.steps))
         settling = _initial_settling(null_model, selection)
         fit = settling.settled(search.fitter.refined(fit.members))
     return _answer(null_model, settling, selection, fit)
@@ -546,9 +565,8 @@ def _answer(
         others = rivals(search, fit, named)
     remaining = generic_residual(fit, search.fitter, null_model.generic)
     identified = Identified(named, (), remaining, significant_forms(search, remaining))
-    steps = concluding(search, selection, fit, {member.name: label(member) for member in fit.terms})
     detected = bool(fit.members or selection.identified) or null_model.detected
-    selection = replace(selection, fit=fit, steps=steps)
+    selection = replace(selection, fit=fit)
     return Analysis(null_model, null_model, selection, identified, tuple(others), detected, removed=removed)
 
 

@@ -253,6 +253,9 @@ def _region_row(region: Region) -> dict[str, Any]:
     return {**asdict(region), "region": ends, "text": str(region)}
 
 
+EVIDENCE = ("gain", "threshold", "held_out_gain", "held_out_error", "share")
+
+
 def _effect(effect: FoundEffect) -> dict[str, Any]:
     return {
         "name": effect.name,
@@ -267,11 +270,7 @@ def _effect(effect: FoundEffect) -> dict[str, Any]:
         "in_problem": effect.in_problem,
         "counterpart": effect.counterpart,
         "evidence": {
-            "gain": effect.gain,
-            "threshold": effect.threshold,
-            "held_out_gain": effect.held_out_gain,
-            "held_out_error": effect.held_out_error,
-            "share": effect.share,
+            **{name: getattr(effect, name) for name in EVIDENCE},
             "bootstrap_frequency": effect.frequency,
             "at_bound": list(effect.at_bound),
         },
@@ -279,13 +278,8 @@ def _effect(effect: FoundEffect) -> dict[str, Any]:
 
 
 def _rival(rival: Rival) -> dict[str, Any]:
-    return {
-        "names": list(rival.names),
-        "instead_of": list(rival.instead_of),
-        "distance": rival.distance,
-        "correlation": rival.correlation,
-        "separating_measurement": asdict(rival.measurement),
-    }
+    named = asdict(rival)
+    return named | {"separating_measurement": named.pop("measurement")}
 
 
 RMSE = "{}: rmse {:.4g} -> {:.4g} {} on held-out rows; noise {:.4g}"
@@ -408,7 +402,7 @@ def result_of(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None =
         if analysis.significant
         else (),
         scores=scores(end),
-        steps=analysis.selection.steps,
+        steps=analysis.steps,
         effects=in_problem(plan, text, effects(end, spread)),
         rivals=rivals,
         shapes=shape_records(end),

@@ -146,23 +146,10 @@ def _explained_fraction(columns: Array, curve: Array) -> float:
 
 def _text(form: Form, amplitude: float, unit: str, torque: str, near: tuple[str, ...]) -> str:
     """A sentence about a form."""
-    where = {
-        "order": f"a wave of order {form.order:g}",
-        "distribution": "an offset of all units",
-        "direction": "an offset that changes sign with the direction",
-        "product": f"a product of {form.variable} and {', '.join(form.further_variables)}",
-        "trend": f"a change along {form.variable}",
-        "memory": f"a memory of the path of {form.variable}",
-    }.get(form.kind, f"a dependence on {form.variable}")
-    parts = [f"{where}, amplitude {amplitude:.3g} {unit}".rstrip()]
-    if form.kind == "power":
-        parts.append(f"about its power {form.order:.3g}")
-    if form.detail and form.kind != "power":
-        parts.append(form.detail)
+    what, *details = form.words
+    parts = [f"{what}, amplitude {amplitude:.3g} {unit}".rstrip(), *details]
     if torque in ("odd", "even"):
         parts.append(f"{torque} in the load")
-    if form.direction:
-        parts.append("opposite in the two directions")
     if near:
         parts.append(f"form not resolved between {', '.join(near)}")
     return "; ".join(parts)

@@ -390,7 +390,7 @@ class Score:
 class Step:
     """A step on the path of the selection, accepted or not, and why.
 
-    `action` is "start", "add", "drop", "swap" or "reject"; `names` the effects that are in the
+    `action` is "start", "add", "drop", "swap", "keep" or "reject"; `names` the effects that are in the
     model after it. Errors are the RMSE of held-out rows, all outputs together, in noise units;
     `held_out_gain` and `held_out_error` are the improvement of the squared error and its standard
     error.

@@ -13,10 +13,10 @@ from .analysis import Analysis, analysis_without_effect, with_curves
 from .blocks import HeldOut
 from .close import Corrected, corrected
 from .fit import Fit, Fitter, Member, is_term
+from .generic import effect_of, whole_term
 from .linear import basis, project_out
 from .null_model import acts_in
 from .setup import Setup
-from .unresolved import effect_of, whole_term
 
 # The bias of an effect's parameter due to the form of the generic terms that are fitted with it.
 #

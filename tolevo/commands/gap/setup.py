@@ -136,23 +136,10 @@ def _residual_of(gap: Array, candidate: Candidate, x: Array) -> tuple[float, Arr
     x = x[:, kept]
     sizes, *_ = np.linalg.lstsq(x, gap, rcond=1e-9)
     if (sizes < low).any() or (sizes > high).any():
-        sizes = _clip_and_refit(x, gap, low, high)
+        one = len(sizes) == 1
+        sizes = np.clip(sizes, low, high) if one else scipy.optimize.lsq_linear(x, gap, (low, high), method="bvls").x
     rest = np.asarray(gap - x @ sizes)
     return float(rest @ rest), rest
-
-
-def _clip_and_refit(x: Array, gap: Array, low: Array, high: Array) -> Array:
-    """Sizes within their bounds: those that leave them are held at the end, the others refitted."""
-    held, sizes = np.zeros(len(low), dtype=bool), np.zeros(len(low))
-    for _ in range(len(low)):
-        rest = gap - x[:, held] @ sizes[held]
-        sizes[~held] = np.linalg.lstsq(x[:, ~held], rest, rcond=1e-9)[0]
-        out = ~held & ((sizes < low) | (sizes > high))
-        if not out.any():
-            break
-        sizes = np.where(out, np.clip(sizes, low, high), sizes)
-        held |= out
-    return sizes
 
 
 def _of_output(output: str, effect: str, ratio: float) -> str:
