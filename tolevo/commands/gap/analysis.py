@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...models.effects import Effect
 from ...models.effects.measurements import changes_of, effect_actions
+from ...models.effects.memory import Memory
 from ...models.effects.unresolved import Term, Unresolved, broken_line
 from ...models.measurable import Role
 from ...section import Array
@@ -183,10 +185,11 @@ class Settling:
     def _with_general_memory(self, fit: Fit) -> Fit:
         """The answer in which plays replace all effects with a memory, where a fit has several or plays as well,
         none of them alone explains nearly as much as plays do (none is the cause), and plays predict as well.
+        One that does is the cause: other laws over its path would only be by how much its form is off.
         """
         plays = [k for k, member in enumerate(fit.members) if is_plays(member)]
-        known = (member.candidate.effect for member in self.search.dictionary.members)
-        names = frozenset(effect.name for effect in known if MEMORY in (effect.family, effect.yields_to))
+        known = {member.name: member.candidate.effect for member in self.search.dictionary.members}
+        names = frozenset(name for name, effect in known.items() if MEMORY in (effect.family, effect.yields_to))
         effects = [k for k, name in enumerate(fit.names) if name in names]
         if not effects or len(plays) + len(effects) < 2:
             return fit
@@ -194,11 +197,21 @@ class Settling:
         answer = self.grown(fitter.refined(others), names)
         none = fitter.fit(others).rss
         general = fitter.fit((*others, *filter(is_plays, answer.members))).rss
-        named = min(fitter.refined((*others, fit.members[k])).rss for k in effects)
-        alike = none - named > SAME_CAUSE * (none - general)
-        answer = fit if alike else self._chosen([answer], names)
+        alone = {fit.names[k]: fitter.refined((*others, fit.members[k])).rss for k in effects}
+        cause = min(alone, key=alone.__getitem__)
+        if none - alone[cause] > SAME_CAUSE * (none - general):
+            path = self._driving(known[cause])
+            names = frozenset(name for name in names - {cause} if path and self._driving(known[name]) is path)
+            if not names & {*alone}:
+                return fit
+            answer = self.grown(fitter.refined([member for member in fit.members if member.name not in names]), names)
+        answer = self._chosen([answer], names)
         before, after = (self.search.tested(each).rss for each in (fit, answer))
         return answer if self.holds(answer) and after < (1.0 + AS_WELL) * before else fit
+
+    def _driving(self, effect: Effect) -> Role | None:
+        """The role of the column along whose path an effect has its memory, if it has one."""
+        return effect.driven_by(self.data.target) if isinstance(effect, Memory) else None
 
     def again(self, fit: Fit, excluded: frozenset[str], more: Sequence[Member] = ()) -> Fit:
         """The answer without the effects in `excluded`, with more terms to begin with: effects are

@@ -105,13 +105,15 @@ class Search:
 
     def cancelling(self, fit: Fit) -> tuple[int, ...]:
         """The indices of the effects of a fit that cancel against others, or in themselves, or whose size is not one
-        number.
+        number, or that have no memory left.
         """
         together = {
             k: fit.coefficients[k].reshape(-1, fit.members[k].candidate.effect.together) for k in fit.identified
         }
         opposed = (k for k, sizes in together.items() if (sizes.min(axis=1) * sizes.max(axis=1) < 0.0).any())
-        return (*self.fitter.cancelling(fit, self.thresholds.library), *opposed, *self.fitter.disagreeing(fit))
+        forgetful = (k for k in fit.identified if fit.members[k].forgets)
+        others = self.fitter.cancelling(fit, self.thresholds.library), self.fitter.disagreeing(fit)
+        return (*others[0], *opposed, *others[1], *forgetful)
 
     def _reached(self, members: Sequence[Member], candidates: Sequence[ScanResult]) -> float:
         """The largest gain with admissible signs; a scan respects those of single columns only."""
