@@ -12,7 +12,6 @@ from ...models.effects.measurements import changes_of, effect_actions
 from ...models.effects.memory import Memory
 from ...models.effects.unresolved import Term, Unresolved, broken_line
 from ...models.measurable import Role
-from ...section import Array
 from .blocks import HeldOut, improvement
 from .close import corrected
 from .data import GapData
@@ -28,7 +27,7 @@ from .generic import (
     whole_term,
     without_idle_plays,
 )
-from .linear import basis, project_out
+from .linear import basis, project_out, rms
 from .null_model import (
     Identified,
     NullModel,
@@ -487,12 +486,8 @@ def _within_floor(null_model: NullModel) -> bool:
     search, data = null_model.search, null_model.setup.data
     off = np.split(null_model.setup.residual - search.tested(null_model.null_fit).fitted, len(data.outputs))
     pairs = zip(off, null_model.noises, strict=True)
-    known = (noise.source != "estimated" and _rms(part[noise.counted]) <= noise.level for part, noise in pairs)
+    known = (noise.source != "estimated" and rms(part[noise.counted]) <= noise.level for part, noise in pairs)
     return not data.target.population and all(known)
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def _nothing(null_model: NullModel) -> Analysis:

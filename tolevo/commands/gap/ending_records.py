@@ -15,13 +15,13 @@ from ...models.effects import EffectParameter
 from ...models.effects.memory import Memory
 from ...models.effects.unresolved import Offer
 from ...section import Array
-from .analysis import Analysis, variables_of
+from .analysis import CURVED, Analysis, variables_of
 from .blocks import improvement
 from .close import corrected
 from .data import GapData
 from .fit import Member, is_term
 from .generic import effect_of, table_of
-from .linear import project_out
+from .linear import project_out, rms
 from .noise import outliers, whiteness
 from .population import Scatter, distance, exchanged_names, floor, held_out_units
 from .records import (
@@ -37,7 +37,7 @@ from .records import (
     Score,
     UnresolvedTerm,
 )
-from .result import Ending, finish_analysis, rmse
+from .result import Ending, finish_analysis
 from .scan import scan
 from .selection import correlation
 from .separations import separating
@@ -65,7 +65,7 @@ def gate(end: Ending) -> Gate:
                 unit=output.unit,
                 noise=level_of[at][0],
                 noise_source=level_of[at][1],
-                rmse=rmse(setup.residual[rows] - end.before.fitted[rows], noise.good),
+                rmse=rms((setup.residual[rows] - end.before.fitted[rows])[noise.counted]),
                 statistic=float(level),
                 threshold=limit,
                 significant=analysis.significant and (bool(level > limit) or len(null_model.noises) == 1),
@@ -383,7 +383,8 @@ def _by_output(end: Ending, raw: Array, rows: NDArray[np.bool_] | None = None) -
     """The RMSE of residuals (N,) by output, without outliers, at some `rows` (n,) or all."""
     outputs, noises = end.setup.data.outputs, end.analysis.initial_null_model.noises
     parts = zip(outputs, np.split(raw, len(outputs)), noises, strict=True)
-    return {o.name: rmse(part, noise.counted if rows is None else noise.counted & rows) for o, part, noise in parts}
+    kept = True if rows is None else rows
+    return {o.name: rms(part[noise.counted & kept]) for o, part, noise in parts}
 
 
 def _add_total(end: Ending, by_output: dict[str, float]) -> dict[str, float]:
@@ -522,8 +523,11 @@ def _term_remainders(end: Ending, members: Sequence[Member]) -> Remainder:
     rms, unit, level = float(np.std(added)), setup.data.outputs[at].unit, end.analysis.null_model.noises[at].level
     white = project_out(white, fitter.q)  # without the part that the zeros and free parameters span
     fraction = min(1.0, float(white @ white) / _excess_over_noise(end))
-    text = ", and ".join(dict.fromkeys(term.words for term in terms))
     turns = any(term.turns for term in terms)
+    words = dict.fromkeys(term.words for term in terms)
+    if len(words) > 1 and all(t.shape in CURVED and (t.turns, t.times) == (turns, "") for t in terms):
+        words = {f"a curve over {first.variable}" + (", opposite in the two directions" if turns else ""): None}
+    text = ", and ".join(words)
     offer = Offer(terms, [_weights(end, member) for member in members], setup.data.target.columns, text)
     texts = offer.formula(), offer.plugin()
     return Remainder(first.output, first.variables, text, rms, unit, rms / level, fraction, turns, (), *texts)

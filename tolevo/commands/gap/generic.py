@@ -27,7 +27,7 @@ from ...units import converted
 from .data import GapData
 from .fit import Fitter, Member, is_term
 from .library import Candidate
-from .linear import Groups, basis, join_groups, project_out
+from .linear import Groups, basis, project_out
 
 HIGHEST = 130.0
 """Highest order of the periodogram, unless the gear has higher ones; its grid is of quarters."""
@@ -192,15 +192,11 @@ def _powers(column: Column, x: Array) -> list[tuple[Form, Array]]:
     ]
 
 
-def _scaled(x: Array) -> Array:
-    return np.asarray((x - x.mean()) / x.std())
-
-
 def _products(inputs: list[Column], values: dict[str, Array], sign: Array | None) -> list[tuple[Form, Array]]:
     """Products of two inputs, each to the first and second power."""
     forms = []
     for first, second in combinations(inputs, 2):
-        a, b = _scaled(values[first.name]), _scaled(values[second.name])
+        a, b = ((x - x.mean()) / x.std() for x in (values[first.name], values[second.name]))
         columns = np.column_stack([a * b, a * a * b, a * b * b, a * a * b * b])
         both = [(Form("product", first.name, further_variables=(second.name,)), columns)]
         forms += both + _directional_forms(both, sign)
@@ -354,11 +350,6 @@ def stack_columns(groups: Groups, outputs: int) -> tuple[Groups, NDArray[np.int6
     whole = scipy.linalg.block_diag(*[groups.columns] * outputs)
     starts = np.concatenate([groups.starts + at * groups.columns.shape[1] for at in range(outputs)])
     return Groups(whole, starts, np.tile(groups.one_sided, outputs)), which
-
-
-def groups_of(columns: list[Array]) -> Groups:
-    """Generic columns as groups of either sign."""
-    return join_groups(columns, [False] * len(columns))
 
 
 # Generic forms as terms of the corrected model.

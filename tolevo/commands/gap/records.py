@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import isnan, nan
+from math import isfinite, isnan, nan
 from typing import Any
 
 from ...records import Axis, GapTables
@@ -350,6 +350,11 @@ class Region:
     share: float = nan
     statistic: float = nan
     threshold: float = nan
+
+    @property
+    def ends(self) -> tuple[float, float] | None:
+        """The ends of its interval, where it is one."""
+        return (self.low, self.high) if isfinite(self.low + self.high) else None
 
     def __str__(self) -> str:
         if self.kind == "order":

@@ -445,7 +445,8 @@ def _rivals_of(search: Search, fit: Fit, replaced: Sequence[int]) -> Iterator[Ot
     effects = [member for member in members if member not in terms]
     base, without = (search.fitter.fit(fit.effects), search.fitter.fit(effects)) if terms else (fit, fit)
     most = sum(fit.members[k].candidate.count for k in replaced)
-    for rival in _nearby_fits(search, effects):
+    candidates = scan(search.fitter, search.white, search.dictionary, effects)
+    for rival in search.refined(effects, candidates):
         distance, whole = search.worse(rival, base), rival
         if terms:
             whole = search.fitter.fit([*rival.members, *terms])
@@ -454,11 +455,6 @@ def _rivals_of(search: Search, fit: Fit, replaced: Sequence[int]) -> Iterator[Ot
                 distance = min(distance, search.worse(whole, fit))
         if distance <= search.settings.set_distance:
             yield Other(whole, (rival.names[-1],), names, distance)
-
-
-def _nearby_fits(search: Search, others: Sequence[Member]) -> list[Fit]:
-    """The best fits with one more effect in addition to `others`."""
-    return search.refined(others, scan(search.fitter, search.white, search.dictionary, others))
 
 
 def correlation(fitter: Fitter, fit: Fit, other: Other) -> float:

@@ -21,9 +21,9 @@ from ...models.measurable import NO_CHANGES, Role
 from ...section import Array, Output
 from .data import GapData
 from .fit import Fit
-from .generic import Form, generic, groups_of
+from .generic import Form, generic
 from .library import Candidate, Columns, add_lot_offsets, candidates, grid, law_of, not_considered, predictor
-from .linear import Groups, basis, project_out
+from .linear import Groups, basis, join_groups, project_out
 from .plan import GapPlan
 from .read import finite_faults
 
@@ -240,7 +240,7 @@ def _setup_of(plan: GapPlan, data: GapData, predicted: Mapping[str, Array], note
         library=tuple(c for c in library if not c.on_scatter),
         on_scatter=tuple(c for c in library if c.on_scatter and plan.settings.effects_at_most),
         forms=tuple(forms),
-        generic=groups_of(columns),
+        generic=join_groups(columns),
         laws=laws,
         notes=(*notes, *more_notes, *not_considered(plan.library, data)),
         first=tuple(turned(data, parts["predicted"], parts["base"], library, parts["columns"])),
