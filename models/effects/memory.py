@@ -39,6 +39,9 @@ class Memory(Shape):
     of_reversals: ClassVar[bool] = True
     """Whether it shows only where the driving column turns back."""
 
+    reach: ClassVar[str] = ""
+    """Stem of the number at whose least value nothing of the rows before is left: rows show no shorter memory."""
+
     def driven_by(self, target: Target) -> Role | None:
         """The role of the driving column; None where the table has none, or its rows are no path."""
         roles = target.paths if target.largest else target.travelled()
@@ -88,6 +91,7 @@ class Presliding(Memory, OneColumn):
 
     dimensions = FORCES
     weight = Weight("level", "c, friction in motion")
+    reach = "length"
 
     def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         meaning = "L, travel over which friction builds up after a reversal"
@@ -150,6 +154,7 @@ class BoucWen(Memory, OneColumn):
     cause = "Joints, springs or actuators slip in part, and follow another curve after each reversal."
     formula = "a z, dz/dx = (1 - (b sgn(dx z) + 1 - b) |z|^n)/L"
     drives = (*LOADS, Role.ANGLE)
+    reach = "length"
     mistaken_for = ("dahl_friction", "friction_hysteresis", "delay")
     reference = "Wen, J. Eng. Mech. Div. ASCE 102, 1976"
     weight = Weight("amplitude", "a, half of the loop when it has slipped", low=-inf)
@@ -191,6 +196,7 @@ class LoadCreep(Memory, OneColumn):
     needs = (Role.TIME,)
     drives = LOADS
     of_reversals = False
+    reach = "time"
     mistaken_for = ("torsional_compliance", "creep", "delay", "double_load_creep")
     reference = "Findley, Lai and Onaran, Creep and Relaxation of Nonlinear Viscoelastic Materials, 1976"
     stems: ClassVar[Mapping[str, str]] = {"time": "t1, time in which it yields"}

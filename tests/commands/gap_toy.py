@@ -12,7 +12,7 @@ import numpy as np
 from tolevo.commands.gap.analysis import Settling
 from tolevo.commands.gap.data import GapData
 from tolevo.commands.gap.fit import Fit, Fitter, Member, Space
-from tolevo.commands.gap.generic import Form, generic, groups_of
+from tolevo.commands.gap.generic import Form, generic
 from tolevo.commands.gap.library import Candidate
 from tolevo.commands.gap.linear import join_groups
 from tolevo.commands.gap.noise import Noise
@@ -67,7 +67,7 @@ def toy(
     groups = join_groups(parts, [one.candidate.one_sided for one in members], N)
     book = Dictionary(tuple(members), groups)
     labels = np.arange(N) % 10
-    return Search(fitter, book, book.white(space), Thresholds(limit, 20.0), labels,
+    return Search(fitter, book, book.raw.white(space), Thresholds(limit, 20.0), labels,
                   GapSettings(**settings))  # fmt: skip
 
 
@@ -112,7 +112,7 @@ def settling(
         texts = [repr(form) for form in forms]
         pairs = [(one, own) for one, own in pairs if repr(one) in texts]
         pairs.sort(key=lambda pair: texts.index(repr(pair[0])))
-    white = groups_of([own for _, own in pairs])
+    white = join_groups([own for _, own in pairs])
     which = np.zeros(len(pairs), dtype=np.int64)
     left = Remaining(white, tuple(form for form, _ in pairs), which, {})
     empty = search.fitter.fit(())

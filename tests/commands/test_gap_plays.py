@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +13,19 @@ import pytest
 from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
+from benchmarks.gap.generator.records import record
+from benchmarks.gap.namers.workflow import read_as_files
 from tolevo.cli import app
 from tolevo.commands.gap import gap
 from tolevo.commands.gap.configuration import gap_plan, read_gap
+from tolevo.commands.gap.fit import Member
+from tolevo.commands.gap.library import Candidate
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.records import GapResult
+from tolevo.models.effects import Target
+from tolevo.models.effects.memory import SHORTEST, Dahl
+from tolevo.models.measurable import Role
+from tolevo.section import Output
 
 HEAD = """model = "table"
 [columns]
@@ -91,6 +100,28 @@ def test_a_memory_that_the_library_has_keeps_its_name(tmp_path: Path) -> None:
     assert result.names == ("bouc_wen_hysteresis",)
     (size,) = (number for number in result.effects[0].parameters if number.name.startswith("amplitude"))
     assert size.low <= -1.5 <= size.high
+
+
+def test_a_sum_of_plays_that_a_law_nearly_fits_only_resembles_it(tmp_path: Path) -> None:
+    """Two laws fitted together would close as much; neither of them is in the record."""
+    found, truth = record("plays", 31_004)
+    assert [hidden.name for hidden in truth.hidden] == ["prandtl_ishlinskii"]
+    fewer = f"{found.configuration}[settings]\nsimulations = 300\n"
+    plan, data = read_as_files(replace(found, configuration=fewer), tmp_path)
+    result = gap.analysis_result(plan, data)
+    (effect,), plays = result.effects, result.remainder[0]
+    assert result.verdict == "partial" and effect.family == "memory" and effect.explains_percent > 90.0
+    assert plays.shape.startswith("a memory of ") and effect.form_error >= plays.rms > 0.0
+    assert effect.explained.endswith("; the memory of this record only resembles it")
+
+
+def test_a_memory_of_no_reach_is_none() -> None:
+    way = {Role.ANGLE: 2.0}
+    target = Target("table", (Output("torque_Nm", "N m", ""),), (), largest=way, paths=way, units={Role.ANGLE: "rad"})
+    dahl = Candidate(Dahl(), (), Dahl().shape_parameters(target))
+    (length,) = dahl.shape
+    assert length.low == 2.0 * SHORTEST
+    assert Member(dahl, {length.name: length.low}).forgets and not Member(dahl, {length.name: 1.2 * length.low}).forgets
 
 
 @pytest.mark.parametrize(

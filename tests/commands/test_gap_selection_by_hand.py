@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.commands.gap_toy import PENALTY, N, directions, member, squares_left, toy
+from tests.commands.gap_toy import PENALTY, N, directions, member, readings, squares_left, toy
 from tolevo.commands.gap import selection
 from tolevo.commands.gap.blocks import Improvement
+from tolevo.commands.gap.fit import Member
+from tolevo.commands.gap.library import Candidate
 from tolevo.commands.gap.linear import join_groups
 from tolevo.commands.gap.scan import CHUNK, evidence, scan, strongest_evidence, thresholds
 from tolevo.commands.gap.selection import (
@@ -29,8 +31,10 @@ from tolevo.commands.gap.selection import (
     masked_pair,
     rivals,
     select,
+    step_records,
     with_identified_by_likelihood,
 )
+from tolevo.models.effects.unresolved import Term, Unresolved
 
 
 def test_names_are_the_best_of_all_subsets() -> None:
@@ -48,8 +52,8 @@ def test_names_are_the_best_of_all_subsets() -> None:
     for at, step in enumerate(found.steps[1:]):
         less, more = ([columns[n] for n in found.steps[k].names] for k in (at, at + 1))
         assert step.gain == pytest.approx(squares_left(less, y) - squares_left(more, y))
-        assert step.held_out_gain > step.held_out_error > 0.0
-    assert np.isnan(found.steps[0].held_out_gain)
+        assert step.better.gain > step.better.error > 0.0
+    assert np.isnan(found.steps[0].better.gain)
 
 
 def test_a_name_that_a_better_one_makes_needless_is_exchanged() -> None:
@@ -63,6 +67,9 @@ def test_a_name_that_a_better_one_makes_needless_is_exchanged() -> None:
     ]  # fmt: skip
     assert found.steps[-1].names == ("a", "b") and found.steps[-1].accepted
     assert found.identified == ("a", "b") and found.fit.rss == pytest.approx(0.0, abs=1e-9)
+    told = [one.held_out for one in step_records(search, found.steps)]
+    wanted = [search.held_out_error(search.tested(one.fit)) for one in found.steps]
+    assert told == wanted and told[3] < told[2] < told[1] < told[0]  # each step beside its own error
 
 
 def test_the_same_name_at_a_better_place_is_no_step() -> None:
@@ -104,7 +111,7 @@ def test_a_name_that_failed_is_passed_over() -> None:
     assert not list(search.additions(empty, {"spike"}, first))  # which fits better
     found = select(toy([member("spike")], columns, y))
     assert [(one.action, one.name) for one in found.steps] == [("start", ""), ("reject", "spike")]
-    assert found.steps[1].gain > 1000.0 and found.steps[1].held_out_gain < 0.0
+    assert found.steps[1].gain > 1000.0 and found.steps[1].better.gain < 0.0
 
 
 # ------------------------------------------------------------- names that show in pairs alone
@@ -207,28 +214,24 @@ def test_the_path_beside_a_name_found_by_likelihood() -> None:
     ]  # fmt: skip
     assert all(one.accepted for one in new)
     first = new[0]
-    assert (first.gain, first.threshold, first.held_out_gain, first.held_out_error) == (
-        31.0, 6.0, 30.0, 2.0
-    )  # fmt: skip
+    assert (first.gain, first.threshold, first.better) == (31.0, 6.0, Improvement(30.0, 2.0))
     assert first.reason == UNITS and found.fit is other
 
 
 def test_the_path_ends_with_what_became_of_the_names() -> None:
-    """a is struck, c comes, t is a term; told once more it says the same once."""
-    a, b, c, t = directions(4).T
-    names = "abct"
-    columns = dict(zip(names, (a, b, c, t), strict=True))
-    search = toy([member(one) for one in "ab"], columns, 20.0 * a + 15.0 * b)
+    """a is struck, c comes, t is a term."""
+    a, b, c = directions(3).T
+    data = readings(speed=np.linspace(1.0, 9.0, N))
+    search = toy([member(one) for one in "ab"], {"a": a, "b": b, "c": c}, 20.0 * a + 15.0 * b, data=data)
     found = select(search)
-    final = search.fitter.fit([member(one) for one in "bct"])
-    labels = {"t": "unresolved term of torque"}
-    steps = concluding(search, found, final, labels)
+    term = Unresolved(Term("te", "speed", "power", exponent=2.0))
+    t = Member(Candidate(term, term.own_parameters(data.target), ()))
+    final = search.fitter.fit([member("b"), member("c"), t])
+    steps = concluding(search, found, final)
     assert [one.reason for one in steps[-3:]] == [NO_FORM, AS_WELL, TERM]
-    assert [one.name for one in steps[-3:]] == ["a", "c", "unresolved term of torque"]
+    assert [one.name for one in steps[-3:]] == ["a", "c", "unresolved term of speed"]
     assert all(one.names == ("b", "c") and one.accepted for one in steps[-3:])
     assert [one.names for one in steps[:-3]] == [one.names for one in found.steps]
-    again = concluding(search, replace(found, steps=steps), final, labels)
-    assert [(one.action, one.name) for one in again] == [(one.action, one.name) for one in steps]
 
 
 # ------------------------------------------------------------- what cannot be told apart

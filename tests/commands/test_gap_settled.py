@@ -19,12 +19,11 @@ from tolevo.commands.gap import gap
 from tolevo.commands.gap.analysis import analysed
 from tolevo.commands.gap.blocks import improvement
 from tolevo.commands.gap.configuration import read_gap
-from tolevo.commands.gap.generic import generic
+from tolevo.commands.gap.generic import generic, term_of
 from tolevo.commands.gap.linear import basis, project_out
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.result import Ending, finish_analysis
 from tolevo.commands.gap.setup import prepare_setup
-from tolevo.commands.gap.unresolved import term_of
 from tolevo.models.effects.unresolved import Unresolved
 
 pytestmark = [pytest.mark.source_tree, pytest.mark.usefixtures("without_figures")]

@@ -7,16 +7,27 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...models.effects import Effect
 from ...models.effects.measurements import changes_of, effect_actions
+from ...models.effects.memory import Memory
 from ...models.effects.unresolved import Term, Unresolved, broken_line
 from ...models.measurable import Role
-from ...section import Array
 from .blocks import HeldOut, improvement
 from .close import corrected
 from .data import GapData
 from .fit import Fit, Fitter, Member, Space, is_term
-from .generic import LEVELS, stack_columns
-from .linear import basis, project_out
+from .generic import (
+    LEVELS,
+    effect_of,
+    is_plays,
+    member_of,
+    member_with,
+    stack_columns,
+    term_of,
+    whole_term,
+    without_idle_plays,
+)
+from .linear import basis, project_out, rms
 from .null_model import (
     Identified,
     NullModel,
@@ -36,6 +47,7 @@ from .null_model import (
     withdraw_members,
 )
 from .population import Misfit, Scatter, misfit, scatter
+from .records import Step
 from .scan import GenericResidual, Remaining, dictionary, generic_residual
 from .selection import (
     MIN_EXTRA_FRACTION,
@@ -43,15 +55,16 @@ from .selection import (
     Other,
     Search,
     Selection,
+    Trial,
     concluding,
     first_of_confounded,
     rivals,
     same_columns,
     select,
+    step_records,
     with_identified_by_likelihood,
 )
 from .setup import Setup, move_setup
-from .unresolved import effect_of, is_plays, label, member_of, member_with, term_of, whole_term, without_idle_plays
 
 NO_CURVE = 0.02
 """Deviation from which a contribution is no function of one variable, as a fraction of its rms."""
@@ -141,6 +154,7 @@ MINOR = 0.1
 """Gain of all effects, as a fraction of the gain of the terms given the effects, below which the
 effects may only correct the terms: no form of one or two variables is the whole law.
 """
+EARLIER = "the effects selected before, in the noise given them, fit better than those selected now"
 SCORE_MARGIN = 5.0
 """Score by which an answer without the displaced effects must be better than the one with them."""
 
@@ -170,10 +184,11 @@ class Settling:
     def _with_general_memory(self, fit: Fit) -> Fit:
         """The answer in which plays replace all effects with a memory, where a fit has several or plays as well,
         none of them alone explains nearly as much as plays do (none is the cause), and plays predict as well.
+        One that does is the cause: other laws over its path would only be by how much its form is off.
         """
         plays = [k for k, member in enumerate(fit.members) if is_plays(member)]
-        known = (member.candidate.effect for member in self.search.dictionary.members)
-        names = frozenset(effect.name for effect in known if MEMORY in (effect.family, effect.yields_to))
+        known = {member.name: member.candidate.effect for member in self.search.dictionary.members}
+        names = frozenset(name for name, effect in known.items() if MEMORY in (effect.family, effect.yields_to))
         effects = [k for k, name in enumerate(fit.names) if name in names]
         if not effects or len(plays) + len(effects) < 2:
             return fit
@@ -181,11 +196,21 @@ class Settling:
         answer = self.grown(fitter.refined(others), names)
         none = fitter.fit(others).rss
         general = fitter.fit((*others, *filter(is_plays, answer.members))).rss
-        named = min(fitter.refined((*others, fit.members[k])).rss for k in effects)
-        alike = none - named > SAME_CAUSE * (none - general)
-        answer = fit if alike else self._chosen([answer], names)
+        alone = {fit.names[k]: fitter.refined((*others, fit.members[k])).rss for k in effects}
+        cause = min(alone, key=alone.__getitem__)
+        if none - alone[cause] > SAME_CAUSE * (none - general):
+            path = self._driving(known[cause])
+            names = frozenset(name for name in names - {cause} if path and self._driving(known[name]) is path)
+            if not names & {*alone}:
+                return fit
+            answer = self.grown(fitter.refined([member for member in fit.members if member.name not in names]), names)
+        answer = self._chosen([answer], names)
         before, after = (self.search.tested(each).rss for each in (fit, answer))
         return answer if self.holds(answer) and after < (1.0 + AS_WELL) * before else fit
+
+    def _driving(self, effect: Effect) -> Role | None:
+        """The role of the column along whose path an effect has its memory, if it has one."""
+        return effect.driven_by(self.data.target) if isinstance(effect, Memory) else None
 
     def again(self, fit: Fit, excluded: frozenset[str], more: Sequence[Member] = ()) -> Fit:
         """The answer without the effects in `excluded`, with more terms to begin with: effects are
@@ -400,6 +425,13 @@ class Analysis:
         """The search given the final null model."""
         return self.null_model.search
 
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """The path of the selection, and of rows what became of it in the answer."""
+        of_units = self.setup.data.target.population
+        trials = self.selection.steps if of_units else concluding(self.search, self.selection, self.fit)
+        return step_records(self.search, trials)
+
     def without_effects(self) -> Analysis:
         """The analysis of a batch without any identified effect."""
         null = self.initial_null_model
@@ -440,8 +472,8 @@ def analysed(setup: Setup) -> Analysis:
         previous_names, kept_fit = selection.fit.names, null_model.search.fitter.refined(selection.fit.members)
         selection = select(null_model.search)
         if kept_fit.score < selection.fit.score - BETTER:  # another path from the null fit
-            end = kept_fit, null_model.search.tested(kept_fit)
-            selection = replace(selection, fit=kept_fit, accepted=(*selection.accepted, end))
+            end = Trial("keep", ", ".join(kept_fit.names), EARLIER, kept_fit, null_model.search.tested(kept_fit))
+            selection = replace(selection, fit=kept_fit, steps=(*selection.steps, end), identified=kept_fit.names)
         if selection.fit.names == previous_names:
             break
     return (_analyse_batch if setup.data.target.population else _settle_rows)(selection, null_model)
@@ -454,12 +486,8 @@ def _within_floor(null_model: NullModel) -> bool:
     search, data = null_model.search, null_model.setup.data
     off = np.split(null_model.setup.residual - search.tested(null_model.null_fit).fitted, len(data.outputs))
     pairs = zip(off, null_model.noises, strict=True)
-    known = (noise.source != "estimated" and _rms(part[noise.counted]) <= noise.level for part, noise in pairs)
+    known = (noise.source != "estimated" and rms(part[noise.counted]) <= noise.level for part, noise in pairs)
     return not data.target.population and all(known)
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def _nothing(null_model: NullModel) -> Analysis:
@@ -497,8 +525,7 @@ def _settle_rows(selection: Selection, null_model: NullModel) -> Analysis:
             break
         null_model = change_noise(null_model, noises)
         search = null_model.search
-        accepted = [search.fitter.fit(fit.members) for fit, _ in selection.accepted]
-        selection = replace(selection, accepted=tuple((fit, search.tested(fit)) for fit in accepted))
+        selection = replace(selection, steps=tuple(step.refitted(search) for step in selection.steps))
         settling = _initial_settling(null_model, selection)
         fit = settling.settled(search.fitter.refined(fit.members))
     return _answer(null_model, settling, selection, fit)
@@ -546,9 +573,8 @@ def _answer(
         others = rivals(search, fit, named)
     remaining = generic_residual(fit, search.fitter, null_model.generic)
     identified = Identified(named, (), remaining, significant_forms(search, remaining))
-    steps = concluding(search, selection, fit, {member.name: label(member) for member in fit.terms})
     detected = bool(fit.members or selection.identified) or null_model.detected
-    selection = replace(selection, fit=fit, steps=steps)
+    selection = replace(selection, fit=fit)
     return Analysis(null_model, null_model, selection, identified, tuple(others), detected, removed=removed)
 
 

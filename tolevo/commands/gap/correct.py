@@ -21,6 +21,7 @@ from ...units import split_unit
 from .close import Corrected, refit_corrected_model, widened
 from .data import GapData
 from .fit import Fit, Fitter, Member, Space, is_term
+from .generic import table_of
 from .linear import project_out
 from .noise import Noise, outliers, size_follows
 from .plan import GapPlan
@@ -28,7 +29,6 @@ from .population import Scatter
 from .records import FoundEffect
 from .result import Ending
 from .setup import move_setup, values_of
-from .unresolved import table_of
 
 NO_RANGES: Mapping[str, list[float]] = {}
 
@@ -60,7 +60,7 @@ def corrected_toml(
         configuration["sense"] = turned
     if zero := zeros_with(plan, model):
         configuration["zero"] = zero
-    terms = [table_of(member, model) for member in model.members if is_term(member)]
+    terms = [table_of(member, model.effect(member.name)) for member in model.members if is_term(member)]
     more = [
         {"name": member.name, **member.candidate.effect.stated(), "parameters": model.effect(member.name)}
         for member in model.members

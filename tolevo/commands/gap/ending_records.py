@@ -12,15 +12,16 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...models.effects import EffectParameter
+from ...models.effects.memory import Memory
 from ...models.effects.unresolved import Offer
 from ...section import Array
-from .analysis import Analysis, variables_of
+from .analysis import CURVED, Analysis, variables_of
 from .blocks import improvement
 from .close import corrected
 from .data import GapData
 from .fit import Member, is_term
-from .generic import LEVELS
-from .linear import project_out
+from .generic import effect_of, table_of
+from .linear import project_out, rms
 from .noise import outliers, whiteness
 from .population import Scatter, distance, exchanged_names, floor, held_out_units
 from .records import (
@@ -36,13 +37,12 @@ from .records import (
     Score,
     UnresolvedTerm,
 )
-from .result import Ending, finish_analysis, rmse
+from .result import Ending, finish_analysis
 from .scan import scan
 from .selection import correlation
 from .separations import separating
 from .setup import nominal, residual_of
 from .uncertainty import Spread
-from .unresolved import effect_of, table_of
 
 UNIMITATED = 0.01
 """Fraction of a column outside the span of the free ones, below which an effect is undetectable."""
@@ -65,7 +65,7 @@ def gate(end: Ending) -> Gate:
                 unit=output.unit,
                 noise=level_of[at][0],
                 noise_source=level_of[at][1],
-                rmse=rmse(setup.residual[rows] - end.before.fitted[rows], noise.good),
+                rmse=rms((setup.residual[rows] - end.before.fitted[rows])[noise.counted]),
                 statistic=float(level),
                 threshold=limit,
                 significant=analysis.significant and (bool(level > limit) or len(null_model.noises) == 1),
@@ -147,10 +147,15 @@ def _explained(end: Ending, found: Sequence[FoundEffect]) -> list[FoundEffect]:
         best = min(fits, key=lambda fit: fit.rss)
         chosen, percent, rss = list(best.members), 100.0 * max(rss - best.rss, 0.0) / max(whole, 1e-300), best.rss
         inputs, turns = variables_of(chosen[-1], end.setup.data)
+        memory = chosen[-1].candidate.effect
+        if isinstance(memory, Memory):  # it acts along the path of another column, too
+            driving = memory.driven_by(end.setup.data.target)
+            inputs |= {column.name for column in end.setup.data.inputs if column.role is driving}
         own = [r for r in remainders if inputs & {*r.variables} or (turns and not inputs and r.turns)]
         remainders = [r for r in remainders if r not in own]
         error = float(np.sqrt(sum(r.rms**2 for r in own)))
         form, unit = (max(own, key=lambda r: r.rms).shape, own[0].unit) if own else ("", "")
+        form += "; the memory of this record only resembles it" if own and isinstance(memory, Memory) else ""
         effect = records[chosen[-1].name]
         known.append(replace(effect, explains_percent=percent, form_error=error, form_unit=unit, form=form))
     return known
@@ -378,7 +383,8 @@ def _by_output(end: Ending, raw: Array, rows: NDArray[np.bool_] | None = None) -
     """The RMSE of residuals (N,) by output, without outliers, at some `rows` (n,) or all."""
     outputs, noises = end.setup.data.outputs, end.analysis.initial_null_model.noises
     parts = zip(outputs, np.split(raw, len(outputs)), noises, strict=True)
-    return {o.name: rmse(part, noise.counted if rows is None else noise.counted & rows) for o, part, noise in parts}
+    kept = True if rows is None else rows
+    return {o.name: rms(part[noise.counted & kept]) for o, part, noise in parts}
 
 
 def _add_total(end: Ending, by_output: dict[str, float]) -> dict[str, float]:
@@ -428,7 +434,7 @@ def terms_of(end: Ending) -> tuple[UnresolvedTerm, ...]:
     terms = []
     for at, member in enumerate(end.fit.members):
         if is_term(member):
-            term, table = effect_of(member).term, table_of(member, end.model)
+            term, table = effect_of(member).term, table_of(member, end.model.effect(member.name))
             gain = end.analysis.search.fitter.fit(end.fit.without(at)).rss - end.fit.rss
             terms.append(UnresolvedTerm(term.output, term.variables, term.words, gain, table))
     return tuple(terms)
@@ -514,18 +520,17 @@ def _term_remainders(end: Ending, members: Sequence[Member]) -> Remainder:
         whole = setup.columns.of(member.candidate, member.shape) @ coefficients
         added = added + whole[setup.data.rows_of(at)]
         white = white + fitter.white(member) @ coefficients
-    rms, unit = float(np.std(added)), setup.data.outputs[at].unit
+    rms, unit, level = float(np.std(added)), setup.data.outputs[at].unit, end.analysis.null_model.noises[at].level
     white = project_out(white, fitter.q)  # without the part that the zeros and free parameters span
     fraction = min(1.0, float(white @ white) / _excess_over_noise(end))
-    text = ", and ".join(dict.fromkeys(term.words for term in terms))
     turns = any(term.turns for term in terms)
+    words = dict.fromkeys(term.words for term in terms)
+    if len(words) > 1 and all(t.shape in CURVED and (t.turns, t.times) == (turns, "") for t in terms):
+        words = {f"a curve over {first.variable}" + (", opposite in the two directions" if turns else ""): None}
+    text = ", and ".join(words)
     offer = Offer(terms, [_weights(end, member) for member in members], setup.data.target.columns, text)
     texts = offer.formula(), offer.plugin()
-    return Remainder(first.output, first.variables, text, rms, unit, rms / _level(end, at), fraction, turns, (), *texts)
-
-
-def _level(end: Ending, output: int) -> float:
-    return end.analysis.null_model.noises[output].level
+    return Remainder(first.output, first.variables, text, rms, unit, rms / level, fraction, turns, (), *texts)
 
 
 def _form_remainders(end: Ending) -> tuple[Remainder, ...]:
@@ -539,16 +544,11 @@ def _form_remainders(end: Ending) -> tuple[Remainder, ...]:
             continue
         declared_output = end.setup.data.outputs[output]
         ratio = float(np.sqrt(max(remaining.gains[at], 0.0) / end.analysis.search.fitter.space.rows_per_output))
-        name = f"order {form.order:g}" if form.kind == "order" else form.kind
-        text = f"an {name}" if name[0] in "aeiou" else f"a {name}"
-        text += f" of {form.variable}" + (f", {form.detail}" if form.detail else "")
-        text = f"a separate level for each {form.variable}" if form.shape == LEVELS else text
-        text += ", opposite in the two directions" if form.direction else ""
         remainders[key] = Remainder(
             declared_output.name,
-            (form.variable, *form.further_variables),
-            text,
-            ratio * _level(end, output),
+            form.variables,
+            ", ".join(form.words),
+            ratio * end.analysis.null_model.noises[output].level,
             declared_output.unit,
             ratio,
             min(1.0, float(remaining.gains[at]) / _excess_over_noise(end)),

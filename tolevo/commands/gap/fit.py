@@ -12,6 +12,7 @@ import scipy
 
 from ...journal import recall_arrays
 from ...models.effects import EffectParameter
+from ...models.effects.memory import Memory
 from ...models.effects.unresolved import Unresolved
 from ...section import Array
 from .library import Candidate, Columns
@@ -81,6 +82,8 @@ APART, SURE = 0.5, 4.0
 """Difference of the sizes of an effect in two kinds of rows, as a fraction of its size, and in standard
 errors, from which it is not one number.
 """
+FORGOTTEN = 1.1
+"""Number that says how far a memory reaches, over its least value, up to which it is that one: a filter's."""
 REMEMBERED = 400
 """Members whose columns, or products with groups, are kept at most."""
 
@@ -104,6 +107,13 @@ class Member:
         if two_choices is None:
             return (self,)
         return tuple(replace(self, shape={**self.shape, two_choices.name: choice}) for choice in two_choices.choices)
+
+    @property
+    def forgets(self) -> bool:
+        """Whether it is an effect with a memory, as short as the rows can show: without one it is another effect."""
+        effect, shape = self.candidate.effect, self.candidate.shape
+        reach = effect.reach if isinstance(effect, Memory) else ""
+        return any(self.shape[n.name] <= FORGOTTEN * n.low for n in shape if reach and n.stem == reach)
 
     @property
     def key(self) -> tuple[str, tuple[float, ...]]:

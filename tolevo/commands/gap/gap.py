@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from importlib.metadata import version
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +50,7 @@ from .plan import GapPlan, GapProgress, Report, ignore_progress
 from .population import Misfit
 from .populations import attribution_of, compared, inputs_instead, summary_messages
 from .read import unlikely_numbers
-from .records import FoundEffect, GapResult, Region, Rival, Shape
+from .records import FoundEffect, GapResult, Rival, Shape
 from .result import Ending, finish_analysis
 from .scan import generic_residual
 from .setup import prepare_setup, residual_of
@@ -199,7 +198,7 @@ def write(result: GapResult, folder: Path, lines: Sequence[str]) -> None:
     write_text(folder / "config.toml", result.configuration)
     write_text(folder / "corrected.toml", result.corrected)
     page_data.write_tables(result, folder)
-    drawn = drawings(result)
+    drawn = tuple(drawings(result))
     for name, figure, _ in drawn:
         write_bytes(folder / f"{name}.png", as_png(figure))
         write_bytes(folder / f"{name}.svg", as_svg(figure))
@@ -226,7 +225,7 @@ def record(result: GapResult) -> dict[str, Any]:
         "unresolved": [asdict(term) for term in result.unresolved],
         "remainder": [asdict(remainder) for remainder in result.remainder],
         "unnamed": [asdict(shape) for shape in result.shapes],
-        "where": [_region_row(region) for region in result.where],
+        "where": [asdict(part) | {"region": part.ends, "text": str(part)} for part in result.where],
         "population": [asdict(line) for line in result.population],
         "attribution": [asdict(attribution) for attribution in result.attribution],
         "noise_floor": _numbers(result.noise_floor),
@@ -248,9 +247,7 @@ def _numbers(by_output: Mapping[str, float]) -> float | dict[str, float]:
     return dict(by_output) if others else first
 
 
-def _region_row(region: Region) -> dict[str, Any]:
-    ends = [region.low, region.high] if isfinite(region.low) and isfinite(region.high) else None
-    return {**asdict(region), "region": ends, "text": str(region)}
+EVIDENCE = ("gain", "threshold", "held_out_gain", "held_out_error", "share")
 
 
 def _effect(effect: FoundEffect) -> dict[str, Any]:
@@ -267,11 +264,7 @@ def _effect(effect: FoundEffect) -> dict[str, Any]:
         "in_problem": effect.in_problem,
         "counterpart": effect.counterpart,
         "evidence": {
-            "gain": effect.gain,
-            "threshold": effect.threshold,
-            "held_out_gain": effect.held_out_gain,
-            "held_out_error": effect.held_out_error,
-            "share": effect.share,
+            **{name: getattr(effect, name) for name in EVIDENCE},
             "bootstrap_frequency": effect.frequency,
             "at_bound": list(effect.at_bound),
         },
@@ -279,13 +272,8 @@ def _effect(effect: FoundEffect) -> dict[str, Any]:
 
 
 def _rival(rival: Rival) -> dict[str, Any]:
-    return {
-        "names": list(rival.names),
-        "instead_of": list(rival.instead_of),
-        "distance": rival.distance,
-        "correlation": rival.correlation,
-        "separating_measurement": asdict(rival.measurement),
-    }
+    named = asdict(rival)
+    return named | {"separating_measurement": named.pop("measurement")}
 
 
 RMSE = "{}: rmse {:.4g} -> {:.4g} {} on held-out rows; noise {:.4g}"
@@ -408,7 +396,7 @@ def result_of(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None =
         if analysis.significant
         else (),
         scores=scores(end),
-        steps=analysis.selection.steps,
+        steps=analysis.steps,
         effects=in_problem(plan, text, effects(end, spread)),
         rivals=rivals,
         shapes=shape_records(end),

@@ -32,6 +32,11 @@ def project_out(columns: Array, q: Array) -> Array:
     return columns - q @ (q.T @ columns)
 
 
+def rms(values: Array) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
 def unit(columns: Array) -> Array:
     """Columns (N, k) of unit length, but for those that are 0."""
     return np.asarray(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))
@@ -234,8 +239,8 @@ def products(groups: Groups, q: Array, residual: Array) -> tuple[Array, Array]:
     return both[:-1], both[-1]
 
 
-def join_groups(parts: list[Array], one_sided: list[bool], rows: int = 0) -> Groups:
-    """Groups from the columns (N, m) of each; without any, N is `rows`."""
+def join_groups(parts: list[Array], one_sided: list[bool] | None = None, rows: int = 0) -> Groups:
+    """Groups from the columns (N, m) of each, of either sign if not stated; without any, N is `rows`."""
     ends = np.cumsum([0, *(part.shape[1] for part in parts)], dtype=np.int64)
     columns = np.hstack(parts) if parts else np.zeros((rows, 0))
-    return Groups(columns, ends[: len(parts)], np.array(one_sided, dtype=bool))
+    return Groups(columns, ends[: len(parts)], np.array(one_sided or [False] * len(parts), dtype=bool))

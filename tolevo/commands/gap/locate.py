@@ -108,13 +108,17 @@ def _shape(setup: Setup, form: Form, output: Output, role: Role | None, curve: A
     if form.variable in {c.name for c in setup.data.inputs} and form.kind != "order":
         low, high = densest_interval(setup.data.values(form.variable), curve)
     torque = _parity(setup, curve) if role in (Role.TORQUE, Role.FORCE) else "none"
+    what, *details = form.words
+    parts = [f"{what}, amplitude {amplitude:.3g} {output.unit}".rstrip(), *details]
+    parts += [f"{torque} in the load"] if torque in ("odd", "even") else []
+    parts += [f"form not resolved between {', '.join(near)}"] if near else []
     return Shape(
         output=output.name,
         family="unknown" if role is None else FAMILIES.get(role, "unknown"),
         variable=" x ".join(form.variables),
         amplitude=amplitude,
         unit=output.unit,
-        text=_text(form, amplitude, output.unit, torque, near),
+        text="; ".join(parts),
         low=low,
         high=high,
         order=form.order if form.kind == "order" else np.nan,
@@ -142,30 +146,6 @@ def _parity(setup: Setup, curve: Array) -> str:
 def _explained_fraction(columns: Array, curve: Array) -> float:
     coefficients = np.linalg.lstsq(columns, curve, rcond=1e-9)[0]
     return float(1.0 - np.sum((curve - columns @ coefficients) ** 2) / max(np.sum(curve**2), 1e-300))
-
-
-def _text(form: Form, amplitude: float, unit: str, torque: str, near: tuple[str, ...]) -> str:
-    """A sentence about a form."""
-    where = {
-        "order": f"a wave of order {form.order:g}",
-        "distribution": "an offset of all units",
-        "direction": "an offset that changes sign with the direction",
-        "product": f"a product of {form.variable} and {', '.join(form.further_variables)}",
-        "trend": f"a change along {form.variable}",
-        "memory": f"a memory of the path of {form.variable}",
-    }.get(form.kind, f"a dependence on {form.variable}")
-    parts = [f"{where}, amplitude {amplitude:.3g} {unit}".rstrip()]
-    if form.kind == "power":
-        parts.append(f"about its power {form.order:.3g}")
-    if form.detail and form.kind != "power":
-        parts.append(form.detail)
-    if torque in ("odd", "even"):
-        parts.append(f"{torque} in the load")
-    if form.direction:
-        parts.append("opposite in the two directions")
-    if near:
-        parts.append(f"form not resolved between {', '.join(near)}")
-    return "; ".join(parts)
 
 
 MAX_REGIONS = 6

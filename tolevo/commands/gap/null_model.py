@@ -147,7 +147,7 @@ def displaced(search: Search, fit: Fit, generic: Remaining) -> Sequence[int]:
     sets = [*((k,) for k in range(count)), *combinations(range(count), 2)]
     for removed in sets:
         reduced_fit = search.fitter.fit(fit.without(*removed))
-        gains = generic.gains(search.fitter, reduced_fit)
+        gains = search.fitter.gains(generic.white, reduced_fit.members)
         score = reduced_fit.score - gains + search.fitter.penalty * numbers + PRICE[len(removed)]
         score[of_prediction] = np.inf
         margin = fit.score - float(score.min())
@@ -516,7 +516,7 @@ def build_null_model(
     plan = setup.plan
     space = Space(noises, setup.prior)
     fitter = Fitter(space, setup.residual, setup.base, setup.columns, setup.offset)
-    white, generic = effects.white(space), forms.white(space)
+    white, generic = effects.raw.white(space), forms.white(space)
     if known is None:
         rng = np.random.default_rng([plan.seed, 2])
         known = thresholds(white, generic, fitter.q, plan.settings.simulations, plan.settings.false_rate, rng)

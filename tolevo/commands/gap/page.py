@@ -184,7 +184,7 @@ def residuals_figure(result: GapResult, output: Axis) -> Figure | None:
     panels = figure.subplots(len(inputs), len(MARKS), sharey=True, sharex="row", squeeze=False)
     for row, axis in zip(panels, inputs, strict=True):
         here = (region for region in result.where if (region.output, region.variable) == (output.name, axis.name))
-        regions = [region for region in here if isfinite(region.low + region.high)]
+        regions = [region for region in here if region.ends]
         for axes, mark in zip(row, MARKS, strict=True):
             _panel(axes, frame, axis, output, mark, regions)
         row[0].set_ylabel(label_with_unit("residual", output.unit))
@@ -583,17 +583,11 @@ def figures(result: GapResult) -> dict[str, Figure]:
     return {name: figure for name, figure, _ in drawings(result)}
 
 
-def drawings(result: GapResult) -> tuple[Drawn, ...]:
-    """Name, figure and caption of every figure that this result has."""
-    return tuple(_each_drawing(result))
-
-
 def gap_page(result: GapResult, drawn: Sequence[Drawn] | None = None) -> str:
     """The whole page, with the figures that are `drawn` already; every text that comes from
     outside is escaped.
     """
-    all_drawn = drawings(result) if drawn is None else drawn
-    pictures = {name: picture(name, figure, caption) for name, figure, caption in all_drawn}
+    pictures = {part[0]: picture(*part) for part in (drawings(result) if drawn is None else drawn)}
     sections = {
         "The gap before and after": _pictures_of_kind(pictures, "distribution")
         + _pictures_of_kind(pictures, "residuals")
@@ -657,7 +651,8 @@ def _before_after(result: GapResult, name: str) -> str:
     return f"{name.replace('_', ' ')}: {shown(before)} before, {shown(after)} after [{unit}] ({measure}{noise})."
 
 
-def _each_drawing(result: GapResult) -> Iterator[Drawn]:
+def drawings(result: GapResult) -> Iterator[Drawn]:
+    """Name, figure and caption of every figure that this result has."""
     kinds = (
         ("residuals", residuals_figure),
         ("spectrum", spectrum_figure),

@@ -139,11 +139,6 @@ def looks_of(
     return tuple(look for look in looks if look is not None)
 
 
-def values_of(looks: tuple[Look, ...], x: Array) -> dict[str, Array]:
-    """Every statistic of batches (b, n), by name."""
-    return {look.name: look.of(x) for look in looks}
-
-
 # Lines of statistics of measured and simulated batches, and whether these differ.
 
 
@@ -190,50 +185,25 @@ class Compared:
         self, model: str, output: str, offset: dict[str, float], rng: np.random.Generator
     ) -> tuple[PopulationLine, ...]:
         """A line for each statistic; a difference exceeds what any line reaches by chance."""
-        simulated = values_of(self.looks, self.drawn)
-        measured = {name: float(value[0]) for name, value in values_of(self.looks, self.x[None]).items()}
-        middle = {name: float(np.mean(value)) for name, value in simulated.items()}
-        limits = self._limits(simulated, middle)
-        drawn = rng.integers(0, len(self.x), (AGAIN, len(self.x)))
-        again = values_of(tuple(look for look in self.looks if look.signed), self.x[drawn])
-        values = {name: (middle[name], measured[name], limits[name], simulated[name]) for name in middle}
-        return tuple(
-            self._line(look, model, output, offset, *values[look.name], again.get(look.name)) for look in self.looks
-        )
+        again = self.x[rng.integers(0, len(self.x), (AGAIN, len(self.x)))]
+        return tuple(self._line(look, model, output, offset.get(look.name, 0.0), again) for look in self.looks)
 
-    def _limits(self, simulated: dict[str, Array], middle: dict[str, float]) -> dict[str, float]:
-        """The deviation of each statistic from its mean by chance, for all together (Sidak)."""
-        rate = 1.0 - (1.0 - self.rate) ** (1.0 / len(self.looks))
-        limits = {}
-        for look in self.looks:
-            far = simulated[look.name] - middle[look.name]
-            limits[look.name] = rare_value(np.abs(far) if look.signed else far, rate)
-        return limits
-
-    def _line(
-        self,
-        look: Look,
-        model: str,
-        output: str,
-        offset: dict[str, float],
-        simulated: float,
-        measured: float,
-        limit: float,
-        drawn: Array,
-        again: Array | None,
-    ) -> PopulationLine:
-        difference = measured - simulated
-        low = high = float("nan")
-        if again is not None:
-            half = float(ndtri(0.5 + 0.5 * LEVEL) * np.std(again))
+    def _line(self, look: Look, model: str, output: str, offset: float, again: Array) -> PopulationLine:
+        drawn, measured = look.of(self.drawn), float(look.of(self.x[None])[0])
+        simulated, low, high = float(np.mean(drawn)), float("nan"), float("nan")
+        difference, apart = measured - simulated, drawn - simulated
+        if look.signed:
+            half = float(ndtri(0.5 + 0.5 * LEVEL) * np.std(look.of(again)))
             low, high = difference - half, difference + half
+        rate = 1.0 - (1.0 - self.rate) ** (1.0 / len(self.looks))  # of all lines together (Sidak)
+        limit = rare_value(np.abs(apart) if look.signed else apart, rate)
         beyond = abs(difference) > limit if look.signed else difference > limit
         shows = limit + float(ndtri(DETECTED) * np.std(drawn))
         text = DIFFERS if beyond else NOT_DETECTED.format(f"{shows:.3g} {look.unit}".rstrip())
         enough = beyond or len(self.x) >= self.least
         text = text if enough else f"cannot tell with n = {len(self.x)}"
-        what, by = (model, output, look.aspect, look.name, look.unit), offset.get(look.name, 0.0)
-        numbers = (simulated + by, measured + by, difference, low, high, limit, shows)
+        what = (model, output, look.aspect, look.name, look.unit)
+        numbers = (simulated + offset, measured + offset, difference, low, high, limit, shows)
         return PopulationLine(*what, *numbers, text, bool(enough))
 
 
@@ -336,11 +306,7 @@ def _looks(unit: str, s: Array, order: Array) -> tuple[Look, ...]:
 
 def _shown(s: Array, order: Array) -> dict[str, float]:
     """The statistics of simulated values s (n,) that differences are added to."""
-    return {
-        name: float(value[0])
-        for name, value in values_of(looks_of("", order), s[None]).items()
-        if name in (*PLAIN, *SHAPES)
-    }
+    return {look.name: float(look.of(s[None])[0]) for look in looks_of("", order) if look.name in (*PLAIN, *SHAPES)}
 
 
 def _simulate_look(look: Look, normal: Array) -> Look:

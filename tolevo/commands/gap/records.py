@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import isnan, nan
+from math import isfinite, isnan, nan
 from typing import Any
 
 from ...records import Axis, GapTables
@@ -351,6 +351,11 @@ class Region:
     statistic: float = nan
     threshold: float = nan
 
+    @property
+    def ends(self) -> tuple[float, float] | None:
+        """The ends of its interval, where it is one."""
+        return (self.low, self.high) if isfinite(self.low + self.high) else None
+
     def __str__(self) -> str:
         if self.kind == "order":
             where = f"order {self.order:g}"
@@ -390,7 +395,7 @@ class Score:
 class Step:
     """A step on the path of the selection, accepted or not, and why.
 
-    `action` is "start", "add", "drop", "swap" or "reject"; `names` the effects that are in the
+    `action` is "start", "add", "drop", "swap", "keep" or "reject"; `names` the effects that are in the
     model after it. Errors are the RMSE of held-out rows, all outputs together, in noise units;
     `held_out_gain` and `held_out_error` are the improvement of the squared error and its standard
     error.

@@ -13,10 +13,10 @@ from .analysis import Analysis, analysis_without_effect, with_curves
 from .blocks import HeldOut
 from .close import Corrected, corrected
 from .fit import Fit, Fitter, Member, is_term
+from .generic import effect_of, whole_term
 from .linear import basis, project_out
 from .null_model import acts_in
 from .setup import Setup
-from .unresolved import effect_of, whole_term
 
 # The bias of an effect's parameter due to the form of the generic terms that are fitted with it.
 #
@@ -50,7 +50,8 @@ def misfit_of(analysis: Analysis, fit: Fit, curved: Fit) -> dict[tuple[str, str]
     named = fit.identified if terms else ()
     columns = {at: _columns(fitter, fit, at) for at in named}
     added = np.sum([fitter.contribution(fit, k) for k in terms], axis=0)
-    q = _span_of_forms(analysis, of_forms) if named else added
+    forms = [fitter.white(whole_term(member, analysis.setup.data)) for member in of_forms.terms]
+    q = basis(project_out(np.hstack(forms), fitter.q)) if named else added  # of the whole forms of all terms
     count = sum(member.candidate.count for member in of_forms.terms)
     variances: dict[tuple[str, str], float] = {}
     for at in named:
@@ -66,13 +67,6 @@ def misfit_of(analysis: Analysis, fit: Fit, curved: Fit) -> dict[tuple[str, str]
                 bias, whole = float(g @ added) ** 2 / size, float(added @ added)
                 variances[member.name, number] = max(EITHER * bias, (whole - bias) / count * common) / size
     return variances
-
-
-def _span_of_forms(analysis: Analysis, fit: Fit) -> Array:
-    """An orthonormal basis (N, r) of the whole forms of all terms, given the free parameters."""
-    fitter, data = analysis.search.fitter, analysis.setup.data
-    forms = [fitter.white(whole_term(member, data)) for member in fit.terms]
-    return basis(project_out(np.hstack(forms), fitter.q))
 
 
 def variance_of_weights(model: Corrected, plain: Corrected) -> dict[tuple[str, str], float]:
@@ -272,9 +266,3 @@ def _widen_ending(analysis: Analysis) -> Ending:
         weighed = variance_of_weights(model, corrected(analysis.setup, search.fitter.space, fit, plain=True))
         extra_widths = {key: extra_widths.get(key, 0.0) + weighed.get(key, 0.0) for key in {**extra_widths, **weighed}}
     return replace(end, model=model.widened(extra_widths))
-
-
-def rmse(values: Array, good: object = None) -> float:
-    """Root mean square without outliers."""
-    inside = values if good is None else values[np.asarray(good, dtype=bool)]
-    return float(np.sqrt(np.mean(inside**2)))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...journal import recall_arrays
 from ...models.measurable import Role
 from ...section import Array
-from .fit import Fit, Fitter, Member, Space
+from .fit import Fit, Fitter, Member
 from .generic import Form
 from .library import Candidate, Columns, grid
 from .linear import Groups, join_groups, project_out
@@ -38,10 +38,6 @@ class Dictionary:
         """The start and the end of the grid of each effect."""
         names = [member.name for member in self.members]
         return {name: (names.index(name), names.index(name) + names.count(name)) for name in dict.fromkeys(names)}
-
-    def white(self, space: Space) -> Groups:
-        """The columns in whitened space."""
-        return self.raw.white(space)
 
 
 def dictionary(library: Sequence[Candidate], columns: Columns, spread: float) -> Dictionary:
@@ -138,10 +134,6 @@ class Remaining:
     outputs: NDArray[np.int64]
     roles: dict[str, Role]
 
-    def gains(self, fitter: Fitter, fit: Fit) -> Array:
-        """The gain of each form given all members of a fit."""
-        return fitter.gains(self.white, fit.members)
-
 
 @dataclass(frozen=True)
 class GenericResidual:
@@ -154,6 +146,6 @@ class GenericResidual:
 
 def generic_residual(fit: Fit, fitter: Fitter, generic: Remaining) -> GenericResidual:
     """The generic forms tested against the residual of a fit, given all its members."""
-    gains = generic.gains(fitter, fit)
+    gains = fitter.gains(generic.white, fit.members)
     level = evidence(generic.white, gains)
     return GenericResidual(level, gains, np.argsort(-level))

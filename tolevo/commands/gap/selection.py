@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from .blocks import HeldOut, Improvement, Split, Training, improvement, predict_held_out
 from .fit import Fit, Fitter, Member, is_term
+from .generic import label
 from .linear import Groups, project_out
 from .plan import GapSettings
 from .records import Step
@@ -104,13 +105,15 @@ class Search:
 
     def cancelling(self, fit: Fit) -> tuple[int, ...]:
         """The indices of the effects of a fit that cancel against others, or in themselves, or whose size is not one
-        number.
+        number, or that have no memory left.
         """
         together = {
             k: fit.coefficients[k].reshape(-1, fit.members[k].candidate.effect.together) for k in fit.identified
         }
         opposed = (k for k, sizes in together.items() if (sizes.min(axis=1) * sizes.max(axis=1) < 0.0).any())
-        return (*self.fitter.cancelling(fit, self.thresholds.library), *opposed, *self.fitter.disagreeing(fit))
+        forgetful = (k for k in fit.identified if fit.members[k].forgets)
+        others = self.fitter.cancelling(fit, self.thresholds.library), self.fitter.disagreeing(fit)
+        return (*others[0], *opposed, *others[1], *forgetful)
 
     def _reached(self, members: Sequence[Member], candidates: Sequence[ScanResult]) -> float:
         """The largest gain with admissible signs; a scan respects those of single columns only."""
@@ -195,15 +198,71 @@ class Search:
 
 
 @dataclass(frozen=True)
+class Trial:
+    """A step of the loop, accepted or not, and why: `fit` is the model after it, `tested` are the held-out
+    residuals of the fit that was tried. `scatter` is an effect on the scatter, which is in no fit.
+    """
+
+    action: str
+    name: str
+    reason: str
+    fit: Fit
+    tested: HeldOut
+    gain: float = np.nan
+    better: Improvement = Improvement(np.nan, np.nan)
+    threshold: float = np.nan
+    scatter: tuple[str, ...] = ()
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the model contains it."""
+        return self.action != "reject"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The effects in the model after it."""
+        return (*(member.name for member in self.fit.effects), *self.scatter)
+
+    def refitted(self, search: Search) -> Trial:
+        """An accepted step fitted again in another noise."""
+        fit = search.fitter.fit(self.fit.members)
+        return replace(self, fit=fit, tested=search.tested(fit)) if self.accepted else self
+
+
+def step_records(search: Search, trials: Iterable[Trial]) -> tuple[Step, ...]:
+    """Steps as they are printed, stored and drawn: all held-out errors refer to the noise of `search`."""
+    return tuple(
+        Step(
+            number=at,
+            action=trial.action,
+            name=trial.name,
+            names=trial.names,
+            accepted=trial.accepted,
+            reason=trial.reason,
+            gain=trial.gain,
+            threshold=search.thresholds.library if np.isnan(trial.threshold) else trial.threshold,
+            held_out=search.held_out_error(trial.tested),
+            held_out_gain=trial.better.gain,
+            held_out_error=trial.better.error,
+        )
+        for at, trial in enumerate(trials)
+    )
+
+
+@dataclass(frozen=True)
 class Selection:
-    """The final fit of a selection and its path. `accepted` are the fits of the accepted steps with
-    their held-out residuals, the null fit first; `identified` are the effects in the final fit.
+    """The final fit of a selection and its path, which starts at the null fit; `identified` are the
+    effects in the final fit.
     """
 
     fit: Fit
-    steps: tuple[Step, ...]
-    accepted: tuple[tuple[Fit, HeldOut], ...] = ()
+    steps: tuple[Trial, ...]
     identified: tuple[str, ...] = ()
+
+    @property
+    def accepted(self) -> tuple[tuple[Fit, HeldOut], ...]:
+        """The fits of the accepted steps with their held-out residuals, the null fit first."""
+        return tuple((step.fit, step.tested) for step in self.steps if step.accepted)
 
 
 def select(search: Search, quick: bool = False) -> Selection:
@@ -213,12 +272,10 @@ def select(search: Search, quick: bool = False) -> Selection:
     A turn that reaches no new set rejects one more effect or pair, and the number of sets is limited.
     """
     fit = search.fitter.fit(())
-    steps: list[Step] = []
     rejected: set[frozenset[str]] = set()
     before = search.tested(fit)
-    accepted = [(fit, before)]
+    steps = [Trial("start", "", "the model as recalibrated", fit, before)]
     visited = {frozenset(fit.names)}
-    _note(steps, search, fit, before, "start", "", "the model as recalibrated")
     most = search.settings.effects_at_most
     while len(fit.members) < most and len(visited) <= VISITED * most:
         alone = {name for names in rejected if len(names) == 1 for name in names}
@@ -231,17 +288,16 @@ def select(search: Search, quick: bool = False) -> Selection:
         name = " + ".join(new)
         gain = fit.rss - grown.rss
         if not _matters(search, gain, len(new)):
-            _note(steps, search, fit, before, "reject", name, BELOW_PRACTICAL_LIMIT, gain)
+            steps.append(Trial("reject", name, BELOW_PRACTICAL_LIMIT, fit, before, gain))
             break
         after = search.tested(grown)
         better = improvement(before, after, search.labels)
         if not better.real:
             rejected.add(frozenset(new))
-            _note(steps, search, fit, after, "reject", name, NO_BETTER, gain, better)
+            steps.append(Trial("reject", name, NO_BETTER, fit, after, gain, better))
             continue
-        _note(steps, search, grown, after, "add", name, BOTH, gain, better)
-        fit = _retest_effects(search, grown, steps, accepted)
-        accepted.append((grown, after))
+        steps.append(Trial("add", name, BOTH, grown, after, gain, better))
+        fit = _retest_effects(search, grown, steps)
         if frozenset(fit.names) in visited:  # effects selected before: try another path from here
             rejected.add(frozenset(new))
         else:
@@ -249,7 +305,7 @@ def select(search: Search, quick: bool = False) -> Selection:
             visited.add(frozenset(fit.names))
         before = search.tested(fit)
     fit = search.fitter.refined(fit.members)
-    return Selection(fit, tuple(steps), tuple(accepted), fit.names)
+    return Selection(fit, tuple(steps), fit.names)
 
 
 def with_identified_by_likelihood(
@@ -258,14 +314,12 @@ def with_identified_by_likelihood(
     """The path of a selection, followed by an effect that was selected by likelihood and by the
     changes of the other effects given that one.
     """
-    steps = list(before.steps)
-    tested = search.tested(after.fit)
-    _note(steps, search, before.fit, tested, "add", name, UNITS, gain, better)
-    steps[-1] = replace(steps[-1], names=(*before.fit.names, name), threshold=limit)
-    for action, names in zip(("drop", "add"), _changes(before.fit.names, after.fit.names), strict=True):
-        if names:
-            _note(steps, search, after.fit, tested, action, ", ".join(names), f"fitted again given {name}")
-            steps[-1] = replace(steps[-1], names=(*after.fit.names, name))
+    tested, why = search.tested(after.fit), f"fitted again given {name}"
+    steps = [*before.steps, Trial("add", name, UNITS, before.fit, tested, gain, better, limit, (name,))]
+    changes = zip(("drop", "add"), _changes(before.fit.names, after.fit.names), strict=True)
+    steps += [
+        Trial(action, ", ".join(names), why, after.fit, tested, scatter=(name,)) for action, names in changes if names
+    ]
     return replace(after, steps=tuple(steps))
 
 
@@ -308,7 +362,7 @@ def masked_pair(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit 
     return best if min(alone) > limit else None
 
 
-def _retest_effects(search: Search, fit: Fit, steps: list[Step], accepted: list[tuple[Fit, HeldOut]]) -> Fit:
+def _retest_effects(search: Search, fit: Fit, steps: list[Trial]) -> Fit:
     """The fit after each effect was exchanged for every candidate, or dropped, if that is better."""
     for _ in range(4):
         better = _exchange_effect(search, fit) or _drop_effect(search, fit)
@@ -322,8 +376,7 @@ def _retest_effects(search: Search, fit: Fit, steps: list[Step], accepted: list[
         text = f"{', '.join(dropped)} for {', '.join(added)}" if added else ", ".join(dropped)
         why = "fits better given the others" if added else "no longer significant"
         fit = better
-        accepted.append((fit, search.tested(fit)))
-        _note(steps, search, fit, accepted[-1][1], action, text, why)
+        steps.append(Trial(action, text, why, fit, search.tested(fit)))
     return fit
 
 
@@ -344,50 +397,12 @@ def _drop_effect(search: Search, fit: Fit) -> Fit | None:
     return next((smaller for smaller in smaller_fits if smaller.rss - fit.rss < search.limit(fit)), None)
 
 
-def _note(
-    steps: list[Step],
-    search: Search,
-    fit: Fit,
-    tested: HeldOut,
-    action: str,
-    name: str,
-    reason: str,
-    gain: float = np.nan,
-    better: Improvement | None = None,
-) -> None:
-    """Add a step to the path."""
-    steps.append(
-        Step(
-            number=len(steps),
-            action=action,
-            name=name,
-            names=fit.names,
-            accepted=action != "reject",
-            reason=reason,
-            gain=gain,
-            threshold=search.thresholds.library,
-            held_out=search.held_out_error(tested),
-            held_out_gain=np.nan if better is None else better.gain,
-            held_out_error=np.nan if better is None else better.error,
-        )
-    )
-
-
-def concluding(search: Search, selection: Selection, fit: Fit, labels: Mapping[str, str]) -> tuple[Step, ...]:
-    """The path of a selection, and its changes in the final fit: effects dropped or added, and
-    generic terms (`labels` by their names). All held-out errors refer to the same noise.
-    """
-    errors = iter([search.held_out_error(tested) for _, tested in selection.accepted])
-    path = [step for step in selection.steps if step.reason not in (NO_FORM, AS_WELL, TERM)]
-    steps = [replace(step, held_out=next(errors)) if step.accepted else step for step in path]
-    named = tuple(name for name in fit.names if name not in labels)
-    dropped, added = _changes(selection.identified, named)
-    terms = [labels[name] for name in fit.names if name in labels]
-    for action, names, why in (("drop", dropped, NO_FORM), ("add", added, AS_WELL), ("add", terms, TERM)):
-        if names:
-            _note(steps, search, fit, search.tested(fit), action, ", ".join(names), why)
-            steps[-1] = replace(steps[-1], names=named)
-    return tuple(replace(step, number=at) for at, step in enumerate(steps))
+def concluding(search: Search, selection: Selection, fit: Fit) -> tuple[Trial, ...]:
+    """The path of a selection, and its changes in the final fit: effects dropped or added, and generic terms."""
+    tested, terms = search.tested(fit), list(map(label, fit.terms))
+    dropped, added = _changes(selection.identified, [member.name for member in fit.effects])
+    changes = (("drop", dropped, NO_FORM), ("add", added, AS_WELL), ("add", terms, TERM))
+    return (*selection.steps, *(Trial(act, ", ".join(names), why, fit, tested) for act, names, why in changes if names))
 
 
 SAME_COLUMNS = 1e-3
@@ -430,7 +445,8 @@ def _rivals_of(search: Search, fit: Fit, replaced: Sequence[int]) -> Iterator[Ot
     effects = [member for member in members if member not in terms]
     base, without = (search.fitter.fit(fit.effects), search.fitter.fit(effects)) if terms else (fit, fit)
     most = sum(fit.members[k].candidate.count for k in replaced)
-    for rival in _nearby_fits(search, effects):
+    candidates = scan(search.fitter, search.white, search.dictionary, effects)
+    for rival in search.refined(effects, candidates):
         distance, whole = search.worse(rival, base), rival
         if terms:
             whole = search.fitter.fit([*rival.members, *terms])
@@ -439,11 +455,6 @@ def _rivals_of(search: Search, fit: Fit, replaced: Sequence[int]) -> Iterator[Ot
                 distance = min(distance, search.worse(whole, fit))
         if distance <= search.settings.set_distance:
             yield Other(whole, (rival.names[-1],), names, distance)
-
-
-def _nearby_fits(search: Search, others: Sequence[Member]) -> list[Fit]:
-    """The best fits with one more effect in addition to `others`."""
-    return search.refined(others, scan(search.fitter, search.white, search.dictionary, others))
 
 
 def correlation(fitter: Fitter, fit: Fit, other: Other) -> float:

@@ -33,6 +33,7 @@ from .next_field import (
     greedy_design,
     place_at_rows,
     predict_record,
+    rows_in_range,
     zero_prediction,
 )
 from .records import Measurement, Separation
@@ -283,7 +284,7 @@ def separating(setup: Setup, levels: Array, fit: Fit, rival: Fit) -> Measurement
         return Measurement(text)
     best: tuple[float, Design] | None = None
     for design in _designs(setup.data, np.random.default_rng([setup.plan.seed, 3])):
-        if not _is_within_range(setup, design):
+        if not rows_in_range(setup.plan.model, design.table).all():
             continue
         size = _difference(setup, levels, design, fit, rival)
         if np.isfinite(size) and (best is None or size > 1.05 * best[0]):
@@ -295,13 +296,6 @@ def separating(setup: Setup, levels: Array, fit: Fit, rival: Fit) -> Measurement
     subject = f"{count} measurements separate" if count > 1 else "1 measurement separates"
     text = f"{design.text}: {subject} them ({size:.2g} of the noise per measurement)"
     return Measurement(text, design.inputs, size, count)
-
-
-def _is_within_range(setup: Setup, design: Design) -> bool:
-    """Whether the model has a prediction at all points of a design."""
-    model = setup.plan.model
-    outside = {} if model is None else model.outside(design.table)
-    return not any(wrong.any() for wrong, _ in outside.values())
 
 
 def _designs(data: GapData, rng: np.random.Generator) -> Iterator[Design]:

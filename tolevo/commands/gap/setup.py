@@ -21,9 +21,9 @@ from ...models.measurable import NO_CHANGES, Role
 from ...section import Array, Output
 from .data import GapData
 from .fit import Fit
-from .generic import Form, generic, groups_of
+from .generic import Form, generic
 from .library import Candidate, Columns, add_lot_offsets, candidates, grid, law_of, not_considered, predictor
-from .linear import Groups, basis, project_out
+from .linear import Groups, basis, join_groups, project_out
 from .plan import GapPlan
 from .read import finite_faults
 
@@ -136,23 +136,10 @@ def _residual_of(gap: Array, candidate: Candidate, x: Array) -> tuple[float, Arr
     x = x[:, kept]
     sizes, *_ = np.linalg.lstsq(x, gap, rcond=1e-9)
     if (sizes < low).any() or (sizes > high).any():
-        sizes = _clip_and_refit(x, gap, low, high)
+        one = len(sizes) == 1
+        sizes = np.clip(sizes, low, high) if one else scipy.optimize.lsq_linear(x, gap, (low, high), method="bvls").x
     rest = np.asarray(gap - x @ sizes)
     return float(rest @ rest), rest
-
-
-def _clip_and_refit(x: Array, gap: Array, low: Array, high: Array) -> Array:
-    """Sizes within their bounds: those that leave them are held at the end, the others refitted."""
-    held, sizes = np.zeros(len(low), dtype=bool), np.zeros(len(low))
-    for _ in range(len(low)):
-        rest = gap - x[:, held] @ sizes[held]
-        sizes[~held] = np.linalg.lstsq(x[:, ~held], rest, rcond=1e-9)[0]
-        out = ~held & ((sizes < low) | (sizes > high))
-        if not out.any():
-            break
-        sizes = np.where(out, np.clip(sizes, low, high), sizes)
-        held |= out
-    return sizes
 
 
 def _of_output(output: str, effect: str, ratio: float) -> str:
@@ -253,7 +240,7 @@ def _setup_of(plan: GapPlan, data: GapData, predicted: Mapping[str, Array], note
         library=tuple(c for c in library if not c.on_scatter),
         on_scatter=tuple(c for c in library if c.on_scatter and plan.settings.effects_at_most),
         forms=tuple(forms),
-        generic=groups_of(columns),
+        generic=join_groups(columns),
         laws=laws,
         notes=(*notes, *more_notes, *not_considered(plan.library, data)),
         first=tuple(turned(data, parts["predicted"], parts["base"], library, parts["columns"])),
