@@ -483,11 +483,11 @@ Slopes = dict[str, Array]
 
 
 class UnsettledError(ValueError):
-    """An intermediate quantity that has no value at the nominal sizes: its place, and why."""
+    """Intermediate quantities that have no value at the nominal sizes: the place of each, and why."""
 
-    def __init__(self, place: str, message: str) -> None:
-        self.place = place
-        super().__init__(message)
+    def __init__(self, *reasons: tuple[str, str]) -> None:
+        self.reasons = reasons
+        super().__init__("; ".join(f"{place} {why}" for place, why in reasons))
 
 
 class Intermediate(ABC):
@@ -661,12 +661,22 @@ class Formula:
     def settled(self, nominals: Mapping[str, Array], middle: Mapping[str, Array]) -> Formula:
         """The same with intermediate quantities at known nominals and mid-limits.
 
-        Raises UnsettledError where one of them has no value there.
+        Raises UnsettledError with each of them that has no value there, but for those that follow from another.
         """
         steps: list[Intermediate] = []
+        reasons: list[tuple[str, str]] = []
+        unknown: set[str] = set()
         for step in self.given:
-            steps.append(step.settled(nominals, middle))
-            nominals, middle = ({**x, **steps[-1].values(x)} for x in (nominals, middle))
+            try:
+                if unknown.isdisjoint(step.inputs):
+                    steps.append(step.settled(nominals, middle))
+                    nominals, middle = ({**x, **steps[-1].values(x)} for x in (nominals, middle))
+                    continue
+            except UnsettledError as error:
+                reasons += error.reasons
+            unknown.update(step.names)
+        if reasons:
+            raise UnsettledError(*reasons)
         return replace(self, given=tuple(steps))
 
     def trouble(self, x: Mapping[str, Array]) -> str:

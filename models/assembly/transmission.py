@@ -259,8 +259,6 @@ PART_ERRORS_MRAD = (-1.6, 5.3, 5.8, 3.2)
 """Printed angular errors of the four parts."""
 PRECISION_WEIGHTS = (0.0, 5.0, 10.0, np.inf)
 """Printed rows; the last is the document's "ideal, error-free"."""
-MAPPINGS = (AngleMapping(), AngleMapping("own_cranks", absorption=1.2, floor=2.0 * ARCSEC))
-"""Mappings chosen to reproduce the printed figures (docs/rv_transmission_error.md)."""
 _MAX_PRECISION_WEIGHT = 1e9
 """Stands for the infinite weight."""
 

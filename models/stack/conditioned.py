@@ -297,15 +297,15 @@ def _slopes(mechanism: Mechanism, t: Tolerances, z: Array, at: int) -> tuple[Arr
 
 def _gradient(mechanism: Mechanism, t: Tolerances, z: Array) -> Array:
     """Derivatives of y by the deviations of the pieces (k, m), each in the unit of its part."""
-    if mechanism.formula is None or mechanism.mids is None or mechanism.scale is None:
+    if mechanism.formula is None:
         return np.broadcast_to(mechanism.sensitivities[:, None], z.shape)
-    s = spread_of(t)[0]
-    reach, mean = (s[mechanism.owners] * mechanism.scale)[:, None] * z, mean_of(t)[0][mechanism.owners]
-    middle = mechanism.mids + mechanism.scale * mean
+    formula, mids, scale = mechanism.stated
+    reach = (spread_of(t)[0][mechanism.owners] * scale)[:, None] * z
+    middle = mids + scale * mean_of(t)[0][mechanism.owners]
     x = {name: middle[i] + reach[i] for i, name in enumerate(mechanism.names)}
-    slopes = mechanism.formula.gradient({name: x[name] for name in mechanism.formula.names})
+    slopes = formula.gradient({name: x[name] for name in formula.names})
     rows = [np.broadcast_to(slopes.get(name, np.asarray(0.0)), z.shape[1:]) for name in mechanism.names]
-    return np.asarray(mechanism.gain * np.array(rows) * mechanism.scale[:, None])
+    return np.asarray(mechanism.gain * np.array(rows) * scale[:, None])
 
 
 def _depends_on_piece(mechanism: Mechanism, at: int) -> bool:

@@ -52,13 +52,10 @@ def extremes(mechanism: Mechanism, t: Array) -> Extremes:
     Reference: Moore, Kearfott & Cloud (2009), Introduction to Interval Analysis, SIAM (test of
     monotonicity, mean value form).
     """
-    assert mechanism.formula is not None and mechanism.mids is not None and mechanism.scale is not None
-    half = t[mechanism.owners] * np.abs(mechanism.scale)
-    ends = {
-        name: (mechanism.mids[at] - half[at], mechanism.mids[at] + half[at])
-        for at, name in enumerate(mechanism.names)
-        if name in mechanism.formula.names
-    }
+    formula, mids, scale = mechanism.stated
+    half = t[mechanism.owners] * np.abs(scale)
+    used = [(at, name) for at, name in enumerate(mechanism.names) if name in formula.names]
+    ends = {name: (mids[at] - half[at], mids[at] + half[at]) for at, name in used}
     least, greatest = (_extreme(mechanism, ends, side) for side in (-1.0, 1.0))
     kind = next(kind for kind in ("sample", "bound", "corners") if kind in (least[1], greatest[1]))
     low, high = sorted((float(mechanism.gain * least[0]), float(mechanism.gain * greatest[0])))
@@ -67,8 +64,7 @@ def extremes(mechanism: Mechanism, t: Array) -> Extremes:
 
 def _extreme(mechanism: Mechanism, ends: Mapping[str, Ends], side: float) -> tuple[float, str]:
     """The greatest (side 1) or least (-1) value of a formula over a box, and its kind."""
-    formula, names = mechanism.formula, mechanism.names
-    assert formula is not None
+    formula, names = mechanism.stated[0], mechanism.names
     places = [name for disc in mechanism.discs for name in disc.named(names) if ends.keys() >= set(disc.named(names))]
     at, rest, slopes = dict[str, Array](), dict(ends), dict[str, Interval]()
     if places and _on_a_line(formula, ends, places):

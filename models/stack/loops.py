@@ -206,15 +206,16 @@ class Loops(Intermediate):
         begun = {
             name: np.array([value]) for name, value in (*first.items(), *zip(self.unknowns, self.start, strict=True))
         }
-        for place, formula in self.sources:
-            if why := formula.trouble(begun):
-                raise UnsettledError(place, f"has no value at the nominal sizes and the start: {why}")
+        troubles = [(place, why) for place, formula in self.sources if (why := formula.trouble(begun))]
+        if troubles:
+            text = "has no value at the nominal sizes and the start"
+            raise UnsettledError(*((place, f"{text}: {why}") for place, why in troubles))
         anchored = replace(self, middle=first, at_middle=self._closest(first))
         anchored.require_closed()
         at_middle = anchored._solved({name: np.array([value]) for name, value in last.items()})[:, 0]
         if not np.all(np.isfinite(at_middle)):
             text = "is closed at the nominal sizes but cannot be closed at the mid-limits: correct the lengths"
-            raise UnsettledError(self.place, text)
+            raise UnsettledError((self.place, text))
         return replace(self, middle=last, at_middle=at_middle)
 
     def _closest(self, x: Mapping[str, float]) -> Array:
@@ -242,9 +243,8 @@ class Loops(Intermediate):
         x = {name: np.array([value]) for name, value in self.middle.items()}
         gap, by = self._closure(x, self.at_middle[:, None], self.unknowns)
         found = ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.unknowns, self.at_middle, strict=True))
-        axes, at = len(self.equations) // len(self.loops), 0
-        for place, links in self.loops:
-            own, at = gap[at : at + axes, 0], at + axes
+        open_loops = []
+        for (place, links), own in zip(self.loops, np.split(gap[:, 0], len(self.loops)), strict=True):
             if np.max(np.abs(own)) > CLOSED * self._size:
                 by_axis = ", ".join(f"{axis} {value:.4g}" for axis, value in zip("xyz", own, strict=False))
                 text = (
@@ -252,14 +252,16 @@ class Loops(Intermediate):
                     f"{np.linalg.norm(own):.4g} ({by_axis}) at {found}, the nearest to the start; correct the lengths, "
                     "the angles or the start"
                 )
-                raise UnsettledError(place, text)
+                open_loops.append((place, text))
+        if open_loops:
+            raise UnsettledError(*open_loops)
         scaled = by[0] / np.maximum(np.linalg.norm(by[0], axis=0), 1e-300)
         if np.linalg.svd(scaled, compute_uv=False)[-1] < SINGULAR:
             text = (
                 f"is at a dead centre at the nominal sizes ({found}): the unknowns do not follow from the parts there; "
                 "choose other unknowns, or other nominal sizes"
             )
-            raise UnsettledError(self.place, text)
+            raise UnsettledError((self.place, text))
 
     # ---------------------------------------------------------------- where there are none
 

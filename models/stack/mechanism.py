@@ -123,6 +123,12 @@ class Mechanism:
     discs: tuple[Disc, ...] = ()
     matched: tuple[Matching, ...] = ()
 
+    @property
+    def stated(self) -> tuple[Formula, Array, Array]:
+        """The formula, the mid-limits and the scales (k,) of a mechanism that has one."""
+        assert self.formula is not None and self.mids is not None and self.scale is not None
+        return self.formula, self.mids, self.scale
+
     @cached_property
     def owners(self) -> NDArray[np.int64]:
         """Part of each piece, shape (k,)."""
@@ -173,16 +179,14 @@ class Mechanism:
         """y (n, m) of n designs t (n, p) at the deviations z (k, m), NaN where there is none."""
         wide = spread_of(t)[:, self.owners]
         mean = mean_of(t)[:, self.owners]
-        if self.formula is None or self.mids is None or self.scale is None:
+        if self.formula is None:
             shift = (mean @ self.sensitivities)[:, None]
             return np.asarray(self.centre + shift + (wide * self.sensitivities) @ z)
-        reach, middle = wide * self.scale, self.mids + mean * self.scale
-        x = {
-            name: middle[:, i, None] + reach[:, i, None] * z[i]
-            for i, name in enumerate(self.names)
-            if name in self.formula.names
-        }
-        return np.broadcast_to(self.gain * self.formula.value(x), (len(t), z.shape[1]))
+        formula, mids, scale = self.stated
+        reach, middle = wide * scale, mids + mean * scale
+        names = [(i, name) for i, name in enumerate(self.names) if name in formula.names]
+        x = {name: middle[:, i, None] + reach[:, i, None] * z[i] for i, name in names}
+        return np.broadcast_to(self.gain * formula.value(x), (len(t), z.shape[1]))
 
 
 # What the corners of the tolerances reach: the worst case, and the edge of the formula's domain.
@@ -215,9 +219,9 @@ def least_margin(mechanism: Mechanism, t: Tolerances) -> Array:
     1 at tolerances of 0, 0 where a unit within the tolerances just reaches the edge, below 0 where
     such a unit has no value. See `models/expressions.py`.
     """
-    formula, mids, scale = mechanism.formula, mechanism.mids, mechanism.scale
-    if formula is None or mids is None or scale is None:
+    if mechanism.formula is None:
         return np.full(len(t), np.inf)
+    formula, mids, _ = mechanism.stated
     middle = {name: np.asarray(mids[i]) for i, name in enumerate(mechanism.names) if name in formula.names}
     margins = [np.empty(0)]
     for x in _corners(mechanism, t):
@@ -241,8 +245,8 @@ def ends_by_corners(mechanism: Mechanism, t: Tolerances) -> tuple[Array, Array]:
     for which y has a value. Exact where y is monotone in each piece while the others are held. Of more
     than `CORNERS` pieces those of `models/stack/extremes.py`.
     """
-    assert mechanism.formula is not None
-    if sum(name in mechanism.formula.names for name in mechanism.names) > CORNERS:
+    formula, _, _ = mechanism.stated
+    if sum(name in formula.names for name in mechanism.names) > CORNERS:
         from .extremes import extremes  # few formulas have as many parts
 
         ends = [extremes(mechanism, row)[:2] for row in limit_of(t)]
@@ -250,7 +254,7 @@ def ends_by_corners(mechanism: Mechanism, t: Tolerances) -> tuple[Array, Array]:
         return by_side[:, 0], by_side[:, 1]
     least, greatest = [np.empty(0)], [np.empty(0)]
     for x in _corners(mechanism, t):
-        y = mechanism.gain * mechanism.formula.value(x)
+        y = mechanism.gain * formula.value(x)
         least.append(np.where(np.isfinite(y), y, np.inf).min(axis=1))
         greatest.append(np.where(np.isfinite(y), y, -np.inf).max(axis=1))
     return np.concatenate(least), np.concatenate(greatest)
@@ -258,8 +262,7 @@ def ends_by_corners(mechanism: Mechanism, t: Tolerances) -> tuple[Array, Array]:
 
 def _corners(mechanism: Mechanism, t: Tolerances) -> Iterator[dict[str, Array]]:
     """Quantities (n, m) of the formula at `_points` of the tolerances t (n, p), in blocks of designs."""
-    formula, mids, scale = mechanism.formula, mechanism.mids, mechanism.scale
-    assert formula is not None and mids is not None and scale is not None
+    formula, mids, scale = mechanism.stated
     used = [i for i, name in enumerate(mechanism.names) if name in formula.names]
     z, reach = _points(mechanism, used), (limit_of(t)[:, mechanism.owners] * scale)[:, used]
     step = max(1, MEMORY // z.shape[1])

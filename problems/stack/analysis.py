@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...models.stack import AsMade, Mechanism, Tolerances, limit_of
 from ...models.stack.extremes import extremes
-from ...models.stack.mechanism import SIGMAS, moments_of
+from ...models.stack.mechanism import SIGMAS, AsMade, Mechanism, Tolerances, limit_of, moments_of
 from ...section import Array, Integers
 from ..limits import keeps
 from .definition import Part
@@ -29,27 +28,6 @@ BINS = 40
 """Bars of a histogram of units."""
 PER_MILLION = 1e4
 """Units in a million of one per cent."""
-REQUIREMENT_COLUMNS = (
-    "requirement",
-    "unit",
-    "nominal",
-    "mean",
-    "std",
-    "worst_case_least",
-    "worst_case_greatest",
-    "worst_case_kind",
-    "rss_least",
-    "rss_greatest",
-    "lower",
-    "upper",
-    "cp",
-    "cpk",
-    "yield_percent",
-    "ppm",
-    "ppm_error",
-    "kept_worst_case",
-    "kept_statistical",
-)
 HOW = {
     "corners": "reached by units, and no corner of the tolerances lies beyond",
     "bound": "bounds that no unit exceeds",
@@ -118,7 +96,7 @@ def _requirements(stack: Stack, made: Tolerances, samples: Sequence[Array]) -> t
         percent = tuple(float(yields[measured.name(name)][0]) for name in ("yield_percent", "yield_percent_error"))
         rows.append(_requirement_row(measured, made, sample, percent))
     joint = float(yields["yield_percent"][0]) if len(rows) > 1 else np.nan
-    return pd.DataFrame(rows, columns=list(REQUIREMENT_COLUMNS)), joint
+    return pd.DataFrame(rows), joint
 
 
 def _requirement_row(
@@ -177,9 +155,9 @@ def _kept(mechanism: Mechanism, least: float, greatest: float) -> bool:
 def _nominal(measured: Measured) -> float:
     """The requirement at the nominal values of the parts; NaN where neither it nor they are stated."""
     requirement, parts, mechanism = measured.requirement, measured.parts, measured.mechanism
-    if mechanism.formula is not None and mechanism.mids is not None and mechanism.scale is not None:
-        means = np.array([part.mean for part in parts])[mechanism.owners]
-        return value_at(mechanism, mechanism.mids - mechanism.scale * means)
+    if mechanism.formula is not None:
+        _, mids, scale = mechanism.stated
+        return value_at(mechanism, mids - scale * np.array([part.mean for part in parts])[mechanism.owners])
     if requirement.nominal is not None:
         return requirement.nominal
     sized = all(part.nominal is not None or part.feature is not None for part in parts)
@@ -336,16 +314,16 @@ STEP = 1e-4
 def _second_derivatives(mechanism: Mechanism, acting: Integers) -> Array:
     """Second derivatives (k, k) of a requirement by its acting pieces at the mid-limits."""
     none = np.zeros((len(acting), len(acting)))
-    if mechanism.formula is None or mechanism.formula.linear or mechanism.mids is None or mechanism.scale is None:
+    if mechanism.formula is None or mechanism.formula.linear:
         return none
-    size = np.maximum(np.abs(mechanism.mids), 1.0) * STEP
-    moves = np.zeros((len(mechanism.mids), 2, len(acting)))
+    formula, mids, scale = mechanism.stated
+    size = np.maximum(np.abs(mids), 1.0) * STEP
+    moves = np.zeros((len(mids), 2, len(acting)))
     for column, piece in enumerate(acting):
         moves[piece, :, column] = size[piece], -size[piece]
-    x = {name: mechanism.mids[i] + moves[i] for i, name in enumerate(mechanism.names)}
-    gradient = mechanism.formula.gradient(x)
+    gradient = formula.gradient({name: mids[i] + moves[i] for i, name in enumerate(mechanism.names)})
     for row, piece in enumerate(acting):
         if (slope := gradient.get(mechanism.names[piece])) is not None:
             rise = np.subtract(*np.broadcast_to(slope, (2, len(acting)))) / (2.0 * size[acting])
-            none[row] = mechanism.gain * mechanism.scale[piece] * mechanism.scale[acting] * rise
+            none[row] = mechanism.gain * scale[piece] * scale[acting] * rise
     return 0.5 * (none + none.T)

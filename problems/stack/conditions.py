@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...errors import Fault
-from ...models.stack import Mechanism, least_margin
+from ...models.stack.mechanism import Mechanism, least_margin
 from ...section import Array, Assumption, Range, Section
 from ...units import family
 from .definition import Condition, Definition, Part, Requirement
@@ -129,11 +129,12 @@ def _expanded(mechanism: Mechanism, parts: Sequence[Part], growth: Array) -> Mec
     """The mechanism of parts that are `growth` (p,) times as large."""
     by_piece = growth[mechanism.owners]
     sizes = np.array([part.nominal or 0.0 for part in parts]) + _means(parts)
-    if mechanism.formula is None or mechanism.mids is None or mechanism.scale is None:
+    if mechanism.formula is None:
         added = float(mechanism.sensitivities @ (sizes * (growth - 1.0))[mechanism.owners])
         slopes = mechanism.sensitivities * by_piece
         return replace(mechanism, sensitivities=slopes, centre=mechanism.centre + added)
-    larger = replace(mechanism, mids=mechanism.mids * by_piece, scale=mechanism.scale * by_piece)
+    _, mids, scale = mechanism.stated
+    larger = replace(mechanism, mids=mids * by_piece, scale=scale * by_piece)
     loosest = np.array([part.high for part in parts])
     larger, _ = linearise_mechanism(larger, loosest[larger.owners])
     return replace(larger, undefined=domain_violation(larger, loosest, least_margin(larger, loosest[None, :])[0]))

@@ -13,7 +13,7 @@ from ...models.costs import CostCurve
 from ...models.inputs import Distribution, Normal
 from ...models.machine_offers import Offer
 from ...models.machines import GoodPartsBySpread, Machine
-from ...models.stack import AsMade, Mechanism, Tolerances
+from ...models.stack.mechanism import AsMade, Mechanism, Tolerances
 from ...section import Array, Integers
 from ...units import family
 from ..settings import Promise

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...errors import Fault
-from ...models.stack import half_width, interpolate_designs, joint_yield_percent
+from ...models.stack.mechanism import half_width, interpolate_designs, joint_yield_percent
 from ...section import Need, Section, too_many
 from ..settings import PROMISED, YIELD
 from .convex import has_process_within_limits, range_of
@@ -96,7 +96,7 @@ def nominal_limit_faults(stack: Stack, unreachable: Sequence[Fault]) -> list[Fau
     asked = {limit.name: limit.low for limit in stack.limits}
     covered, faults = set(), []
     for measured in stack.measured:
-        for name in (measured.name(YIELD), measured.name(PROMISED)):
+        for name in dict.fromkeys((measured.name(YIELD), measured.name(PROMISED), YIELD)):
             if asked.get(name, 0.0) > FIFTY_PERCENT and measured.off_nominal and _never_half(stack, measured):
                 covered.add(f"limits.{name}")
                 text = (

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...errors import Fault, nearest
 from ...models.expressions import CONSTANTS, FUNCTIONS, Formula, FormulaError, Intermediate, UnsettledError
-from ...models.stack import Mechanism, box, least_margin
+from ...models.stack.mechanism import Mechanism, box, least_margin
 from ...section import Array, Section
 from ...units import family, to_unit
 from .definition import Correlation, Part, Requirement, base_units, place_of
@@ -190,7 +190,7 @@ def mechanism_with_formula(
     try:
         formula = formula.settled(*(dict(zip(bare.names, x[bare.owners], strict=True)) for x in (nominals, mids)))
     except UnsettledError as error:
-        faults += [fault] if (fault := Fault(error.place, str(error))) not in faults else []
+        faults += [fault for reason in error.reasons if (fault := Fault(*reason)) not in faults]
         return None
     mechanism = replace(bare, formula=formula, mids=mids[bare.owners], scale=scales[bare.owners], gain=gain)
     if why := _undefined_reason(mechanism, nominals[bare.owners], parts):
@@ -210,8 +210,7 @@ def _steps_of(parts: Sequence[Part], base: Mapping[str, float]) -> Iterator[Inte
 
 def value_at(mechanism: Mechanism, x: Array) -> float:
     """The requirement by its formula at one point, pieces (k,) in the units of the formula."""
-    assert mechanism.formula is not None
-    return mechanism.gain * float(mechanism.formula.value(dict(zip(mechanism.names, x, strict=True))))
+    return mechanism.gain * float(mechanism.stated[0].value(dict(zip(mechanism.names, x, strict=True))))
 
 
 def linearise_mechanism(mechanism: Mechanism, loosest: Array) -> tuple[Mechanism, list[str]]:
@@ -220,8 +219,7 @@ def linearise_mechanism(mechanism: Mechanism, loosest: Array) -> tuple[Mechanism
 
     `rough` are the pieces without a finite slope other than 0, and those with a kink.
     """
-    formula, mids, scale = mechanism.formula, mechanism.mids, mechanism.scale
-    assert formula is not None and mids is not None and scale is not None
+    formula, mids, scale = mechanism.stated
     gradient = formula.gradient(dict(zip(mechanism.names, mids, strict=True)))
     slopes = mechanism.gain * scale * np.array([float(gradient.get(name, 0.0)) for name in mechanism.names])
     known = np.where(np.isfinite(slopes), slopes, 0.0)
@@ -245,8 +243,7 @@ def _kink(mechanism: Mechanism, at: int, t: float, total: float) -> bool:
     """Whether the slopes on both sides of the mid-limit of a piece differ; `total` is the effect of
     the tolerances of all pieces.
     """
-    formula, mids, scale = mechanism.formula, mechanism.mids, mechanism.scale
-    assert formula is not None and mids is not None and scale is not None
+    _, mids, scale = mechanism.stated
     step = np.zeros_like(mids)
     step[at] = STEP * t * scale[at]
     ends = [value_at(mechanism, mids + side * step) for side in (-1.0, 0.0, 1.0)]
@@ -255,8 +252,7 @@ def _kink(mechanism: Mechanism, at: int, t: float, total: float) -> bool:
 
 def _depends_on_piece(mechanism: Mechanism, at: int, loosest: Array) -> bool:
     """Whether the formula depends on a piece somewhere within the loosest tolerances (k,)."""
-    formula, mids, scale = mechanism.formula, mechanism.mids, mechanism.scale
-    assert formula is not None and mids is not None and scale is not None
+    formula, mids, scale = mechanism.stated
     used = [i for i, name in enumerate(mechanism.names) if name in formula.names]
     inside = box(len(used))
     points = np.zeros((len(mids), inside.shape[1]))
@@ -303,8 +299,7 @@ def _units(requirement: Requirement, parts: Sequence[Part]) -> tuple[float, Arra
 
 def _undefined_reason(mechanism: Mechanism, nominals: Array, parts: Sequence[Part]) -> str:
     """Why no design is within the domain: none at the nominals, or at the tightest tolerances."""
-    formula = mechanism.formula
-    assert formula is not None
+    formula = mechanism.stated[0]
     at_nominals = dict(zip(mechanism.names, nominals[:, None], strict=True))
     if why := formula.trouble(at_nominals):
         return f"at the nominal values, {why}"
@@ -317,8 +312,7 @@ def _undefined_reason(mechanism: Mechanism, nominals: Array, parts: Sequence[Par
 
 def _points_within(mechanism: Mechanism, t: Array) -> dict[str, Array]:
     """Points within the tolerances t (p,) of the pieces that the formula names."""
-    formula, mids, scale = mechanism.formula, mechanism.mids, mechanism.scale
-    assert formula is not None and mids is not None and scale is not None
+    formula, mids, scale = mechanism.stated
     used = [i for i, name in enumerate(mechanism.names) if name in formula.names]
     reach, points = t[mechanism.owners] * scale, box(len(used))
     points = mechanism.rounded(points, used)
@@ -327,9 +321,7 @@ def _points_within(mechanism: Mechanism, t: Array) -> dict[str, Array]:
 
 def domain_violation(mechanism: Mechanism, loosest: Array, margin: float) -> str:
     """Where the formula leaves its domain within the loosest tolerances (p,); empty if nowhere."""
-    formula = mechanism.formula
-    assert formula is not None
-    why = formula.trouble(_points_within(mechanism, loosest))
+    why = mechanism.stated[0].trouble(_points_within(mechanism, loosest))
     return why or ("some function leaves its domain" if margin < 0.0 else "")
 
 

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from ...errors import Fault, nearest
-from ...models.stack import Matching, Mechanism
+from ...models.stack.matching import Matching
+from ...models.stack.mechanism import Mechanism
 from ...section import Array, Assumption, Output, Range, Section
 from ...units import converted, family
 from .definition import Definition, Part, Sorting

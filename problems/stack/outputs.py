@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...models.cost_reading import Joint
-from ...models.stack import (
-    Conditioned,
+from ...models.stack.conditioned import Conditioned, condition_on_piece
+from ...models.stack.mechanism import (
+    SIGMAS,
     Sample,
     Tolerances,
-    condition_on_piece,
+    fractions,
     half_width,
     joint_yield_percent,
     limit_of,
     mean_and_deviation,
     scaled,
 )
-from ...models.stack.mechanism import SIGMAS, fractions
 from ...section import Array, Integers, Kind, Output, Variable
 from ..limits import Limit
 from ..settings import Bound, Promise, Settings, VariableSetting

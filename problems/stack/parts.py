@@ -569,11 +569,7 @@ def _read(section: Section, length_unit: str, requirements: Sequence[Requirement
         machines=zone.machines,
         sample=sample,
         present=zone.present,
-        geometry=labels["geometry"],
-        drawn_as=labels["drawn_as"],
-        drawing=labels["drawing"],
-        characteristic=labels["characteristic"],
-        source=labels["source"],
+        **labels,
     )
 
 
@@ -607,7 +603,7 @@ def _sample(
     return None if stated else sample
 
 
-def _labels(section: Section, unit: str | None) -> dict[str, str]:
+def _labels(section: Section, unit: str | None) -> dict[str, Any]:
     """Geometrical characteristic, how it is drawn, number of the drawing, number of the characteristic
     on it, and where the tolerance comes from.
     """

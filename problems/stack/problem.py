@@ -14,8 +14,16 @@ from ...errors import Fault, ModelError
 from ...models.capability import PartSample
 from ...models.costs import CostCurve
 from ...models.machine_offers import departures_from_normality
-from ...models.stack import Linear, Mechanism, Sample, Tolerances, interpolate_designs, mean_of, yield_percent
-from ...models.stack.mechanism import SIGMAS
+from ...models.stack.mechanism import (
+    SIGMAS,
+    Linear,
+    Mechanism,
+    Sample,
+    Tolerances,
+    interpolate_designs,
+    mean_of,
+    yield_percent,
+)
 from ...section import Array, Assumption, Integers, Output, Section, Variable
 from ...units import family, unit_hint
 from ..declaration import ConfiguredProblem, Declaration, Interval

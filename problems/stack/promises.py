@@ -11,24 +11,24 @@ import numpy as np
 
 from ...errors import Fault
 from ...models.capability import Aim, Knowledge, Level, Norm, PartSample, Processes, Ways, calibrated, norm_of
-from ...models.stack import (
+from ...models.stack.linear_sum import LinearSum, linear_sum_of
+from ...models.stack.mechanism import (
+    SIGMAS,
     AsMade,
     Law,
     Linear,
-    LinearSum,
     Mechanism,
     Tolerances,
     ends_by_corners,
+    fractions,
     law_of,
     least_margin,
     limit_of,
     linear_model,
-    linear_sum_of,
     mean_of,
     spread_of,
     worst_by_corners,
 )
-from ...models.stack.mechanism import SIGMAS, fractions
 from ...section import Array, Integers, Output
 from ..deviations import Draws, Sums
 from ..promise import assurances, contradictions, means_promise, outputs_of_promise
@@ -130,13 +130,11 @@ class Measured:
 
     def variations(self, t: Tolerances) -> dict[str, Array]:
         """The variations (n,) by output, of tolerances (n, parts), that take no sample."""
-        by_output = {"worst_case": self.linear.worst_case(t), "rss": self.linear.rss(t)}
-        if self.rough:
-            by_output = {
-                "worst_case": self.linear.worst_case(t) if self.straight else worst_by_corners(self.mechanism, t)
-            }
-        else:
-            by_output["std"] = by_output["rss"] / SIGMAS
+        by_corners = self.rough and not self.straight
+        by_output = {"worst_case": worst_by_corners(self.mechanism, t) if by_corners else self.linear.worst_case(t)}
+        if not self.rough:
+            rss = self.linear.rss(t)
+            by_output |= {"rss": rss, "std": rss / SIGMAS}
         if self.straight:
             by_output |= {name: self.drawn.centre + side * by_output["worst_case"] for name, side in WINDOW.items()}
         method = self.requirement.method
@@ -156,8 +154,9 @@ class Measured:
         """The mechanism about the middles of the zones: a measured mean moves units, and no limit of a part."""
         mechanism = self.mechanism
         moved = np.array([part.mean - part.mid for part in self.parts])[mechanism.owners]
-        if mechanism.mids is not None and mechanism.scale is not None:
-            mechanism = replace(mechanism, mids=mechanism.mids - mechanism.scale * moved)
+        if mechanism.formula is not None:
+            _, mids, scale = mechanism.stated
+            mechanism = replace(mechanism, mids=mids - scale * moved)
         return replace(mechanism, centre=mechanism.centre - float(mechanism.sensitivities @ moved))
 
     @cached_property
@@ -193,22 +192,26 @@ class Measured:
     # ---------------------------------------------------------------- slopes
 
     def slopes(self, t: Tolerances, wanted: Collection[str], coverage: float) -> dict[str, Array]:
-        """Derivatives (n, parts) of the variations, and of a yield that is wanted.
+        """Derivatives (n, parts) of the variations, and of a yield and a domain margin that are wanted.
 
-        The derivative of a sampled yield, a step function, is the normal linear model's.
+        The derivative of a sampled yield, a step function, is the normal linear model's. Where slopes do not
+        describe the units, only the worst case and the margin have derivatives here.
         """
-        if self.rough:
-            return self._rough_slopes(t, wanted)
-        worst, rss = np.broadcast_to(self.linear.worst, spread_of(t).shape), self.linear.rss_slopes(t)
-        by_output = {"worst_case": worst, "rss": rss, "std": rss / SIGMAS}
+        worst = np.broadcast_to(self.linear.worst, spread_of(t).shape)
+        if self.rough and not self.straight:
+            worst = self._towards_tighter(worst_by_corners, limit_of(t))
+        by_method = by_output = {"worst_case": worst}
+        if not self.rough:
+            rss = self.linear.rss_slopes(t)
+            by_output |= {"rss": rss, "std": rss / SIGMAS}
+            by_method = by_output | {"shifted_rss": rss + self.linear.shift}
+            if self.requirement.method == "monte_carlo" and self.distribution is not None:
+                by_output["variation"] = self.distribution.half_width_slopes(t, coverage)
+            if self.mechanism.bounded and self.name("yield_percent") in wanted:
+                by_output["yield_percent"] = self.yield_slopes(t)
+        if self.requirement.method in by_method:
+            by_output["variation"] = by_method[self.requirement.method]
         by_output |= {name: side * worst for name, side in WINDOW.items()} if self.straight else {}
-        method, distribution = self.requirement.method, self.distribution
-        if method != "monte_carlo":
-            by_output["variation"] = {**by_output, "shifted_rss": rss + self.linear.shift}[method]
-        elif distribution is not None:
-            by_output["variation"] = distribution.half_width_slopes(t, coverage)
-        if self.mechanism.bounded and self.name("yield_percent") in wanted:
-            by_output["yield_percent"] = self.yield_slopes(t)
         if self.partial and self.name("domain_margin") in wanted:
             by_output["domain_margin"] = self._towards_tighter(least_margin, limit_of(t))
         return {self.name(name): value for name, value in by_output.items()} | self._window_slopes(t, wanted)
@@ -220,17 +223,6 @@ class Measured:
 
     def _end(self, name: str, _: Mechanism, t: Tolerances) -> Array:
         return self.window(t, asked=True)[name]
-
-    def _rough_slopes(self, t: Tolerances, wanted: Collection[str]) -> dict[str, Array]:
-        """Derivatives (n, parts) of the worst case by corners, and of a domain margin that is wanted."""
-        worst = np.broadcast_to(self.linear.worst, spread_of(t).shape)
-        if not self.straight:
-            worst = self._towards_tighter(worst_by_corners, limit_of(t))
-        by_output = {"worst_case": worst} | ({"variation": worst} if self.requirement.method == "worst_case" else {})
-        by_output |= {name: side * worst for name, side in WINDOW.items()} if self.straight else {}
-        if self.partial and self.name("domain_margin") in wanted:
-            by_output["domain_margin"] = self._towards_tighter(least_margin, limit_of(t))
-        return {self.name(name): value for name, value in by_output.items()} | self._window_slopes(t, wanted)
 
     def _towards_tighter(self, of: Callable[[Mechanism, Tolerances], Array], t: Array) -> Array:
         """By differences towards tighter tolerances, on the corner that decides."""

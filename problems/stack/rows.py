@@ -11,8 +11,7 @@ from scipy.special import ndtr, ndtri
 
 from ...models.capability.knowledge import Surplus, divide_or_default
 from ...models.roots import bracketed_roots
-from ...models.stack import Law
-from ...models.stack.mechanism import SIGMAS
+from ...models.stack.mechanism import SIGMAS, Law
 from ...section import Array, Flags
 from ..forms import Piece, Quantile
 from ..settings import ASSURED, PLUG_IN, PROMISED, YIELD

@@ -10,8 +10,9 @@ from scipy.stats import multivariate_normal, norm
 
 from tolevo.models.expressions import Formula
 from tolevo.models.inputs import Normal, Uniform
-from tolevo.models.stack import Conditioned, Mechanism, Sample, joint_yield_percent
-from tolevo.models.stack import condition_on_piece as conditioned
+from tolevo.models.stack.conditioned import Conditioned
+from tolevo.models.stack.conditioned import condition_on_piece as conditioned
+from tolevo.models.stack.mechanism import Mechanism, Sample, joint_yield_percent
 
 SIGMA = 1.0 / 3.0
 

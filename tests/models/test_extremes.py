@@ -9,8 +9,8 @@ import pytest
 
 from tolevo.models.expressions import Formula, Let
 from tolevo.models.inputs import Normal
-from tolevo.models.stack import Mechanism
 from tolevo.models.stack.extremes import Interval, extremes
+from tolevo.models.stack.mechanism import Mechanism
 
 Array = np.ndarray
 RANDOM = 300

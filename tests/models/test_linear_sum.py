@@ -18,8 +18,9 @@ from tolevo.models.inputs import (
     Triangular,
     Uniform,
 )
-from tolevo.models.stack import LinearSum, Mechanism, law_of, linear_sum_of
-from tolevo.models.stack import linear_model as linearised
+from tolevo.models.stack.linear_sum import LinearSum, linear_sum_of
+from tolevo.models.stack.mechanism import Mechanism, law_of
+from tolevo.models.stack.mechanism import linear_model as linearised
 from tolevo.section import Array
 
 

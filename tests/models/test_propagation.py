@@ -23,7 +23,7 @@ from tolevo.models.propagation import (
     Propagation,
     Term,
 )
-from tolevo.models.stack import Mechanism, Sample
+from tolevo.models.stack.mechanism import Mechanism, Sample
 
 ESTIMATES = ("mean", "std", "quantile", "conforming", "negative")
 UNIT = Normal(cp=1.0 / 3.0)  # standard normal

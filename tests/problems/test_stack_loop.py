@@ -302,3 +302,21 @@ def test_faults_of_a_loop_say_where_and_why(loops: list[Any], messages: list[str
     found = faults(tables("s + r + rod + h + theta", loops, CRANK_PARTS), tmp_path)
     for message in messages:
         assert message in found
+
+
+def test_every_loop_that_is_open_is_a_fault(tmp_path: Path) -> None:
+    """Two triangles with a base longer than both sides, each by 2 and by 3; a third one is closed."""
+    triangles = [
+        loop({x: 0.3, y: -0.3}, link("a", x), link("b", y), link(base, "pi"))
+        for x, y, base in (("p", "q", 12.2), ("r", "s", "c"), ("u", "v", 13.2))
+    ]
+    found = faults(tables("a*sin(p) + b*sin(r) + c*sin(u)", triangles, TRIANGLE_PARTS), tmp_path)
+    for at, gap in ((0, 2), (2, 3)):
+        text = f"loop[{at}]: cannot be closed at the nominal sizes: the joint of link[2] and link[0] stays open"
+        assert f"{text} by {gap} (x" in found
+    assert "loop[1]" not in found
+    joined = [loop({"p": 0.3, "q": -0.3}, *TRIANGLE[:2], link(12.2, "pi"))]
+    joined += [loop({"r": 0.3, "s": -0.3}, link("a", "r"), link("b", "s"), link("13 + 0*p", "pi"))]
+    found = faults(tables("a*sin(p) + b*sin(r) + c*sin(s)", joined, TRIANGLE_PARTS), tmp_path)
+    assert "loop[0]: cannot be closed" in found
+    assert "loop[1]: cannot be closed" in found

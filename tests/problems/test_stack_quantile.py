@@ -17,7 +17,7 @@ from tolevo.algorithms.settings import Budget
 from tolevo.configuration.reader import read_table
 from tolevo.models.propagation.convolution import UNIFORM, EvenNormal, EvenPlateau
 from tolevo.models.propagation.symmetric_sum import SymmetricSum
-from tolevo.models.stack import Sample, half_width, yield_percent
+from tolevo.models.stack.mechanism import Sample, half_width, yield_percent
 from tolevo.problems.forms import Piece, Quantile, Quantiles
 from tolevo.problems.stack.problem import Stack
 

@@ -265,6 +265,13 @@ def test_a_least_tolerance_that_contradicts_a_limit(tmp_path: Path) -> None:
     assert "limits.a_t" in found and "0.300666" in found and "0.0282843" in found
 
 
+def test_a_joint_yield_is_out_of_reach_where_a_nominal_lies_outside_of_its_limits(tmp_path: Path) -> None:
+    text = CONFIGURATION.replace("nominal = 0.5", "nominal = 0.9")
+    (found,) = faults(text.replace("gap.variation = 0.2", "yield_percent = 99.0"), tmp_path)
+    assert found.startswith("requirement[0]: is 0.9 mm at the nominal values, above upper = 0.8: whatever the")
+    assert "but 99 % are required" in found
+
+
 def test_a_cost_that_contradicts_a_limit(tmp_path: Path) -> None:
     text = CONFIGURATION.replace("gap.variation = 0.2", "gap.variation = 0.2\ncost = 5.0")
     found = faults(text, tmp_path)

@@ -16,8 +16,9 @@ from ...errors import refuse
 from ...files import WORKBOOK, write_bytes, write_text
 from ...page_data import as_json
 from ...problems.stack import Stack
+from ...problems.stack.definition import Part
 from ...records import AnalysisResult, range_text
-from ...section import Assumption
+from ...section import Array, Assumption, Variable
 from ...units import plain_number
 from ..run.tolerances import grades_of, notation
 from .costs import costs_of
@@ -45,30 +46,8 @@ def analysis_of(configuration: Configuration) -> AnalysisResult:
     stack = stack_of(configuration)
     design, loosest = analysed_design(stack)
     analysis, costs = analyse(stack, design), costs_of(stack, design, configuration.choice)
-    parts = [(part, f"{part.name}_t") for part in stack.definition.parts]
-    variables = {variable.name: variable for variable in stack.variables}
-    tolerances = pd.DataFrame(
-        {
-            "part": [part.name for part, _ in parts],
-            "unit": [part.unit for part, _ in parts],
-            "nominal": [np.nan if part.nominal is None else part.nominal for part, _ in parts],
-            "middle": [part.mid for part, _ in parts],
-            "half_width": [float(design[stack.names.index(name)]) for _, name in parts],
-            "distribution": [type(part.distribution).__name__ for part, _ in parts],
-            "searched": [name not in stack.fixed for _, name in parts],
-            "source": [part.source for part, _ in parts],
-            "on_the_drawing": [
-                notation(
-                    variables[name],
-                    *stack.zone(name),
-                    float(design[stack.names.index(name)]),
-                    *(stack.drawn(name).get(key, "") for key in ("class", "drawn_as")),
-                )
-                for _, name in parts
-            ],
-        }
-    )
-    at_loosest = [part for part, _ in parts if part.name in loosest]
+    parts, variables = stack.definition.parts, {variable.name: variable for variable in stack.variables}
+    at_loosest = [part for part in parts if part.name in loosest]
     assumed = [*stack.assumptions()]
     assumed += [Assumption(f"part.{part.name}.tolerance", part.high, part.unit, OPEN) for part in at_loosest]
     summary = {
@@ -87,14 +66,14 @@ def analysis_of(configuration: Configuration) -> AnalysisResult:
         "assumptions": [asdict(one) for one in assumed],
     }
     quick = quick_model(stack, design)
-    for one, (_, name) in zip(quick.get("parts", ()), parts, strict=False):
-        one["grades"] = grades_of(stack, variables[name])
+    for one in quick.get("parts", ()):
+        one["grades"] = grades_of(stack, variables[f"{one['name']}_t"])
     return AnalysisResult(
         stack.title() or "stack",
         analysis.requirements,
         analysis.contributions,
         analysis.histograms,
-        tolerances,
+        pd.DataFrame([_tolerance(stack, part, variables[f"{part.name}_t"], design) for part in parts]),
         summary,
         quick,
         configuration.toml(),
@@ -102,6 +81,23 @@ def analysis_of(configuration: Configuration) -> AnalysisResult:
         costs.budgets,
         costs.changes,
     )
+
+
+def _tolerance(stack: Stack, part: Part, variable: Variable, design: Array) -> dict[str, object]:
+    """The row of a part: its zone at a full design (all variables,), and what to write on the drawing."""
+    half_width = float(design[stack.names.index(variable.name)])
+    labels = (stack.drawn(variable.name).get(key, "") for key in ("class", "drawn_as"))
+    return {
+        "part": part.name,
+        "unit": part.unit,
+        "nominal": np.nan if part.nominal is None else part.nominal,
+        "middle": part.mid,
+        "half_width": half_width,
+        "distribution": type(part.distribution).__name__,
+        "searched": variable.name not in stack.fixed,
+        "source": part.source,
+        "on_the_drawing": notation(variable, *stack.zone(variable.name), half_width, *labels),
+    }
 
 
 def workbook_with_analysis(configuration: Configuration, workbook: bytes) -> bytes:

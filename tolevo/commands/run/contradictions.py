@@ -8,7 +8,7 @@ from ...algorithms.exact.bounds import bounds_within, convex_pieces, restrict_fo
 from ...algorithms.exact.choices import least_cost
 from ...algorithms.exact.front import tightest
 from ...errors import Fault
-from ...models.stack import Law
+from ...models.stack.mechanism import Law
 from ...problems.forms import Form
 from ...problems.limits import keeps, loosened
 from ...problems.stack import Stack
