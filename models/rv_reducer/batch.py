@@ -476,7 +476,7 @@ class RvBatch(MeasurableModel):
     )
     population = True
     corrects: ClassVar[tuple[str, ...]] = ("rv_backlash", "rv_reducer")
-    omits: ClassVar[tuple[str, ...]] = ("over_constraint", "pin_classes")
+    omits: ClassVar[tuple[str, ...]] = ("over_constraint", "planet_coupling", "pin_classes")
     made_to_a_drawing = True
     geometry = GEOMETRY
     of_the_bench = OF_THE_BENCH

@@ -185,15 +185,16 @@ class ChangedMeasures(Measures):
             by_place = moved.spread(weight)
             return np.asarray((1.0 + growth) * by_place - growth * by_place.mean())
 
-        return Measure(moved.statistic, spread)
+        return replace(moved, spread=spread)
 
     @cached_property
     def _moved(self) -> Measures:
         """Statistics of the same units at y'."""
-        play, factor = self.turn.play.astype(np.float64), 1.0 + self.change.growth
+        tied, factor = self.turn.tied, 1.0 + self.change.growth
+        play = tied.play.astype(np.float64)
         mean = float(play.mean())
         changed = mean + self.change.shift + factor * (play - mean)
-        turn = replace(self.turn, play=changed.astype(np.float32))
+        turn = replace(tied, play=changed.astype(np.float32))
         return Measures(turn, self.involute, self.conditions, factor)
 
     def _within(self, _: str) -> Measure:

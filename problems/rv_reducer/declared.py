@@ -196,6 +196,14 @@ CONTACT: tuple[Parameter, ...] = (
         "crank holes take up the play of the bearings or jam them",
         "",
     ),
+    Parameter(
+        "planet_coupling",
+        False,
+        "",
+        "whether two cranks turn apart within the play of their bearings, each as far as its planet allows, instead of "
+        "the tighter planet holding both",
+        "",
+    ),
     _count("te_positions", 251, "positions of a turn at which the transmission error is measured", 8, 10_007),
     _count(
         "search_units",
@@ -591,6 +599,22 @@ def coupling_faults(geometry: ContactGeometry, coupling: Coupling | None) -> Ite
             "bearings (parameters.crank_bearing_stiffness_N_per_mm)"
         )
         yield Fault("parameters.measuring_torque_Nm", text)
+
+
+def planet_faults(parameters: Mapping[str, Value], sorted_pins: bool) -> Iterator[Fault]:
+    """Faults of planets that are coupled where that is not known; `sorted_pins`: pins are fitted to units."""
+    if not parameters["planet_coupling"]:
+        return
+    place = "parameters.planet_coupling"
+    if parameters["cranks"] != 2:
+        yield Fault(place, f"is known of two cranks, got {parameters['cranks']}: leave it out")
+    if not parameters["involute_stage"]:
+        yield Fault(place, "without an involute stage no planet holds a crank: leave it out")
+    if parameters["over_constraint"]:
+        text = "is known of cranks at true distances: leave it out, or state parameters.over_constraint = false"
+        yield Fault(place, text)
+    if sorted_pins:
+        yield Fault(place, "is not known where pins are fitted to units (pin_classes): leave one of them out")
 
 
 # Faults of numbers of units and positions that are too large together.

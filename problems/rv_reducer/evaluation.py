@@ -115,7 +115,8 @@ class UnitModel(UnitBasis):
 FITTING = 3
 """Stream of random numbers of the measurement by which pins are fitted."""
 SCALE = {"yield_percent": 100.0}
-VARIABLE = {"stagger": "stagger_arcmin", "dr_rp": "dr_rp_mm", "dr_p": "dr_p_mm", "crank_phase": "crank_phase_mrad"}
+VARIABLE = {"stagger": "stagger_arcmin", "dr_rp": "dr_rp_mm", "dr_p": "dr_p_mm", "crank_phase": "crank_phase_mrad",
+            "involute": "involute_grade"}  # fmt: skip
 """Variables of derivatives whose names do not end in `_um`."""
 BY_GRADE = 0.5 * log(2.0)
 """Derivative of ln(phi_1) by the ISO grade."""
@@ -183,8 +184,15 @@ class Evaluation:
     def turn(self) -> Turn:
         """Rigid units over the turn."""
         fitted = self._fitted(self.drawn.rigid)
-        turn = self.drawn.rigid.turn(self.design, None if fitted is None else fitted.larger)
+        turn = self.drawn.rigid.turn(self.design, None if fitted is None else fitted.larger, self.planets)
         return turn if fitted is None else replace(turn, fitted=fitted)
+
+    @property
+    def planets(self) -> Array | None:
+        """Play (planets, n) [arcmin] of planets that are coupled through their cranks, else None."""
+        if not self.model.coupled_planets:
+            return None
+        return self.involute.middle + self.involute.half * self.model.clearances(self.drawn.rigid.sample.planets)
 
     def _fitted(self, drawn: Population) -> Fitted | None:
         """The pins that are fitted to units, None where they are taken as they come."""
@@ -211,7 +219,7 @@ class Evaluation:
         """Derivatives of a sampled output by variable, in the units of both."""
         statistic, scale = self._statistic(name), SCALE.get(name, 1.0)
         slopes = self._slopes(name)
-        slopes["involute_grade"] = scale * BY_GRADE * statistic.by_involute
+        slopes["involute_grade"] = BY_GRADE * (slopes["involute_grade"] + scale * statistic.by_involute)
         if self.design.thickness:
             slopes |= self._by_involute(name)
         circle = self.design.width("pin_circle_radius")
@@ -243,7 +251,8 @@ class Evaluation:
         """The same units behind another involute stage; evaluated once."""
         if involute not in self._others:
             other = copy.copy(self)
-            other.__dict__.pop("measures", None)
+            for name in ("measures", "turn") if self.model.coupled_planets else ("measures",):
+                other.__dict__.pop(name, None)
             other.involute, other._statistics, other._others = involute, {}, {}
             self._others[involute] = other
         return self._others[involute]
@@ -428,10 +437,11 @@ def _fine_turn(evaluation: Evaluation, unit: int) -> Array:
     sample = evaluation.drawn.rigid.sample.part(slice(unit, unit + 1))
     slopes = Slopes.of(geometry, sample)
     parts = np.array_split(turn_lattice(POSITIONS_SHOWN, geometry.nominal.cycloid_teeth), PARTS_OF_TURN)
-    coupling, fitted = evaluation.model.coupling, evaluation.turn.fitted
+    coupling, fitted, planets = evaluation.model.coupling, evaluation.turn.fitted, evaluation.planets
     larger = None if fitted is None else fitted.larger[unit : unit + 1]
+    play = None if planets is None else planets[:, unit : unit + 1]
     turns = (
-        Population(Lattice.of(geometry, angles), sample, slopes, coupling).turn(evaluation.design, larger)
+        Population(Lattice.of(geometry, angles), sample, slopes, coupling).turn(evaluation.design, larger, play)
         for angles in parts
     )
     return np.concatenate([turn.play[:, 0].astype(float) for turn in turns])

@@ -181,6 +181,11 @@ def validity(parameters: Mapping[str, Value], uniform: bool, change: Change) -> 
         "The clearances of the planets are centred on each other, and the runout of the involute stage is not "
         "followed along the turn: phi_1 is a single number per unit.",
         "phi_1 does not depend on the torque.",
+        "Two cranks turn apart within the play of rigid bearings at true distances, and the tighter planet's phi_1 is "
+        "taken as independent of how far; interference and outputs under load are of cranks that it holds."
+        if parameters["planet_coupling"]
+        else "The tighter planet holds all cranks: that they turn apart within the play of their bearings is left out "
+        "(planet_coupling, of two cranks).",
     )
     return (
         zones if uniform else given,
@@ -299,6 +304,11 @@ def _further(problem: RvReducer) -> Iterator[Variant]:
             for factor in (0.5, 2.0):
                 changed = _with_parameters(problem, **{name: factor * number(settings.parameters[name])})
                 yield Variant(name, f"{factor:g} times", changed, UNITS_MEASURED)
+    coupled = _with_parameters(problem, planet_coupling=True)
+    if not settings.parameters["planet_coupling"] and not any(
+        declared.planet_faults(coupled.settings.parameters, problem.model.sorting is not None)
+    ):
+        yield Variant("planets coupled through two cranks", "counted", coupled)
     if not settings.parameters["over_constraint"]:
         text = f"counted, crank holes of the carrier within +-{UNLISTED['crank_hole_um']:g} um"
         wrong = _with_parameters(problem, over_constraint=True)
@@ -788,6 +798,7 @@ class RvReducer(PromisingUnits, Machined):
         faults = [
             *shape,
             *declared.coupling_faults(self.model.geometry, self.model.coupling),
+            *declared.planet_faults(self.settings.parameters, self.model.sorting is not None),
             *unpriced_error_faults({variable.name for variable in self.free}, self.settings.costs),
             *beyond,
         ]

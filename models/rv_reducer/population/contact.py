@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,12 +38,30 @@ class Touch:
         """Backlash y of the cycloid stage at the carrier [arcmin]; below zero: interference."""
         return np.asarray((self.high - self.low) * np.float32(1.0 / output_ratio))
 
+    def nearer(self, other: Touch) -> Touch:
+        """First contact of this or other discs."""
+        ahead, behind = other.high < self.high, other.low > self.low
+        return Touch(
+            np.where(ahead, other.high, self.high),
+            np.where(behind, other.low, self.low),
+            np.where(ahead, other.ahead, self.ahead),
+            np.where(behind, other.behind, self.behind),
+        )
+
 
 NO_SEATS = np.empty((0, 1, 2, 3, 1), np.float32)
 
 
-def touch(lattice: Lattice, table: Table, units: Scaled | tuple[Single, ...], seats: Single = NO_SEATS) -> Touch:
-    """First contact of all units, packed or not, at all positions; `seats` are the places of their `cranks.Seats`."""
+def touch(
+    lattice: Lattice,
+    table: Table,
+    units: Scaled | tuple[Single, ...],
+    seats: Single = NO_SEATS,
+    discs: slice = slice(None),
+) -> Touch:
+    """First contact of all units, packed or not, at all positions; `seats` are the places of their `cranks.Seats`,
+    `discs` those that touch.
+    """
     from . import kernel
 
     errors = pack_errors(units) if isinstance(units, Scaled) else units
@@ -51,9 +69,11 @@ def touch(lattice: Lattice, table: Table, units: Scaled | tuple[Single, ...], se
     contact = Touch(
         np.empty(shape, np.float32), np.empty(shape, np.float32), np.zeros(shape, np.int32), np.zeros(shape, np.int32)
     )
+    *contacts, start, stop, axes = contacts_of(lattice, table, errors[1])
+    spans = (np.ascontiguousarray(of_discs[:, discs]) for of_discs in (start, stop, axes))
     kernel.touch(
-        contacts_of(lattice, table, errors[1]),
-        errors,
+        (*contacts, *spans),
+        (*errors[:2], np.ascontiguousarray(errors[2][discs]), errors[3]),
         seats,
         (contact.high, contact.low, contact.ahead, contact.behind),
     )
@@ -95,13 +115,14 @@ def pack_errors(units: Scaled) -> tuple[Single, ...]:
 # their derivatives are those of the contacts that make them.
 
 
-NAMES = (*ERRORS, "stagger", "dr_rp", "dr_p", CRANK_HOLE)
+NAMES = (*ERRORS, "stagger", "dr_rp", "dr_p", CRANK_HOLE, "involute")
 """Variables of a gradient: zones [arcmin/um], of crank_phase [arcmin/mrad], stagger, both
-modifications [arcmin/mm], and the zone of the carrier's holes."""
+modifications [arcmin/mm], the zone of the carrier's holes, and ln(phi_1) through the cranks alone."""
 
 
 PLAY = 9
 """Row of the discs' standardised errors that has the play of their bearings."""
+PLAY_OF_BEARINGS = NAMES.index("crank_bearing")
 CENTRED = frozenset(("pin_position", "circle_offset", "bore", "crank_phase", CRANK_HOLE))
 """Errors of which a mid-limit would turn or displace the unit, and is left out."""
 
@@ -195,18 +216,22 @@ def _single_precision(value: Array | Single) -> Single:
     return np.ascontiguousarray(value, dtype=np.float32)
 
 
-def pull_back(lattice: Lattice, table: Table, touch: Touch, slopes: Slopes, weight: Array) -> Array:
+def pull_back(
+    lattice: Lattice, table: Table, touch: Touch, slopes: Slopes, weight: Array, backward: Array | None = None
+) -> Array:
     """Derivatives (names,) of sum(weight y) by `NAMES`, for weights (positions, units).
 
-    y is the backlash of the cycloid stage at the carrier [arcmin], interference below zero.
+    y is the backlash of the cycloid stage at the carrier [arcmin], interference below zero; `backward` are the weights
+    of the backward flanks where they differ.
     """
     from . import kernel
 
-    weighted = np.flatnonzero(np.any(weight != 0.0, axis=1))
+    weights = (weight, weight if backward is None else backward)
+    weighted = np.flatnonzero(np.any((weights[0] != 0.0) | (weights[1] != 0.0), axis=1))
     rows: Integers | slice = slice(None) if len(weighted) == len(weight) else weighted
     total = np.zeros(len(NAMES))
     kernel.touch_slopes(
-        _single_precision(weight[rows]),
+        tuple(_single_precision(of_flank[rows]) for of_flank in weights),
         (touch.ahead[rows], touch.behind[rows]),
         (table.values, lattice.pin, teeth_of(lattice, slopes.of_pins), lattice.disc, lattice.directions[rows]),
         (slopes.of_unit, slopes.of_discs, slopes.of_pins),
@@ -215,6 +240,53 @@ def pull_back(lattice: Lattice, table: Table, touch: Touch, slopes: Slopes, weig
     total /= lattice.geometry.output_ratio
     total[NAMES.index("dr_rp")] *= 1e3  # from micrometres to millimetres
     return total
+
+
+# Planets that are coupled through their cranks.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Meeting:
+    """Discs of n units on two cranks that turn apart, each as far as the play of its planet allows, bearings rigid.
+
+    `touches` are the first contacts of each disc, with its play. `play` (positions, n) [arcmin] is the backlash at the
+    carrier less that of the tighter planet; `by_gap` and `by_play` (2, discs, positions, n) are the derivatives of its
+    two flanks by the first contact of each disc and by its play there, `by_size` (positions, n) by ln(planets).
+    """
+
+    touches: tuple[Touch, ...]
+    play: Single
+    by_gap: Single
+    by_play: Single
+    by_size: Single
+
+    @classmethod
+    def of(cls, lattice: Lattice, touches: tuple[Touch, ...], play: Single, planets: Array) -> Meeting:
+        """Units whose discs have the `play` (discs, n), and whose planets that of `planets` (2, n) [arcmin] at the
+        carrier.
+        """
+        from . import kernel
+
+        geometry = lattice.geometry
+        gear = geometry.nominal.centre_distance / geometry.nominal.lever
+        own = 0.25 * geometry.output_ratio / gear * np.stack([planets.sum(axis=0), planets[0] - planets[1]])
+        flanks = np.stack([[touch.high for touch in touches], [-touch.low for touch in touches]])
+        met, size = np.empty(flanks.shape[2:], np.float32), np.empty(flanks.shape[2:], np.float32)
+        by_gap, by_play = np.empty_like(flanks), np.empty_like(flanks)
+        sizes = (geometry.play_factor, gear)
+        kernel.meet(lattice.directions, flanks, play, own, sizes, (met, by_gap, by_play, size))
+        unit = np.float32(1.0 / geometry.output_ratio)
+        return cls(touches, unit * met, by_gap, by_play, unit * size)
+
+    def slopes(self, lattice: Lattice, table: Table, standardised: Slopes, weight: Array) -> Array:
+        """Derivatives (names,) of sum(weight play) by `NAMES`, for weights (positions, n)."""
+        total = np.zeros(len(NAMES))
+        for d, touch in enumerate(self.touches):
+            total += pull_back(lattice, table, touch, standardised, *(weight * self.by_gap[:, d]))
+            more = weight * (self.by_play[:, d] - self.by_gap[:, d]).sum(axis=0) / lattice.geometry.output_ratio
+            total[PLAY_OF_BEARINGS] += float((more * standardised.of_discs[d, PLAY]).sum())
+        total[NAMES.index("involute")] += float((weight * self.by_size).sum())
+        return total
 
 
 # Pins that are sorted into classes and fitted to the measured clearance of a unit.
@@ -316,8 +388,10 @@ class Population:
         ones = {name: np.ones_like(z) for name, z in sample.z.items()}
         return Slopes.of(self.lattice.geometry, replace(sample, z=ones))
 
-    def turn(self, design: UnitDesign, pins: Array | None = None) -> Turn:
-        """Units built to a design, over the turn; the pins of a unit may all be larger by `pins` (n,) [um]."""
+    def turn(self, design: UnitDesign, pins: Array | None = None, planets: Array | None = None) -> Turn:
+        """Units built to a design, over the turn; the pins of a unit may all be larger by `pins` (n,) [um]. Planets
+        with a play of `planets` (2, n) [arcmin] at the carrier are coupled through their cranks.
+        """
         geometry = self.lattice.geometry
         table = Table.of(self.lattice, design.dr_rp, design.dr_p)
         errors = self.slopes.errors(design.width)
@@ -331,6 +405,12 @@ class Population:
         if pins is not None:
             errors = (errors[0] - pins.astype(np.float32), *errors[1:])
         errors[2][:, 3] += np.float32(design.stagger) * sides(geometry)[:, None].astype(np.float32)
+        if planets is not None:
+            every = [touch(self.lattice, table, errors, discs=slice(d, d + 1)) for d in range(geometry.discs)]
+            first = reduce(Touch.nearer, every)
+            tied = Turn(self, design, table, first, first.cycloid(geometry.output_ratio))
+            meeting = Meeting.of(self.lattice, tuple(every), np.ascontiguousarray(errors[2][:, 2]), planets)
+            return replace(tied, play=meeting.play, meeting=meeting, held=tied)
         seats = self._seats(design)
         contact = touch(self.lattice, table, errors, NO_SEATS if seats is None else seats.places)
         return Turn(self, design, table, contact, contact.cycloid(geometry.output_ratio), seats=seats)
@@ -365,6 +445,15 @@ class Turn:
     """The pins that are fitted to each unit, None where they are taken as they come."""
     seats: Seats | None = None
     """Where units rest on their cranks, None where discs are not coupled to these."""
+    meeting: Meeting | None = None
+    """Where units touch whose planets are coupled, None where the tighter one holds all cranks."""
+    held: Turn | None = None
+    """The same units with cranks that the tighter planet holds, where planets are coupled."""
+
+    @property
+    def tied(self) -> Turn:
+        """The units with cranks that the tighter planet holds."""
+        return self.held or self
 
     @cached_property
     def jam(self) -> Jam:
@@ -396,6 +485,8 @@ class Turn:
             by_unit = np.where(self.fitted.follows, weight.sum(axis=0), 0.0) / len(weight)
             weight = weight - by_unit + by_unit.mean()
         standardised = errors or drawn.slopes
+        if self.meeting is not None:
+            return self.meeting.slopes(drawn.lattice, self.table, standardised, weight)
         slopes = pull_back(drawn.lattice, self.table, self.touch, standardised, weight)
         if self.seats is not None:
             slopes += self.seats.slopes(weight, self.touch, self.table, standardised)

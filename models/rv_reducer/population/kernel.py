@@ -207,11 +207,10 @@ def differences(column: Any, ahead: Any, behind: Any, slope: Single) -> None:
 
 
 @compiled
-def touch_slopes(weight: Single, touching: Any, contacts: Any, slopes: Any, total: Any) -> None:
-    """Adds to `total` (16) the slopes of sum(weight * (forward - backward)) in the order of
-    `contact.NAMES`.
+def touch_slopes(weights: Any, touching: Any, contacts: Any, slopes: Any, total: Any) -> None:
+    """Adds to `total` the slopes of sum(weight * (forward - backward)) in the order of `contact.NAMES`.
 
-    `weight` (positions, units), `touching` the contacts forward and backward of that shape;
+    `weights` (positions, units) of the forward and of the backward flank, `touching` the contacts of that shape;
     `contacts`: table, pin, tooth and disc of each contact, axes; `slopes`: the standardised errors of unit
     (3, units), discs (discs, 17, units) and pins (3, pins, units) as `contact.Slopes` packs them; of teeth
     the first of the three.
@@ -219,12 +218,12 @@ def touch_slopes(weight: Single, touching: Any, contacts: Any, slopes: Any, tota
     ahead, behind = touching
     rows, pins, teeth, disc_of, axes = contacts
     of_unit, of_discs, of_pins = slopes
-    for a in range(weight.shape[0]):
-        for u in range(weight.shape[1]):
-            w = weight[a, u]
-            if w == 0.0:
-                continue
+    for a in range(ahead.shape[0]):
+        for u in range(ahead.shape[1]):
             for flank in range(2):
+                w = weights[flank][a, u]
+                if w == 0.0:
+                    continue
                 sw = w if flank == 0 else -w
                 i = ahead[a, u] if flank == 0 else behind[a, u]
                 j, d = pins[i], disc_of[i]
@@ -254,6 +253,102 @@ def touch_slopes(weight: Single, touching: Any, contacts: Any, slopes: Any, tota
                 total[13] -= sw * z[16]
                 total[14] += sw * lever
                 total[15] += sw * row[8]
+
+
+# Two cranks that turn apart, each as far as the play of its planet allows.
+
+
+_CUTS = 8
+"""Steps by which the cranks are sought at which discs bear last; as a rule two or three are enough."""
+_MET = 2e-5
+"""Turn [arcmin] by which discs may bear later than at the best cranks that are tried."""
+_WITHIN = 0.999
+"""Fraction of the play of bearings that the distance of the journals takes up at most."""
+
+
+@compiled
+def _nearest_disc(gaps: Any, play: Any, axes: Single, factor: float, way: float, apart: float) -> Any:
+    """The disc that bears first where two cranks are `apart`, its place, and how that grows with `apart`."""
+    place, slope, which = 1e9, 0.0, 0
+    for d in range(gaps.size):
+        cx, cy = way * axes[d, 4], axes[d, 5]
+        part = apart * cy * factor / max(play[d], 1e-9)
+        left = np.sqrt(max(1.0 - part * part, 1e-6))
+        at = gaps[d] + play[d] * left + apart * cx
+        if at < place:
+            place, slope, which = at, cx - part * cy * factor / left, d
+    return place, slope, which
+
+
+@compiled
+def meet(axes: Single, touches: Any, play: Single, planets: Any, sizes: Any, into: Any) -> None:
+    """First contact of two discs or more whose two cranks turn apart: forward and backward, the least of the places of
+    the discs is greatest.
+
+    `touches` (2, discs, positions, units) are the first contacts of each disc and flank, with its `play` (discs,
+    units); `planets` (2, units) half of the mean play of both planets and a quarter of their difference; `sizes`
+    the play factor, and the turn of the mesh by a turn of both cranks, in which turns of cranks are counted [arcmin].
+    Where cranks are apart, the discs turn against each other, the distance of their journals takes up play, and both
+    planets lose |apart + difference| of their mean play.
+    Fills `into`: the backlash beyond that of the tighter planet (positions, units), its derivatives by each first
+    contact and by the play there (2, discs, positions, units), and by the size ln(planets) (positions, units).
+    """
+    backlash, by_gap, by_play, by_size = into
+    factor, gear = sizes
+    discs = axes.shape[1]
+    gaps, own = np.empty(discs), np.empty(discs)
+    for a in range(axes.shape[0]):
+        axis = axes[a]
+        for u in range(backlash.shape[1]):
+            mean, most = planets[0, u], planets[0, u]
+            for d in range(discs):
+                own[d] = play[d, u]
+                most = min(most, _WITHIN * own[d] / max(factor * abs(axis[d, 5]), 1e-6))
+            total = size = 2.0 * gear * abs(planets[1, u])
+            for flank in range(2):
+                way = 1.0 - 2.0 * flank
+                balanced = -way * planets[1, u]
+                even = min(max(balanced, -most), most)
+                for d in range(discs):
+                    gaps[d] = touches[flank, d, a, u] - own[d]
+                apart = even
+                at, slope, first = _nearest_disc(gaps, own, axis, factor, way, apart)
+                last, below, above = first, 0.0, 0.0
+                if abs(slope) > gear:  # discs bear later if both planets do not
+                    side = 1.0 if slope > 0.0 else -1.0
+                    start, below, place = even, side * slope - gear, at
+                    apart = side * most
+                    end, at, slope, last = apart, *_nearest_disc(gaps, own, axis, factor, way, apart)
+                    above, value = side * slope - gear, at - gear * abs(apart - even)
+                    for _ in range(_CUTS):
+                        if above >= 0.0:
+                            break
+                        width = side * (end - start)
+                        ahead = (value - place - above * width) / (below - above)
+                        apart = start + side * min(max(ahead, 0.0), width)
+                        if place + below * ahead - max(place, value) < _MET:
+                            apart = start if place > value else end
+                            break
+                        at, slope, which = _nearest_disc(gaps, own, axis, factor, way, apart)
+                        net, here = side * slope - gear, at - gear * abs(apart - even)
+                        if net > 0.0:
+                            start, below, place, first = apart, net, here, which
+                        else:
+                            end, above, value, last = apart, net, here, which
+                    at, slope, which = _nearest_disc(gaps, own, axis, factor, way, apart)
+                    first = last if above >= 0.0 else first
+                total += at - gear * abs(apart - balanced)
+                bears = gear if apart > balanced else (-gear if apart < balanced else slope)
+                size += bears * balanced
+                if abs(apart) == mean:
+                    size += (slope - bears) * apart
+                part = -above / (below - above) if first != last else 1.0
+                for d in range(discs):
+                    weight = part * (d == first) + (1.0 - part) * (d == last) if first != last else 1.0 * (d == first)
+                    left = apart * axis[d, 5] * factor / max(own[d], 1e-9)
+                    by_gap[flank, d, a, u] = weight
+                    by_play[flank, d, a, u] = weight / np.sqrt(max(1.0 - left * left, 1e-6))
+            backlash[a, u], by_size[a, u] = total, size
 
 
 # Balances of torque under load.

@@ -518,6 +518,8 @@ class UnitBasis:
     allowances: Mapping[str, float]
     coupling: Coupling | None
     """None: discs turn about their centres by the mean play of their bearings."""
+    coupled_planets: bool
+    """Whether planets are coupled through their cranks; else the tighter one holds all of these."""
 
     @classmethod
     def from_parameters(
@@ -554,6 +556,7 @@ class UnitBasis:
             bool(parameters["involute_stage"]),
             {gear: number(parameters.get(f"thickness_allowance_{gear}_um", 0.0)) for gear in GEARS},
             coupling,
+            bool(parameters.get("planet_coupling", False)),
         )
 
     def involute(self, grade: float, thickness: Mapping[str, float] = MappingProxyType({})) -> Involute:
@@ -577,11 +580,15 @@ class UnitBasis:
         ]
         return involute.clearance_limits(self.stage, grade, zones)
 
-    def tightest(self, planets: Array) -> Array:
-        """Standardised clearance (n,) of the tighter planet, of normal numbers (planets + 1, n)."""
+    def clearances(self, planets: Array) -> Array:
+        """Standardised clearances (planets, n), of normal numbers (planets + 1, n)."""
         share = self.planet_share
         scores = np.sqrt(share) * planets[0] + np.sqrt(1.0 - share) * planets[1:]
-        return self.hierarchy.of("involute_grade").quantile(ndtr(scores.min(axis=0)))
+        return self.hierarchy.of("involute_grade").quantile(ndtr(scores))
+
+    def tightest(self, planets: Array) -> Array:
+        """Standardised clearance (n,) of the tighter planet."""
+        return np.asarray(self.clearances(planets).min(axis=0))
 
     def design(self, row: Mapping[str, float], means: Mapping[str, float] = MappingProxyType({})) -> UnitDesign:
         """The design of one row of variables by name, in their units.
