@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,14 @@ import pandas as pd
 import pytest
 
 from tests.small_jobs import tolevo
+from tolevo.algorithms.exact.multistart import MultiStart
+from tolevo.algorithms.search import search
+from tolevo.algorithms.settings import Budget
 from tolevo.commands.run import references as overlay
 from tolevo.commands.run.proofs import searchable
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
+from tolevo.problems.settings import Bound
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 
@@ -102,6 +107,24 @@ def test_every_point_keeps_its_limits_and_has_its_error(finished: Path) -> None:
     summary = json.loads((finished / "summary.json").read_text(encoding="utf-8"))
     assert "by the theorem of de Bruijn, Tengbergen and Kruyswijk" in summary["bound_form"]
     assert summary["answers"]["proof"].startswith("Proven: no allocation of equal other objectives costs less than ")
+
+
+def test_another_solver_that_finds_nothing_is_not_searched_further(
+    finished: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where none of its starts keeps the limits, neither the problem's own starts nor the least violation are tried."""
+
+    def further(run: object, polish: bool) -> None:
+        raise AssertionError("searched further")
+
+    monkeypatch.setattr("tolevo.algorithms.search.finish_front", further)
+    problem = read(finished / "config.toml").problem
+    assert problem is not None
+    limits = dict(problem.given.limits) | {"backlash_max_arcmin": Bound(high=0.3)}
+    alone = type(problem)(replace(problem.given, objectives=("cost",), limits=limits)).coarser()
+    found = search(alone, MultiStart(), Budget(), 1)
+    assert found.evaluations > 0
+    assert not len(found.chosen)
 
 
 @pytest.mark.slow
