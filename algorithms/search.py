@@ -287,11 +287,9 @@ def drive(run: Run, settings: AlgorithmSettings, seed: int, engine: str, keeper:
     except BudgetSpent:
         pass
     run.problem = problem
-    if getattr(settings, "tested", False):
-        return
     polish = bool(getattr(settings, "polish", False)) and not isinstance(settings, Solver)
     if (run.problem.declaration.sampled and not len(run.chosen)) or polish:
-        finish_front(run, polish)
+        finish_front(run, polish, getattr(settings, "restarts", True))
     elif run.problem.limits:
         replace_violating_points(run)
 

@@ -110,8 +110,8 @@ class Genetic(AlgorithmSettings):
 class Solver(AlgorithmSettings):
     """An algorithm that is not a population search: it evaluates designs itself."""
 
-    tested: ClassVar[bool] = False
-    """Whether it has tested its result afresh: nothing is searched where that breaks limits, or is empty."""
+    restarts: ClassVar[bool] = True
+    """Whether the starts of the problem are tried where it keeps the limits nowhere."""
 
     @abstractmethod
     def solve(self, run: Run) -> None:

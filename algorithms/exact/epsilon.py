@@ -485,12 +485,12 @@ CANDIDATES = 500
 """Designs of the archive that take the place of a result of which no point keeps its limits."""
 
 
-def finish_front(run: Run, polish: bool) -> None:
+def finish_front(run: Run, polish: bool, restarts: bool = True) -> None:
     """Make the front of the run its result, after its limits hold on fresh units.
 
     With `polish` every point is first improved by SLSQP at its own value of the other objectives,
-    within the budget of evaluations. Where no design kept the limits, that of the least violation and
-    the starts of the problem are solved instead, until one keeps them. Tests on fresh units, and the
+    within the budget of evaluations. Where no design kept the limits, that of the least violation and, with
+    `restarts`, the starts of the problem are solved instead, until one keeps them. Tests on fresh units, and the
     moves that they require, do not count as evaluations.
     """
     x = _select_along_front(run)
@@ -505,7 +505,7 @@ def finish_front(run: Run, polish: bool) -> None:
         run.choose(feasible_afresh(free, branch, y, branch.smooth.values(y)[0], search=polish))
     for vector in run.archive.miss if not len(x) else x[:0]:
         branch, none = Branch(free, vector, unit), np.full(len(unit), np.inf)
-        for y in np.vstack([branch.smooth.scaled(vector[None, :]), branch.starts(free)[:STARTS]]):
+        for y in np.vstack([branch.smooth.scaled(vector[None, :]), branch.starts(free)[: STARTS if restarts else 0]]):
             run.choose(feasible_afresh(free, branch, branch.solved(0, y, none, np.zeros(1)), none, search=True))
             if np.any(np.all(run.problem.tested(run.chosen)[1] <= 0.0, axis=1)):
                 break

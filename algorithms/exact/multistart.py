@@ -25,7 +25,7 @@ class MultiStart(Solver):
     """
 
     one_objective: ClassVar[bool] = True
-    tested: ClassVar[bool] = True
+    restarts: ClassVar[bool] = False
     starts: int = 5
 
     def solve(self, run: Run) -> None:

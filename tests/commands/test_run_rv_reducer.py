@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,17 @@ import pandas as pd
 import pytest
 
 from tests.small_jobs import tolevo
+from tolevo.algorithms.exact.local import Branch
+from tolevo.algorithms.exact.multistart import MultiStart
+from tolevo.algorithms.run import Run
+from tolevo.algorithms.search import search
+from tolevo.algorithms.settings import Budget
 from tolevo.commands.run import references as overlay
 from tolevo.commands.run.proofs import searchable
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
+from tolevo.problems.settings import Bound
+from tolevo.section import Array
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 
@@ -102,6 +110,24 @@ def test_every_point_keeps_its_limits_and_has_its_error(finished: Path) -> None:
     summary = json.loads((finished / "summary.json").read_text(encoding="utf-8"))
     assert "by the theorem of de Bruijn, Tengbergen and Kruyswijk" in summary["bound_form"]
     assert summary["answers"]["proof"].startswith("Proven: no allocation of equal other objectives costs less than ")
+
+
+def test_another_solver_that_finds_nothing_is_not_begun_from_the_starts_of_the_problem(
+    finished: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where none of its own starts keeps the limits, the least violation alone is solved again."""
+    begun: list[object] = []
+
+    def afresh(run: Run, branch: Branch, y: Array, level: Array, search: bool) -> Array:
+        begun.append(y)
+        return branch.smooth.vectors(y[None, :])
+
+    monkeypatch.setattr("tolevo.algorithms.exact.epsilon.feasible_afresh", afresh)
+    problem = read(finished / "config.toml").problem
+    assert problem is not None
+    limits = dict(problem.given.limits) | {"backlash_max_arcmin": Bound(high=0.3)}
+    alone = type(problem)(replace(problem.given, objectives=("cost",), limits=limits)).coarser()
+    assert len(search(alone, MultiStart(), Budget(), 1).chosen) == len(begun) == 1
 
 
 @pytest.mark.slow

@@ -95,6 +95,23 @@ def test_what_a_killed_process_had_is_computed_again(problem: RvReducer, designs
         assert same(designs.results(values_of, parts), expected)
 
 
+def test_a_task_begins_ahead_in_the_process_that_takes_part_later(problem: RvReducer) -> None:
+    """Its result is that of this process, which computes it where no other is free."""
+    parts = batch(problem, 8)
+    expected = here(problem, parts)
+    with Designs(problem, Execution(1), lambda: 0) as alone:
+        assert same([alone.ahead(values_of, parts[0])()], expected)
+    with Designs(problem, Execution(2), lambda: 1) as designs:
+        before = {*active_children()}
+        later = designs.ahead(values_of, parts[0])
+        assert same([later()], expected)
+        begun = {*active_children()} - before
+        assert same(designs.results(values_of, parts), expected)
+        assert designs.helpers == 1
+        assert {*active_children()} - before == begun
+        assert len(begun) == 1
+
+
 def test_a_batch_of_cheap_designs_is_computed_at_once() -> None:
     """No grain: pymoo's batch is the problem's."""
     cheap, seen = RvBacklash(), list[object]()
