@@ -421,10 +421,9 @@ def _is_data(line: str) -> bool:
 
 def _occupied(lines: list[str]) -> list[Span]:
     """The stretches that no line leaves empty."""
-    filled = np.zeros(max(map(len, lines)) + 2, dtype=bool)
-    for line in lines:
-        filled[1 : len(line) + 1] |= np.array([character != " " for character in line])
-    edges = np.flatnonzero(np.diff(filled.astype(int)))
+    width = max(map(len, lines)) + 1
+    filled = np.array([list(f" {line.ljust(width)}") for line in lines]) != " "
+    edges = np.flatnonzero(np.diff(filled.any(axis=0)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
