@@ -373,7 +373,8 @@ def rows_of_fixed_width(text: str) -> list[Row] | None:
         return None
     filled = [at for at, (_, line) in enumerate(sample) if _is_data(line)]
     lengths = Counter(len(sample[at][1].split()) for at in filled if 2 * at >= len(sample))
-    data = [at for at in filled if len(sample[at][1].split()) == max(lengths, key=lengths.get, default=0)]
+    usual = max(lengths, key=lambda count: lengths[count], default=0)
+    data = [at for at in filled if len(sample[at][1].split()) == usual]
     if len(data) < 2 or data[0] == 0 or not any("  " in sample[at][1] for at in [data[0] - 1, *data]):
         return None
     fields = _occupied([sample[at][1] for at in data])
