@@ -324,7 +324,7 @@ def test_a_first_column_of_any_name_names_characteristics(tmp_path: Path, head: 
 
 
 def test_few_signs_of_two_bytes_do_not_tell_their_encoding(tmp_path: Path) -> None:
-    for text in ("孔1;B\n1,5;2\n2,5;3\n", "Item;B;孔\n1,5;2;3\n2,5;3;4\n"):
+    for text in ("孔1;B\n1,5;2\n2,5;3\n", "特征;B\n1,5;2\n2,5;3\n", "Item;B;孔\n1,5;2;3\n2,5;3;4\n"):
         (tmp_path / "t.csv").write_bytes(text.encode("gb18030"))
         with pytest.raises(tolevo.ConfigurationError, match="encoding cannot be determined"):
             tolevo.read_table(tmp_path / "t.csv")
