@@ -21,7 +21,6 @@ import numpy as np
 import scipy
 
 from ...section import Array
-from .knowledge import Gauge
 
 POOLED = 0.05
 """Probability by chance from which an interaction of parts and operators is pooled with the error."""
@@ -45,11 +44,6 @@ class GaugeStudy:
     part: float
     bias: float = np.nan
     bias_probability: float = np.nan
-
-    @property
-    def gauge(self) -> Gauge:
-        """The gauge."""
-        return Gauge(self.sigma, self.df)
 
     def statement(self, unit: str) -> str:
         """The study in one line."""

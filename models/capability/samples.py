@@ -621,7 +621,7 @@ def _studied_gauge(table: Section, stated_unit: str, unit: str) -> tuple[Gauge |
     except ValueError as error:
         table.fault("values", str(error))
         return None, {}
-    return study.gauge, {"measured.gauge": study.statement(unit)}
+    return Gauge(study.sigma, study.df), {"measured.gauge": study.statement(unit)}
 
 
 def _prior(section: Section, made_to: float, unit: str) -> Prior | None:

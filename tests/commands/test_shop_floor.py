@@ -152,6 +152,10 @@ def test_a_study_of_qdas_counts_its_operators_parts_and_trials(tmp_path: Path) -
     study_of(tmp_path, 2, 3, 3, values)
     with pytest.raises(tolevo.ConfigurationError, match="is a gauge study"):
         tolevo.check(config(tmp_path, file="study.dfq"))
+    study = study_of(tmp_path, 1, 1, 90, values).with_name("study.dfq")  # of type 1, with its reference
+    study.write_text(study.read_text(encoding="utf-8").replace("K2202", "K2213 10.0\nK2202"), encoding="utf-8")
+    with pytest.raises(tolevo.ConfigurationError, match="is a gauge study"):
+        tolevo.check(config(tmp_path, file="study.dfq"))
 
 
 def test_trials_in_columns_are_one_study(tmp_path: Path) -> None:

@@ -510,11 +510,6 @@ def _read(
         return None
 
 
-def _nine_digit_text(value: Any) -> str:
-    """A number by nine digits: limits and deviations of one drawing differ by rounding."""
-    return f"{value:.9g}" if isinstance(value, float) else str(value)
-
-
 def join_characteristics(characteristics: list[Raw], names: Sequence[str], place: str, faults: list[Fault]) -> Raw:
     """The values of several files of one characteristic, in their order, a file without
     lots being one lot. Files of different revisions of the drawing, or units, are a fault.
@@ -524,11 +519,9 @@ def join_characteristics(characteristics: list[Raw], names: Sequence[str], place
     if len(characteristics) < 2:
         return characteristics[0] if characteristics else {}
     for key, what in REVISED.items():
-        stated = {
-            _nine_digit_text(characteristic[key]): name
-            for characteristic, name in zip(characteristics, names, strict=True)
-            if key in characteristic
-        }
+        having = [(one[key], name) for one, name in zip(characteristics, names, strict=True) if key in one]
+        # Limits and deviations of one drawing differ by rounding.
+        stated = {f"{value:.9g}" if isinstance(value, float) else str(value): name for value, name in having}
         if len(stated) > 1:
             listed = ", ".join(f"{value} in {name}" for value, name in stated.items())
             text = f"mixes files of different {what} ({listed}): give files of one revision of the drawing"

@@ -403,7 +403,7 @@ def _fill(characteristic: Characteristic, raw: Raw, content: Content, place: str
         characteristic.times.append(None)
         if text := value.get("K0004", ""):
             try:
-                characteristic.times[-1], form = moment(text)
+                characteristic.times[-1], _, form = moment(text)
                 formats.setdefault(form, line)
             except ValueError as error:
                 content.time_faults.append(Fault(f"{where}: K0004", str(error)))

@@ -244,6 +244,7 @@ def _join_blocks(layout: Layout, above: list[Row], numeric: list[int], place: st
             cells = [row[at] for at in numeric if at < len(row)]
             if len(cells) == len(numeric) and not any(_is_measurement(c) or is_missing(c) for c in cells):
                 text = f'line {line} holds names of other columns ("{row[0]}", ...): give a file for each table'
+                text += ", or remove the lines above"
                 layout.faults.append(Fault(place, text))
                 break
         return

@@ -175,8 +175,6 @@ ENDS = 400
 """Lines at each end that the layout comes from."""
 NEAR = 20
 """Lines above and below repeated names that the layout comes from."""
-_WIDE_SPACES = "\u00a0\u2007\u202f\u3000"
-"""Spaces beyond ASCII."""
 _LABEL = r"^[+-]?0[0-9]+$|^[+-]?[0-9]{16,}$"
 _MARKS = pa.array(
     sorted(
@@ -202,7 +200,7 @@ class Bulk:
         return [at for at, other in enumerate(self.lines[line - 1 :], line) if other == text]
 
     def columns(self, lines: Sequence[int], count: int) -> list[pa.Array] | None:
-        """The cells of lines, which are ascending, by column; None where a row is not whole."""
+        """The cells of lines, which are ascending, by column and trimmed; None where a row is not whole."""
         pieces = [slice(part[0] - 1, part[-1]) for part in _runs(lines)]
         text = "\n".join("\n".join(self.lines[piece]) for piece in pieces)
         body = text.encode()
@@ -218,26 +216,11 @@ class Bulk:
             return None
         if table.num_rows != len(lines):
             return None
-        arrays = [column.combine_chunks() for column in table.columns]
+        trimmed = pc.ascii_trim_whitespace if text.isascii() else pc.utf8_trim_whitespace
+        arrays = [trimmed(column.combine_chunks()) for column in table.columns]
         hollow = set(empty_cells(arrays[0]))
-        if hollow and hollow.intersection(*map(empty_cells, arrays)):
-            return None  # a row of delimiters alone
-        return [pc.utf8_trim_whitespace(array) for array in arrays] if self._is_padded(text, body) else arrays
-
-    def _is_padded(self, text: str, body: bytes) -> bool:
-        """Whether spaces may stand at the ends of cells."""
-        spaces = "".join(space for space in " \t" if space != self.form.delimiter and space in text)
-        if not spaces:
-            return not text.isascii() and any(space in text for space in _WIDE_SPACES)
-        if '"' in text and any(space in text for space in spaces):
-            return True
-        if not text.isascii() and any(space in text for space in _WIDE_SPACES):
-            return True
-        signs = np.frombuffer(b"\n%b\n" % body, dtype=np.uint8)
-        ends = np.zeros(256, dtype=bool)
-        ends[[ord(end) for end in ("\n", "\r", self.form.delimiter)]] = True
-        at = np.concatenate([np.flatnonzero(signs == ord(space)) for space in spaces])
-        return bool((ends[signs[at - 1]] | ends[signs[at + 1]]).any())
+        whole = not (hollow and hollow.intersection(*map(empty_cells, arrays)))  # a row of delimiters alone
+        return arrays if whole else None
 
 
 def _runs(lines: Sequence[int]) -> Sequence[Sequence[int] | NDArray[np.int64]]:
@@ -390,7 +373,8 @@ def rows_of_fixed_width(text: str) -> list[Row] | None:
         return None
     filled = [at for at, (_, line) in enumerate(sample) if _is_data(line)]
     lengths = Counter(len(sample[at][1].split()) for at in filled if 2 * at >= len(sample))
-    data = [at for at in filled if len(sample[at][1].split()) == max(lengths, key=lengths.get, default=0)]
+    usual = max(lengths, key=lambda count: lengths[count], default=0)
+    data = [at for at in filled if len(sample[at][1].split()) == usual]
     if len(data) < 2 or data[0] == 0 or not any("  " in sample[at][1] for at in [data[0] - 1, *data]):
         return None
     fields = _occupied([sample[at][1] for at in data])
@@ -438,10 +422,9 @@ def _is_data(line: str) -> bool:
 
 def _occupied(lines: list[str]) -> list[Span]:
     """The stretches that no line leaves empty."""
-    filled = np.zeros(max(map(len, lines)) + 2, dtype=bool)
-    for line in lines:
-        filled[1 : len(line) + 1] |= np.array([character != " " for character in line])
-    edges = np.flatnonzero(np.diff(filled.astype(int)))
+    width = max(map(len, lines)) + 1
+    filled = np.array([list(f" {line.ljust(width)}") for line in lines]) != " "
+    edges = np.flatnonzero(np.diff(filled.any(axis=0)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 

@@ -315,17 +315,12 @@ _FORMS = {
 ZONED = ", with the zone"
 
 
-def moment(text: str, forms: Sequence[str] = (POINTS, SLASHES, ISO)) -> tuple[datetime, str]:
-    """The time that a text states, and the name of its format, the first of `forms` that fits.
+def moment(text: str, forms: Sequence[str] = (POINTS, SLASHES, ISO)) -> tuple[datetime, float, str]:
+    """The time that a text states to whole microseconds, the rest in seconds, and the name of its format,
+    the first of `forms` that fits.
 
     A time with its zone (Z, +01:00) is in that zone. Raises ValueError where it is none.
     """
-    time, _, name = _parse_time(text, forms)
-    return time, name
-
-
-def _parse_time(text: str, forms: Sequence[str]) -> tuple[datetime, float, str]:
-    """The time to whole microseconds, the rest in seconds, and the name of the format."""
     for name in forms:
         if match := _FORMS[name].fullmatch(text.strip()):
             year = int(match["y"] or 1900)
@@ -334,7 +329,9 @@ def _parse_time(text: str, forms: Sequence[str]) -> tuple[datetime, float, str]:
             fraction, zone = (match["fraction"] or "").ljust(12, "0"), match["zone"] or ""
             if match["half"]:
                 hour = hour % 12 + 12 * (match["half"] in "Pp") if 1 <= hour <= 12 else 24
-            day = f"{year:04}-{_month(match['m'] or '1'):02}-{int(match['d'] or 1):02}"
+            named = (at for at, names in enumerate(_MONTHS, 1) if match["m"][:3].lower() in names.split("|"))
+            month = next(named, 0) or int(match["m"] or 1)
+            day = f"{year:04}-{month:02}-{int(match['d'] or 1):02}"
             offset = (zone.upper().lstrip("UTCGMZ") or "Z") if zone else ""
             try:
                 time = datetime.fromisoformat(f"{day}T{hour:02}:{minute:02}:{second:02}.{fraction[:6]}{offset}")
@@ -342,13 +339,6 @@ def _parse_time(text: str, forms: Sequence[str]) -> tuple[datetime, float, str]:
                 continue
             return time, 1e-12 * int(fraction[6:]), name + (ZONED if zone else "")
     raise ValueError(f'"{text[:60]}" is not a time such as 31.12.2026/08:00:00 or 2026-12-31T08:00:00Z')
-
-
-def _month(text: str) -> int:
-    """The number of a month, by number or name."""
-    if text.isdecimal():
-        return int(text)
-    return 1 + next(at for at, names in enumerate(_MONTHS) if text[:3].lower() in names.split("|"))
 
 
 def seconds(texts: Sequence[str]) -> tuple[list[float], datetime]:
@@ -364,7 +354,7 @@ def seconds(texts: Sequence[str]) -> tuple[list[float], datetime]:
         with suppress(ValueError):
             if all(moment(text, (name,)) for text in filled):
                 fitting.append(name)
-    examples = {_parse_time(text, fitting or tuple(_FORMS))[2]: text for text in reversed(filled)}
+    examples = {moment(text, fitting or tuple(_FORMS))[2]: text for text in reversed(filled)}
     if not fitting or len(examples) > 1:
         listed = " and ".join(f'{name} ("{text}")' for name, text in examples.items())
         raise ValueError(f"has times in two formats: {listed}")
@@ -373,7 +363,7 @@ def seconds(texts: Sequence[str]) -> tuple[list[float], datetime]:
             f'has dates such as "{filled[0]}" that can be read with the day or the '
             "month first: write them as 2026-12-31 or 31.12.2026"
         )
-    times = [_parse_time(text, fitting[:1])[:2] if text else None for text in texts]
+    times = [moment(text, fitting[:1])[:2] if text else None for text in texts]
     start, rest = min(time for time in times if time is not None)
     return [(time[0] - start).total_seconds() + (time[1] - rest) if time else float("nan") for time in times], start
 

@@ -46,7 +46,9 @@ _LATIN_1 = bytes([*range(0x80), *range(0xA0, 0x100)])
 _CONTROLS = bytes([*range(9), 0x0B, 0x0C, *range(0x0E, 0x20), 0x7F])
 _SIGN_IN_WORD = re.compile(
     r"[\xa0-\xff](?<!\w)(?:[a-z\xdf-\xff](?<=\w)|[\xa1-\xff](?<!\w))|(?<=[a-z])[\xa1-\xaf\xb1-\xb6\xb8-\xbf](?<!\w)"
+    r"|[\xa1-\xff]{3}|(?<![A-Za-z])[\xa1-\xff]{2}(?![A-Za-z])"
 )
+"""What no Western word has: a sign within it, three letters with accents in a row, two without any other."""
 _LETTER_IN_WORD = re.compile(rb"[A-Za-z][\xb5-\xff]{1,2}[a-z]|(?<![\x80-\xff])[\xb5-\xff](?:[\x80-\xff]{2})*(?=[a-z])")
 """One or two letters with accents between others, or an odd number before one, as in "Länge" and "µm": a word of two
 bytes a character has an even number of bytes, and no other letters around it.

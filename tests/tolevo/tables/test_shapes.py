@@ -185,6 +185,9 @@ FAULTS = {
     "limits called otherwise": ("Teil;D\n1;2,5\n2;2,6\n3;2,6\nGrenzen;2,9\n", 'row 5: "Grenzen" names no part'),
     "limits among texts": ("Typ;D\nx;2,5\ny;2,6\nz;2,6\nTol. Mitte;2,9\n", 'row 5: "Tol. Mitte" names no part'),
     "nameless row": (f"{HEAD}1;A;10,1;10;0,2;-0,2\n2;A;10,1;10;0,2;-0,2\n3;;9,9;10;0,2;-0,2\n", "no characteristic"),
+    "deviations called limits": ("No.;D\nNominal;10,0\nUSL;0,05\nLSL;-0,05\n1;10,1\n2;10,2\n", "no size near 10"),
+    "wrong sides": (f"{HEAD}1;A;10,1;10;-0,2;0,2\n2;A;10,1;10;-0,2;0,2\n", "write their signs"),
+    "limits of another word": ("No.;D\nRef;10,0\n1;10,1\n2;10,2\n3;10,3\n", 'row 2: "Ref" names no part'),
     "a column is missing": ("Merkmal;Teil 1;Teil 2;Teil 3\nD1;1,5;1,6;1,7\nL2;2,5;2,6\n", "row 3: 4 cells expected"),
     "a cell is missing": ("a;b;c\n1;20,5;3\n1;3\n1;20,6;3\n1;20,7;3\n", "row 3: 3 cells expected"),
 }  # fmt: skip
@@ -274,6 +277,57 @@ def test_blocks_of_features_name_their_characteristics(tmp_path: Path) -> None:
     table = read(tmp_path, DIMENSION.format(n=1, x=8.0) + DIMENSION.format(n=2, x=18.0))
     assert [table.specifications[f"LOC{n} X"].nominal for n in (1, 2)] == [8.0, 18.0]
     assert table.frame["LOC2 X"].tolist() == [18.0]  # both features are of one part
+
+
+REPORT = """PART NAME : Housing
+SER NUMBER : 17
+
+DIM DIA1= DIAMETER OF CIRCLE CIR1  UNITS=MM
+AX    NOMINAL       +TOL       -TOL       MEAS        DEV     OUTTOL
+M      25.000      0.021      0.000     25.008      0.008      0.000 --#------
+
+DIM DIA2= DIAMETER OF CIRCLE CIR2  UNITS=MM
+AX    NOMINAL       +TOL       -TOL       MEAS        DEV     OUTTOL
+M      25.000      0.021      0.000     25.012      0.012      0.000 ----#----
+"""
+
+
+def test_axes_below_titles_of_features_are_of_different_features(tmp_path: Path) -> None:
+    """A report with lines above and a bar in each row; two bores of one size are no two parts."""
+    table = read(tmp_path, REPORT)
+    assert table.frame[["DIA1 M", "DIA2 M"]].to_numpy().tolist() == [[25.008, 25.012]]
+    assert table.specifications["DIA2 M"].upper == pytest.approx(25.021)
+    parts = read(
+        tmp_path, REPORT.replace("DIM DIA1= DIAMETER OF CIRCLE CIR1", "Part 1").replace("DIM DIA2= ", "Part 2 ")
+    )
+    assert "DIA2 M" not in parts.frame
+
+
+def test_limits_and_units_in_rows_above_the_measurements(tmp_path: Path) -> None:
+    rows = "1,2026/03/01 10:00:01,OK,10.012,5.001\n2,2026/03/01 10:00:21,OK,10.002,5.003\n"
+    for unit, nominal, upper, lower in (("Unit", "Design value", "Upper tol", "Lower tol"),
+                                        ("单位", "设计值", "公差上限", "公差下限")):  # fmt: skip
+        limits = f"{unit},,,mm,mm\n{nominal},,,10.0,5.0\n{upper},,,0.05,0.02\n{lower},,,-0.05,-0.02\n"
+        table = read(tmp_path, f"Program,Cover\n\nNo.,Date,Judgement,D1,D2\n{limits}{rows}")
+        assert table.frame["D1"].tolist() == [10.012, 10.002]
+        assert table.specifications["D2"] == tables.Specification(5.0, 4.98, 5.02)
+        assert table.units == {"D1": "mm", "D2": "mm"}
+
+
+@pytest.mark.parametrize("head", ["InspItem,Nominal,Actual,Pass", "Item-No.,Soll-Wert,Ist-Wert,i.O."])
+def test_a_first_column_of_any_name_names_characteristics(tmp_path: Path, head: str) -> None:
+    table = read(tmp_path, f"{head}\nShaft OD,40.012,40.009,YES\nRunout,0.02,0.015,YES\n")
+    assert table.frame["Runout"].tolist() == [0.015]
+    assert table.specifications["Shaft OD"].nominal == 40.012
+    dated = read(tmp_path, f"{head}\n2026-01-01,40.01,40.009,YES\n2026-01-02,40.02,40.015,YES\n")
+    assert len(dated.frame) == 2  # a date names nothing
+
+
+def test_few_signs_of_two_bytes_do_not_tell_their_encoding(tmp_path: Path) -> None:
+    for text in ("孔1;B\n1,5;2\n2,5;3\n", "特征;B\n1,5;2\n2,5;3\n", "Item;B;孔\n1,5;2;3\n2,5;3;4\n"):
+        (tmp_path / "t.csv").write_bytes(text.encode("gb18030"))
+        with pytest.raises(tolevo.ConfigurationError, match="encoding cannot be determined"):
+            tolevo.read_table(tmp_path / "t.csv")
 
 
 def test_rows_shorter_than_the_names_of_calypso(tmp_path: Path) -> None:
