@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
@@ -238,8 +238,12 @@ class Form:
 
     def made_in(self, chosen: Sequence[int]) -> Form:
         """The form with the chosen way of each feature alone."""
-        pairs = zip(self.features, chosen, strict=True)
-        return replace(self, features=tuple(replace(feature, ways=(feature.ways[at],)) for feature, at in pairs))
+        return self.with_ways(lambda at, feature: (feature.ways[chosen[at]],))
+
+    def with_ways(self, ways: Callable[[int, Feature], Iterable[Way]]) -> Form:
+        """The form with the ways that a function of the place of each feature, and of the feature, gives."""
+        features = tuple(replace(feature, ways=tuple(ways(at, feature))) for at, feature in enumerate(self.features))
+        return replace(self, features=features)
 
 
 # S of every requirement of a form: roots and quantiles, with the tangents that bound them.

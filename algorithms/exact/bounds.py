@@ -24,13 +24,7 @@ from .combination import Combination, Optimum, less_rounding, spread_at, tabulat
 
 def convex_pieces(form: Form) -> Form:
     """The form with every way cut where its cost curve bends down: in each piece it is convex."""
-    return replace(
-        form,
-        features=tuple(
-            replace(feature, ways=tuple(piece for way in feature.ways for piece in _pieces(way)))
-            for feature in form.features
-        ),
-    )
+    return form.with_ways(lambda _, feature: (piece for way in feature.ways for piece in _pieces(way)))
 
 
 def _pieces(way: Way) -> list[Way]:

@@ -15,14 +15,12 @@ Reference: Kouvelis & Yu (1997), Robust discrete optimization and its applicatio
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy
 
 from ...models.cost_reading import add_constant_cost, times
-from ...models.costs import CostCurve
 from ...models.roots import bracketed_roots
 from ...problems.forms import Feature, Form, Way
 from ...problems.limits import loosened
@@ -109,7 +107,10 @@ class _Game:
             key = at, self.curve(at, way)
             return float(sum(w * s.get(key, 1.0) for w, s in zip(weights, self.scenarios, strict=True)))
 
-        return _with_curves(self.form, lambda at, number, way: times(way.curve, mean(at, number)))
+        def ways(at: int, feature: Feature) -> list[Way]:
+            return [replace(way, curve=times(way.curve, mean(at, number))) for number, way in enumerate(feature.ways)]
+
+        return self.form.with_ways(ways)
 
     def costs(self, allocation: Allocation) -> Array:
         """Costs (s,) of an allocation in every scenario."""
@@ -131,28 +132,26 @@ class _Game:
     def worst(self, allocation: Allocation) -> tuple[float, Scenario]:
         """A proven upper bound of the worst regret of an allocation, and the scenario of it."""
         ways, t = allocation
-        features, given = [], 0.0
-        factors: list[list[Scenario]] = []
+        split: list[list[tuple[Way, Scenario]]] = []
+        given = 0.0
         for at, (feature, chosen) in enumerate(zip(self.form.features, ways, strict=True)):
             own = float(feature.ways[chosen].curve.cost(t[at : at + 1])[0])
             high, key = self.factor(at, chosen), (at, self.curve(at, chosen))
             given += feature.count * high * own
-            split: list[tuple[Way, Scenario]] = []
+            split.append([])
             for number, way in enumerate(feature.ways):
-                if self.curve(at, number) == key[1]:
-                    split += [(part, {key: factor}) for part, factor in _cheaper_and_dearer(way, own, high)]
+                other = at, self.curve(at, number)
+                if other == key:
+                    split[at] += [(part, {key: factor}) for part, factor in _cheaper_and_dearer(way, own, high)]
                 else:
                     low = 1.0 / self.factor(at, number)
-                    split.append(
-                        (replace(way, curve=times(way.curve, low)), {key: high, (at, self.curve(at, number)): low})
-                    )
-            features.append(replace(feature, ways=tuple(way for way, _ in split)))
-            factors.append([scenario for _, scenario in split])
-        bound, other = self.answer(replace(self.form, features=tuple(features), base=0.0), exact=False)
+                    split[at].append((replace(way, curve=times(way.curve, low)), {key: high, other: low}))
+        form = self.form.with_ways(lambda at, _: (way for way, _ in split[at]))
+        bound, best = self.answer(replace(form, base=0.0), exact=False)
         scenario: Scenario = {}
         for at, chosen in enumerate(ways):
             alone = {(at, self.curve(at, chosen)): self.factor(at, chosen)}
-            scenario |= alone if other is None else factors[at][other[0][at]]
+            scenario |= alone if best is None else split[at][best[0][at]][1]
         return max(given - bound, 0.0) if np.isfinite(bound) else 0.0, scenario
 
     # ------------------------------------------------ the game
@@ -252,14 +251,6 @@ def mixed(rows: list[Allocation], shares: Array) -> Allocation:
     heaviest = max(weight, key=lambda ways: weight[ways])
     known = [(t, share) for (ways, t), share in zip(rows, shares.tolist(), strict=True) if ways == heaviest]
     return heaviest, np.asarray(sum(share * t for t, share in known) / weight[heaviest])
-
-
-def _with_curves(form: Form, curve: Callable[[int, int, Way], CostCurve]) -> Form:
-    def changed(at: int, feature: Feature) -> Feature:
-        ways = tuple(replace(way, curve=curve(at, number, way)) for number, way in enumerate(feature.ways))
-        return replace(feature, ways=ways)
-
-    return replace(form, features=tuple(changed(at, feature) for at, feature in enumerate(form.features)))
 
 
 def _cheaper_and_dearer(way: Way, own: float, factor: float) -> list[tuple[Way, float]]:

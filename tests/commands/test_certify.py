@@ -137,6 +137,20 @@ def test_declared_forms_count_where_there_are_some() -> None:
     assert found.points["gap_percent"][0] == pytest.approx(0.0, abs=1e-6)
 
 
+def test_the_bounded_column_is_the_further_cost_that_is_minimised() -> None:
+    """CO2 of two equal parts at equal variation is least with equal tolerances."""
+    cost, co2 = ({"model": "reciprocal", "a": a, "b": b} for a, b in ((1.0, 0.1), (0.5, 0.2)))
+    part: dict[str, Any] = {"sensitivity": 1.0, "nominal": 5.0, "t_min": 0.01, "t_max": 0.2, "cost": cost}
+    stack: dict[str, Any] = {"problem": "stack", "requirement": {"name": "gap", "unit": "mm"}}
+    stack |= {"objectives": {"minimise": ["variation", "co2_kg"]}, "part": [part | {"name": "a"}, part | {"name": "b"}]}
+    stack |= {"cost": [{"name": "co2_kg", "unit": "kg", "curves": {"a": co2, "b": co2}}]}
+    found = tolevo.certify(stack, np.array([[0.05, 0.2]]), **FEW)
+    least = 1.0 + 0.4 / (np.hypot(0.05, 0.2) / np.sqrt(2.0))
+    assert found.bounded == "co2_kg"
+    assert found.points["bound"].tolist() == pytest.approx([least], rel=1e-6)
+    assert found.points["gap_percent"].tolist() == pytest.approx([100.0 * (6.0 / least - 1.0)], rel=1e-5)
+
+
 def rows(function: Any, variables: int = 3) -> Any:
     x = designs_to_fit(LOW[:variables], HIGH[:variables], np.random.default_rng(1))
     return [row.kind for row in fitted(x, function(x))]

@@ -120,10 +120,12 @@ def test_bad_starts_are_faults_with_their_rows(tmp_path: Path, text: str, place:
     assert caught.value.faults[0].place.startswith(place)
 
 
-def test_other_faults_of_a_start() -> None:
+def test_other_faults_of_a_start(tmp_path: Path) -> None:
     for start in (3, [], ["nowhere.csv"], {"a_t": [0.1], "b_t": [0.1, 0.1]}, {"a_t": 0.1, "b_t": 0.1}):
         with pytest.raises(InputError, match="start"):
             tolevo.read(stack(start=start))
+    with pytest.raises(InputError, match=r"holds no front\.csv: name the directory of a run"):
+        tolevo.read(stack(), start=tmp_path)
     with pytest.raises(InputError, match="must be at least 3, the designs of start"):
         tolevo.read(stack(algorithm={"name": "nsga2", "evaluations": 2}), start=optimal(3))
 

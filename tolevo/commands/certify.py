@@ -30,7 +30,7 @@ from .run.proofs import add_bounds
 
 DIFFERS = 1e-6
 """Relative difference from which the objectives of a result are not those that the problem computes."""
-NO_FORM, COST = "no form", "cost"
+NO_FORM = "no form"
 AROUND, REACH = 8, (1e-4, 1e-3, 1e-2, 0.1)
 """Designs around each least value at which forms are verified, and how far apart, in parts of the ranges."""
 
@@ -135,8 +135,8 @@ def certify(
     if not isinstance(problem, PlainProblem):
         frame, proof = add_bounds(problem.frame(designs), problem)
         rows = dict.fromkeys(problem.objectives, NO_FORM if proof.missing else "declared")
-        bound = frame["bound"].to_numpy(dtype=float)
-        found = _Bounds(bound, COST if COST in rows else first, rows, proof.statement)
+        bounded = problem.priced if problem.priced in rows else first
+        found = _Bounds(frame["bound"].to_numpy(dtype=float), bounded, rows, proof.statement)
     elif forms:
         known = np.concatenate([designs[:, free], *(run.x for run in runs)])
         found = _fitted_bounds(problem, points, known, np.random.default_rng(seed))

@@ -61,6 +61,9 @@ def open_start(top: Section, folder: Path) -> Opened | None:
         return None
     for name in names:
         path = folder / name
+        if path.is_dir() and not (path / FRONT).is_file():
+            top.fault(START, f"{name} holds no {FRONT}: name the directory of a run, or a table of designs")
+            continue
         path = path / FRONT if path.is_dir() else path
         _open(top, name, lambda path=path, name=name: tables.open_table(path, name, tables.NO_OPTIONS), found)
     return found
