@@ -20,6 +20,9 @@ from .definition import Correlation, Part, Requirement, base_units, place_of
 if TYPE_CHECKING:
     from .features import Feature
 
+USUAL = 0.1, 10.0
+"""Sensitivities of a length by a length, as of one angle by another, that loops of dimensions have."""
+
 
 def read_sensitivities(section: Section, unit: str | None, requirements: Sequence[Requirement]) -> dict[str, float]:
     """d requirement / d part by the key of the requirement; `unit` is that of the part."""
@@ -28,7 +31,7 @@ def read_sensitivities(section: Section, unit: str | None, requirements: Sequenc
         return {}
     several = any(requirement.key for requirement in requirements)
     if not several:
-        return _single_sensitivity(section, requirements[0].key)
+        return _single_sensitivity(section, unit, requirements[0])
     if not isinstance(section.take("sensitivity"), Mapping):
         keys = ", ".join(f"{requirement.key} = ..." for requirement in requirements[:3])
         section.fault("sensitivity", f"must state the requirement: write sensitivity = {{ {keys} }}")
@@ -40,17 +43,35 @@ def read_sensitivities(section: Section, unit: str | None, requirements: Sequenc
             close = nearest(key, known)
             table.take(key)
             table.fault(key, f'"{key}" is not the name of a [[requirement]]{close}')
-        elif (value := table.number(key, _quotient(known[key].unit, unit))) is not None:
+        elif (value := _sensitivity(table, key, known[key].unit, unit)) is not None:
             sensitivities[key] = value
     return sensitivities
 
 
-def _single_sensitivity(section: Section, key: str) -> dict[str, float]:
+def _single_sensitivity(section: Section, unit: str | None, requirement: Requirement) -> dict[str, float]:
     """The one number of a stack with one requirement."""
-    value = section.number("sensitivity")
+    value = _sensitivity(section, "sensitivity", requirement.unit, unit)
     if value == 0.0:
         section.fault("sensitivity", "must not be 0: the part does not matter; remove it")
-    return {} if value is None else {key: value}
+    return {} if value is None else {requirement.key: value}
+
+
+def _sensitivity(section: Section, key: str, unit: str, per: str | None) -> float | None:
+    """A sensitivity in `unit` per unit of the part. A number alone that is usual without units, but not as what it
+    would count in units of one kind (1 mm per in), is a fault.
+    """
+    value = section.number(key, quotient := _quotient(unit, per))
+    if not value or isinstance(section.take(key), str) or not quotient:
+        return value
+    try:
+        (kind, one), (kind_of_part, one_of_part) = family(unit), family(per or "")
+    except ValueError:  # a scale with a zero of its own
+        return value
+    plain = value * one / one_of_part
+    if kind == kind_of_part and USUAL[0] <= abs(value) <= USUAL[1] and not USUAL[0] <= abs(plain) <= USUAL[1]:
+        text = f'would count as {value:g} {quotient}, which is {plain:.3g}: write "{value:g} {unit}/{unit}" or'
+        section.fault(key, f'{text} "{value:g} {quotient}"')
+    return value
 
 
 def _quotient(unit: str, per: str | None) -> str:

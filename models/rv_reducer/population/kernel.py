@@ -11,8 +11,7 @@ from typing import Any
 
 import numba
 import numpy as np
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
+from numba.core import codegen, compiler
 
 from ....section import Single
 
@@ -22,7 +21,11 @@ SOLVED = 128
 """Units whose balances are solved side by side."""
 
 
-class _Closed(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
+_Library: Any = codegen.JITCodeLibrary
+_Compiler: Any = compiler.Compiler
+
+
+class _Closed(_Library):
     """Machine code that calls its own copies of other functions.
 
     With fastmath the copies of a function in its callers round differently, and the loader takes one of them for all
@@ -36,7 +39,9 @@ class _Closed(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
                 function.linkage = "internal"
 
 
-class _Closing(Compiler):  # type: ignore[misc]
+class _Closing(_Compiler):
+    """The compiler, whose machine code is closed."""
+
     def compile_extra(self, func: Any) -> Any:
         self.state.library = _Closed(self.state.targetctx.codegen(), func.__qualname__)
         self.state.library.enable_object_caching()
