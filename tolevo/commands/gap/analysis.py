@@ -154,7 +154,7 @@ MINOR = 0.1
 """Gain of all effects, as a fraction of the gain of the terms given the effects, below which the
 effects may only correct the terms: no form of one or two variables is the whole law.
 """
-EARLIER = "the effects selected before, in the noise given them, fit better than those selected now"
+EARLIER = "the fit before, in the noise given it, is better than what is selected anew"
 SCORE_MARGIN = 5.0
 """Score by which an answer without the displaced effects must be better than the one with them."""
 
