@@ -335,26 +335,22 @@ class Linear:
         along = SIGMAS**2 * (spread_of(t) @ self.covariance)
         return np.divide(along, rss, out=np.zeros_like(along), where=rss > 0.0)
 
-    def within(self, t: Tolerances, lower: Array, upper: Array) -> Array:
-        """Fraction of units (n,) between limits, as if y were normal.
-
-        `lower` and `upper` (n,) are those of y minus its value at the mid-limits, or infinite.
-        """
+    def within(self, t: Tolerances, lower: float, upper: float) -> Array:
+        """Fraction of units (n,) between limits of y minus its value at the mid-limits, as if y were normal."""
         std, shift = self.rss(t) / SIGMAS, self.mean_shift(t)
         safe = np.where(std > 0.0, std, 1e-300)
         return np.asarray(ndtr((upper - shift) / safe) - ndtr((lower - shift) / safe))
 
-    def yield_slopes(self, t: Tolerances, lower: Array, upper: Array) -> Array:
-        """d/dt of the fraction of units between limits, as if y were normal, shape (n, p).
-
-        `lower` and `upper` (n,) are those of y minus its value at the mid-limits, or infinite.
-        """
+    def yield_slopes(self, t: Tolerances, lower: float, upper: float) -> Array:
+        """d within/dt, shape (n, p)."""
         std = self.rss(t)[:, None] / SIGMAS
         safe, shift = np.where(std > 0.0, std, 1.0), self.mean_shift(t)[:, None]
         slopes = np.zeros_like(spread_of(t))
         for sign, limit in ((1.0, upper), (-1.0, lower)):
-            z = (np.where(np.isfinite(limit), limit, 0.0)[:, None] - shift) / safe
-            density = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi) * np.isfinite(limit)[:, None]
+            if not np.isfinite(limit):
+                continue
+            z = (limit - shift) / safe
+            density = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
             slopes -= sign * density * (self.mean + z * self.rss_slopes(t) / SIGMAS) / safe
         return np.where(std > 0.0, slopes, 0.0)
 

@@ -238,16 +238,16 @@ class Measured:
         """d yield_percent/dt (n, parts): where it takes a sample that of the normal linear model."""
         if self.distribution is not None:
             return self.distribution.yield_slopes(t)
-        return 100.0 * self.linear.yield_slopes(t, *self._ends(len(t)))
+        return 100.0 * self.linear.yield_slopes(t, *self._ends)
 
-    def _ends(self, n: int) -> tuple[Array, Array]:
-        """Limits (n,) from the value at the mid-limits."""
-        mechanism = self.mechanism
-        return np.full(n, mechanism.lower - mechanism.centre), np.full(n, mechanism.upper - mechanism.centre)
+    @property
+    def _ends(self) -> tuple[float, float]:
+        """Limits from the value at the mid-limits."""
+        return self.mechanism.lower - self.mechanism.centre, self.mechanism.upper - self.mechanism.centre
 
     def linear_yield(self, t: Tolerances) -> Array:
         """Yield [%] (n,) of the linear model, as if the requirement were normal."""
-        return 100.0 * self.linear.within(t, *self._ends(len(t)))
+        return 100.0 * self.linear.within(t, *self._ends)
 
     # ---------------------------------------------------------------- what is known
 
