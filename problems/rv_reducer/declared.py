@@ -610,7 +610,7 @@ def planet_faults(parameters: Mapping[str, Value], sorted_pins: bool) -> list[Fa
         "is not known where pins are fitted to units (pin_classes)": sorted_pins,
     }
     reasons = [reason for reason, holds in wrong.items() if holds and parameters["planet_coupling"]]
-    return [Fault("parameters.planet_coupling", f"{reason}: leave one of them out") for reason in reasons]
+    return [Fault("parameters.planet_coupling", f"{reason}: leave it out, or the other") for reason in reasons]
 
 
 # Faults of numbers of units and positions that are too large together.
