@@ -20,11 +20,12 @@ from statistics import median
 
 import numpy as np
 
+from tests.models.loaded_units import modified_geometry, part_errors
 from tolevo.models.rv_reducer.contact.contact import LoadedContact, backlash, loading, lost_motion
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
 from tolevo.models.rv_reducer.population.contact import Population
 from tolevo.models.rv_reducer.population.elastic import OUTPUTS, Elastic, Loading, elastic
-from tolevo.models.rv_reducer.population.errors import Scaled, modified_geometry, part_errors
+from tolevo.models.rv_reducer.population.errors import Scaled
 from tolevo.models.rv_reducer.population.measures import Conditions, Measures
 from tolevo.models.rv_reducer.population.units import Involute, UnitDesign
 from tolevo.models.rv_reducer.tighter_planet import TighterPlanet

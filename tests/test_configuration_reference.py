@@ -16,6 +16,7 @@ NO_KEYS = {
     "algorithms": "the registry's name in a fault",
     "nested": "a parameter of robots",
     "over_constraint": "a parameter of reducers",
+    "planet_coupling": "a parameter of reducers",
     "per_drive": "a parameter of robots",
 }
 """What looks like a key in the code and is none of a table."""

@@ -185,12 +185,12 @@ class ChangedMeasures(Measures):
             by_place = moved.spread(weight)
             return np.asarray((1.0 + growth) * by_place - growth * by_place.mean())
 
-        return replace(moved, spread=spread)
+        return replace(moved, spread=spread, of=self.turn.held)
 
     @cached_property
     def _moved(self) -> Measures:
         """Statistics of the same units at y'."""
-        tied, factor = self.turn.tied, 1.0 + self.change.growth
+        tied, factor = self.turn.held or self.turn, 1.0 + self.change.growth
         play = tied.play.astype(np.float64)
         mean = float(play.mean())
         changed = mean + self.change.shift + factor * (play - mean)

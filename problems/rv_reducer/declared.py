@@ -601,20 +601,16 @@ def coupling_faults(geometry: ContactGeometry, coupling: Coupling | None) -> Ite
         yield Fault("parameters.measuring_torque_Nm", text)
 
 
-def planet_faults(parameters: Mapping[str, Value], sorted_pins: bool) -> Iterator[Fault]:
+def planet_faults(parameters: Mapping[str, Value], sorted_pins: bool) -> list[Fault]:
     """Faults of planets that are coupled where that is not known; `sorted_pins`: pins are fitted to units."""
-    if not parameters["planet_coupling"]:
-        return
-    place = "parameters.planet_coupling"
-    if parameters["cranks"] != 2:
-        yield Fault(place, f"is known of two cranks, got {parameters['cranks']}: leave it out")
-    if not parameters["involute_stage"]:
-        yield Fault(place, "without an involute stage no planet holds a crank: leave it out")
-    if parameters["over_constraint"]:
-        text = "is known of cranks at true distances: leave it out, or state parameters.over_constraint = false"
-        yield Fault(place, text)
-    if sorted_pins:
-        yield Fault(place, "is not known where pins are fitted to units (pin_classes): leave one of them out")
+    wrong = {
+        f"is known of two cranks, got {parameters['cranks']}": parameters["cranks"] != 2,
+        "means nothing without an involute stage": not parameters["involute_stage"],
+        "is known of cranks at true distances (over_constraint = false)": parameters["over_constraint"],
+        "is not known where pins are fitted to units (pin_classes)": sorted_pins,
+    }
+    reasons = [reason for reason, holds in wrong.items() if holds and parameters["planet_coupling"]]
+    return [Fault("parameters.planet_coupling", f"{reason}: leave it out, or the other") for reason in reasons]
 
 
 # Faults of numbers of units and positions that are too large together.
@@ -735,10 +731,13 @@ def _groups(given: Settings, stage: bool) -> Iterator[str]:
     yield from _inherited_names("", (n for n in (*GEOMETRY[:-1], "pressure_angle_deg")), values, stage)
     yield from _inherited_names("gear deviations", GEAR_DEVIATIONS, values, stage)
     yield from _inherited_names("mid-limits", mids, values, stage)
-    yield from _inherited_names("", (*STIFFNESS, *TORQUES), values, stage)
+    coupled = bool(values.get("over_constraint", False))
+    more = (parameter.name for parameter in OF_COUPLING if coupled)
+    yield from _inherited_names("", (*STIFFNESS, *TORQUES, *more), values, stage)
     ranges = [v.name for v in VARIABLES if v.name not in DISC_TO_DISC]
     yield from _inherited_names("search ranges", ranges, _stated_variables(given), stage)
-    yield from _inherited_names("errors between discs", DISC_TO_DISC, _stated_variables(given), stage)
+    between = UNLISTED if coupled else DISC_TO_DISC
+    yield from _inherited_names("errors between discs", between, _stated_variables(given), stage)
     yield from _inherited_names("costs", DEFAULT_COSTS, given.costs, stage)
 
 

@@ -181,11 +181,10 @@ def validity(parameters: Mapping[str, Value], uniform: bool, change: Change) -> 
         "The clearances of the planets are centred on each other, and the runout of the involute stage is not "
         "followed along the turn: phi_1 is a single number per unit.",
         "phi_1 does not depend on the torque.",
-        "Two cranks turn apart within the play of rigid bearings at true distances, and the tighter planet's phi_1 is "
-        "taken as independent of how far; interference and outputs under load are of cranks that it holds."
+        "Two cranks turn apart within the play of rigid bearings at true distances, phi_1 taken as independent of how "
+        "far; interference and outputs under load are of cranks that the tighter planet holds."
         if parameters["planet_coupling"]
-        else "The tighter planet holds all cranks: that they turn apart within the play of their bearings is left out "
-        "(planet_coupling, of two cranks).",
+        else "The tighter planet holds all cranks: two that turn apart are left out (planet_coupling).",
     )
     return (
         zones if uniform else given,
@@ -305,9 +304,8 @@ def _further(problem: RvReducer) -> Iterator[Variant]:
                 changed = _with_parameters(problem, **{name: factor * number(settings.parameters[name])})
                 yield Variant(name, f"{factor:g} times", changed, UNITS_MEASURED)
     coupled = _with_parameters(problem, planet_coupling=True)
-    if not settings.parameters["planet_coupling"] and not any(
-        declared.planet_faults(coupled.settings.parameters, problem.model.sorting is not None)
-    ):
+    known = not declared.planet_faults(coupled.settings.parameters, problem.model.sorting is not None)
+    if known and not settings.parameters["planet_coupling"]:
         yield Variant("planets coupled through two cranks", "counted", coupled)
     if not settings.parameters["over_constraint"]:
         text = f"counted, crank holes of the carrier within +-{UNLISTED['crank_hole_um']:g} um"
@@ -359,9 +357,7 @@ def _disc_to_disc(problem: RvReducer) -> Iterator[Variant]:
     fixed = [name for name in DISC_TO_DISC if problem.fixed.get(name, 0.0) > 0.0]
     if len(fixed) < len(DISC_TO_DISC):
         return
-    few = _with_parameters(problem).given
-    nil = {name: VariableSetting(value=0.0) for name in fixed}
-    changed = type(problem)(replace(few, variables={**few.variables, **nil}))
+    changed = _with_variables(problem, {name: VariableSetting(value=0.0) for name in fixed})
     yield Variant("errors between discs (pin circle, bores, journals)", "0", changed)
 
 

@@ -86,12 +86,12 @@ def touch(contacts: Any, errors: Any, seats: Any, turns: Any) -> None:
             contact[a], into[a] = position.first + of_flank.argmin(axis=0), sign * of_flank.min(axis=0)
 
 
-def touch_slopes(weight: Any, touching: Any, contacts: Any, slopes: Any, total: Any) -> None:
+def touch_slopes(weights: Any, touching: Any, contacts: Any, slopes: Any, total: Any) -> None:
     """As `kernel.touch_slopes`."""
     rows, pins, teeth, disc_of, axes = contacts
     discs = axes.shape[1]
-    for a in range(len(weight)):
-        for contact, sign in zip(touching, FLANKS, strict=True):
+    for a in range(len(axes)):
+        for contact, sign, weight in zip(touching, FLANKS, weights, strict=True):
             part = np.unique(contact[a])
             of_contact = sign * weight[a].astype(float) * (part[:, None] == contact[a])
             side = np.full((discs, weight.shape[1]), sign)

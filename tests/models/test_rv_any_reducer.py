@@ -11,20 +11,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from tests.models.loaded_units import modified_geometry, part_errors
 from tolevo.configuration.reader import read
 from tolevo.models.rv_reducer.contact import contact as performance
 from tolevo.models.rv_reducer.contact.contact import LoadedContact, faults
 from tolevo.models.rv_reducer.contact.geometry import Axes, ContactGeometry, Nominal, PartErrors, displacements
 from tolevo.models.rv_reducer.geometry import RvGeometry, zero_backlash_pair
 from tolevo.models.rv_reducer.population.contact import touch
-from tolevo.models.rv_reducer.population.errors import (
-    Lattice,
-    Scaled,
-    Table,
-    modified_geometry,
-    part_errors,
-    turn_lattice,
-)
+from tolevo.models.rv_reducer.population.errors import Lattice, Scaled, Table, turn_lattice
 from tolevo.models.rv_reducer.population.units import BaseSample, Profile, UnitDesign
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.units import ARCMIN, UM

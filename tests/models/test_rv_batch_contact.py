@@ -5,11 +5,12 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from tests.models.loaded_units import modified_geometry, part_errors
 from tolevo.models.inputs import Normal
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.models.rv_reducer.contact import contact as performance
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
-from tolevo.models.rv_reducer.population.errors import modified_geometry, part_errors, turn_lattice
+from tolevo.models.rv_reducer.population.errors import turn_lattice
 from tolevo.models.rv_reducer.population.units import BaseSample
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.units import ARCMIN

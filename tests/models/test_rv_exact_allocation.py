@@ -13,18 +13,12 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
+from tests.models.loaded_units import modified_geometry, part_errors
 from tolevo.models.rv_reducer.contact import contact as performance
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
 from tolevo.models.rv_reducer.population.contact import touch
-from tolevo.models.rv_reducer.population.errors import (
-    Lattice,
-    Scaled,
-    Table,
-    modified_geometry,
-    part_errors,
-    turn_lattice,
-)
+from tolevo.models.rv_reducer.population.errors import Lattice, Scaled, Table, turn_lattice
 from tolevo.models.rv_reducer.population.units import ERRORS, BaseSample, UnitDesign
 from tolevo.units import ARCMIN
 

@@ -15,18 +15,13 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import ndtr, ndtri
 
+from tests.models.loaded_units import modified_geometry, part_errors
 from tests.models.test_rv_exact_allocation import cycloid
 from tests.models.test_rv_population import MIDS, ZONES
 from tolevo.models.rv_reducer.contact import contact as performance
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
-from tolevo.models.rv_reducer.population.errors import (
-    modified_geometry,
-    nearest_prime,
-    part_errors,
-    spreads_evenly,
-    turn_lattice,
-)
+from tolevo.models.rv_reducer.population.errors import nearest_prime, spreads_evenly, turn_lattice
 from tolevo.models.rv_reducer.population.units import BaseSample, UnitDesign
 from tolevo.units import ARCMIN
 

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.models.kernel_reference import by_arrays
+from tests.models.loaded_units import modified_geometry, part_errors
 from tolevo.models.rv_reducer.contact import contact as performance
 from tolevo.models.rv_reducer.contact.contact import LoadedContact, faults
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry, Nominal, PartErrors
@@ -16,14 +17,7 @@ from tolevo.models.rv_reducer.geometry import RvGeometry
 from tolevo.models.rv_reducer.population import errors as lattice_module
 from tolevo.models.rv_reducer.population import units as profile_module
 from tolevo.models.rv_reducer.population.contact import NAMES, Population, Slopes, Touch, Turn, pull_back, touch
-from tolevo.models.rv_reducer.population.errors import (
-    Lattice,
-    Scaled,
-    Table,
-    modified_geometry,
-    part_errors,
-    turn_lattice,
-)
+from tolevo.models.rv_reducer.population.errors import Lattice, Scaled, Table, turn_lattice
 from tolevo.models.rv_reducer.population.measures import Conditions, Measure, Measures
 from tolevo.models.rv_reducer.population.units import ERRORS, BaseSample, Hierarchy, Involute, UnitDesign, draw_teeth
 from tolevo.models.rv_reducer.tighter_planet import TighterPlanet

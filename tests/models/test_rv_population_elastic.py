@@ -10,20 +10,14 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.models.kernel_reference import by_arrays
+from tests.models.loaded_units import modified_geometry, part_errors
 from tolevo.models.rv_reducer.contact import contact as performance
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry, PartErrors
 from tolevo.models.rv_reducer.population import kernel
 from tolevo.models.rv_reducer.population.contact import NAMES, Slopes, touch
 from tolevo.models.rv_reducer.population.elastic import OUTPUTS, TE_POSITIONS, Elastic, Loading, elastic
-from tolevo.models.rv_reducer.population.errors import (
-    Lattice,
-    Scaled,
-    Table,
-    modified_geometry,
-    part_errors,
-    turn_lattice,
-)
+from tolevo.models.rv_reducer.population.errors import Lattice, Scaled, Table, turn_lattice
 from tolevo.models.rv_reducer.population.units import BaseSample, Hierarchy, UnitDesign
 from tolevo.models.rv_reducer.tighter_planet import TighterPlanet
 from tolevo.units import ARCMIN

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.models.loaded_units import modified_geometry
 from tolevo.algorithms.exact.bounds import proof
 from tolevo.algorithms.exact.conditional import Asked, estimated_optimum
 from tolevo.configuration.reader import read
@@ -15,7 +16,6 @@ from tolevo.errors import InputError
 from tolevo.models.inputs import Beta, Distribution, Normal, Triangular, Uniform
 from tolevo.models.rv_reducer.contact.contact import LoadedContact, backlash, turn_angles
 from tolevo.models.rv_reducer.contact.geometry import PartErrors
-from tolevo.models.rv_reducer.population.errors import modified_geometry
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.rv_reducer.bound import CommonErrorBound, Level, RippleEstimate
 from tolevo.problems.settings import Bound, Settings, VariableSetting

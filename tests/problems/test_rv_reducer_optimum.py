@@ -13,13 +13,14 @@ from numpy.polynomial.hermite_e import hermegauss
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
+from tests.models.loaded_units import modified_geometry, part_errors
 from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.models.rv_reducer.contact import contact as performance
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
-from tolevo.models.rv_reducer.population.errors import modified_geometry, part_errors, turn_lattice
+from tolevo.models.rv_reducer.population.errors import turn_lattice
 from tolevo.models.rv_reducer.population.units import BaseSample, UnitDesign
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.settings import Bound, Settings, VariableSetting

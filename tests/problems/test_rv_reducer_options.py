@@ -409,3 +409,44 @@ def test_distances_of_cranks_are_tried_only_where_the_torque_of_measuring_is_eno
     for parameters, tried in cases:
         problem = RvReducer(Settings(parameters={**SMALL, "assumptions": "all", **parameters}))
         assert any(variant.assumption == "distances of cranks" for variant in problem.variants()) is tried
+
+
+# Planets that are coupled through two cranks.
+
+
+def test_coupled_planets_add_backlash_and_no_interference() -> None:
+    limits = {name: Bound(high=value) for name, value in LIMITS.items()}
+    coupled, plain = (
+        RvReducer(Settings(parameters=SMALL | {"planet_coupling": asked}, limits=limits)) for asked in (True, False)
+    )
+    row = design(plain, involute_grade=5.0, crank_bearing_um=2.0)
+    values = [problem.evaluation(row, searching=True) for problem in (coupled, plain)]
+    more = values[0].value("backlash_max_arcmin") - values[1].value("backlash_max_arcmin")
+    assert 0.01 < more < 0.08
+    assert values[0].value("interference_probability") == values[1].value("interference_probability")
+    slopes = coupled.gradient(row[None, :])
+    for output, name, step in (
+        ("backlash_max_arcmin", "involute_grade", 0.05),
+        ("backlash_max_arcmin", "crank_bearing_um", 0.02),
+        ("interference_probability", "dr_rp_mm", 2e-5),
+    ):
+        ends = []
+        for side in (1.0, -1.0):
+            moved = row.copy()
+            moved[coupled.names.index(name)] += side * step
+            ends.append(coupled.evaluation(moved, searching=True).value(output))
+        found = slopes[output][0, coupled.names.index(name)]
+        assert found == pytest.approx((ends[0] - ends[1]) / (2.0 * step), rel=0.03)
+    assert any("turn apart within the play" in sentence for sentence in coupled.validity())
+    every = RvReducer(Settings(parameters=SMALL | {"assumptions": "all"}, limits=limits)).variants()
+    assert any(variant.assumption.startswith("planets coupled") for variant in every)
+
+
+def test_faults_of_coupled_planets_are_placed() -> None:
+    wrong = {"planet_coupling": True, "cranks": 3, "over_constraint": True, "pin_classes": 9}
+    found = faults_of({**PLAIN, "limits": LIMITS, "parameters": SMALL | wrong})
+    assert sum(fault.startswith("parameters.planet_coupling: is known of") for fault in found) == 2
+    assert any("pins are fitted to units" in fault for fault in found)
+    stage = {"planet_coupling": True, "involute_stage": False}
+    found = faults_of({**PLAIN, "limits": LIMITS, "parameters": SMALL | stage})
+    assert any("means nothing without an involute stage" in fault for fault in found)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, reduce
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ....section import Array, Complex, Integers, Single
 from ..contact.geometry import ContactGeometry
 from .errors import COLUMNS, Lattice, Scaled, Table, sides, turn_lattice
-from .units import CRANK_HOLE, ERRORS, BaseSample, Coupling, Hierarchy, UnitDesign
+from .units import CARRIER_ERRORS, CRANK_HOLE, ERRORS, BaseSample, Coupling, Hierarchy, UnitDesign
 
 if TYPE_CHECKING:
     from .cranks import Jam, Seats
@@ -37,16 +37,6 @@ class Touch:
     def cycloid(self, output_ratio: float) -> Single:
         """Backlash y of the cycloid stage at the carrier [arcmin]; below zero: interference."""
         return np.asarray((self.high - self.low) * np.float32(1.0 / output_ratio))
-
-    def nearer(self, other: Touch) -> Touch:
-        """First contact of this or other discs."""
-        ahead, behind = other.high < self.high, other.low > self.low
-        return Touch(
-            np.where(ahead, other.high, self.high),
-            np.where(behind, other.low, self.low),
-            np.where(ahead, other.ahead, self.ahead),
-            np.where(behind, other.behind, self.behind),
-        )
 
 
 NO_SEATS = np.empty((0, 1, 2, 3, 1), np.float32)
@@ -94,7 +84,7 @@ def contacts_of(lattice: Lattice, table: Table, along: Single, rows: Integers | 
 
 def teeth_of(lattice: Lattice, along: Single) -> Integers:
     """Rows (contacts,) of the teeth in errors `along` the pin circle, none where teeth have no errors of their own."""
-    return lattice.tooth if along.shape[-2] > lattice.geometry.pins else lattice.tooth[:0]
+    return lattice.tooth if along.shape[-2] > lattice.geometry.pins else np.empty(0, np.int64)
 
 
 def pack_errors(units: Scaled) -> tuple[Single, ...]:
@@ -121,8 +111,7 @@ modifications [arcmin/mm], the zone of the carrier's holes, and ln(phi_1) throug
 
 
 PLAY = 9
-"""Row of the discs' standardised errors that has the play of their bearings."""
-PLAY_OF_BEARINGS = NAMES.index("crank_bearing")
+"""Row of the discs' standardised errors that has the play of their bearings, and its place in `NAMES`."""
 CENTRED = frozenset(("pin_position", "circle_offset", "bore", "crank_phase", CRANK_HOLE))
 """Errors of which a mid-limit would turn or displace the unit, and is left out."""
 
@@ -176,7 +165,7 @@ class Slopes:
             _single_precision(np.stack([radial, circle.real, circle.imag])),
             _single_precision(np.stack(columns, axis=1)),
             _single_precision(np.stack(of_pins)),
-            _of_cranks(geometry, sample) if sample.hierarchy.holes else None,
+            _of_cranks(geometry, sample) if CARRIER_ERRORS[0] in sample.z else None,
         )
 
     def errors(self, width: Callable[[str], float]) -> tuple[Single, ...]:
@@ -273,18 +262,18 @@ class Meeting:
         flanks = np.stack([[touch.high for touch in touches], [-touch.low for touch in touches]])
         met, size = np.empty(flanks.shape[2:], np.float32), np.empty(flanks.shape[2:], np.float32)
         by_gap, by_play = np.empty_like(flanks), np.empty_like(flanks)
-        sizes = (geometry.play_factor, gear)
-        kernel.meet(lattice.directions, flanks, play, own, sizes, (met, by_gap, by_play, size))
+        into = (met, by_gap, by_play, size)
+        kernel.meet(lattice.directions, flanks, play, own, (geometry.play_factor, gear), into)
         unit = np.float32(1.0 / geometry.output_ratio)
         return cls(touches, unit * met, by_gap, by_play, unit * size)
 
     def slopes(self, lattice: Lattice, table: Table, standardised: Slopes, weight: Array) -> Array:
         """Derivatives (names,) of sum(weight play) by `NAMES`, for weights (positions, n)."""
         total = np.zeros(len(NAMES))
-        for d, touch in enumerate(self.touches):
-            total += pull_back(lattice, table, touch, standardised, *(weight * self.by_gap[:, d]))
+        for d, of_disc in enumerate(self.touches):
+            total += pull_back(lattice, table, of_disc, standardised, *(weight * self.by_gap[:, d]))
             more = weight * (self.by_play[:, d] - self.by_gap[:, d]).sum(axis=0) / lattice.geometry.output_ratio
-            total[PLAY_OF_BEARINGS] += float((more * standardised.of_discs[d, PLAY]).sum())
+            total[PLAY] += float((more * standardised.of_discs[d, PLAY]).sum())
         total[NAMES.index("involute")] += float((weight * self.by_size).sum())
         return total
 
@@ -368,7 +357,7 @@ class Population:
     ) -> Population:
         """A population of `units` at `positions` of a turn of the output."""
         lattice = Lattice.of(geometry, turn_lattice(positions, geometry.nominal.cycloid_teeth))
-        sample = BaseSample.draw(geometry, units, rng, hierarchy)
+        sample = BaseSample.draw(geometry, units, rng, hierarchy, holes=coupling is not None)
         return cls(lattice, sample, Slopes.of(geometry, sample), coupling)
 
     @property
@@ -405,15 +394,14 @@ class Population:
         if pins is not None:
             errors = (errors[0] - pins.astype(np.float32), *errors[1:])
         errors[2][:, 3] += np.float32(design.stagger) * sides(geometry)[:, None].astype(np.float32)
-        if planets is not None:
-            every = [touch(self.lattice, table, errors, discs=slice(d, d + 1)) for d in range(geometry.discs)]
-            first = reduce(Touch.nearer, every)
-            tied = Turn(self, design, table, first, first.cycloid(geometry.output_ratio))
-            meeting = Meeting.of(self.lattice, tuple(every), np.ascontiguousarray(errors[2][:, 2]), planets)
-            return replace(tied, play=meeting.play, meeting=meeting, held=tied)
         seats = self._seats(design)
         contact = touch(self.lattice, table, errors, NO_SEATS if seats is None else seats.places)
-        return Turn(self, design, table, contact, contact.cycloid(geometry.output_ratio), seats=seats)
+        tied = Turn(self, design, table, contact, contact.cycloid(geometry.output_ratio), seats=seats)
+        if planets is None:
+            return tied
+        touches = tuple(touch(self.lattice, table, errors, discs=slice(d, d + 1)) for d in range(geometry.discs))
+        meeting = Meeting.of(self.lattice, touches, np.ascontiguousarray(errors[2][:, 2]), planets)
+        return replace(tied, play=meeting.play, meeting=meeting, held=tied)
 
     def _seats(self, design: UnitDesign) -> Seats | None:
         """Where units rest on their cranks, None where discs are not coupled to these."""
@@ -449,11 +437,6 @@ class Turn:
     """Where units touch whose planets are coupled, None where the tighter one holds all cranks."""
     held: Turn | None = None
     """The same units with cranks that the tighter planet holds, where planets are coupled."""
-
-    @property
-    def tied(self) -> Turn:
-        """The units with cranks that the tighter planet holds."""
-        return self.held or self
 
     @cached_property
     def jam(self) -> Jam:

@@ -11,7 +11,7 @@ That is convex with three unknowns, and Newton's method solves it for many units
 torque leave the turn sqrt(c^2 - d^2)/(2 a_0) to either side, d the error of their distance and c the mean clearance;
 from d = c on they jam with (d - c)/2 of squeeze in either bearing.
 
-Lengths are micrometres. The module is imported where discs are coupled; compiled functions are all here because numba's
+Lengths are micrometres. This module is imported where discs are coupled, and its functions are all here because numba's
 cache does not see changes of other files.
 """
 
@@ -29,11 +29,9 @@ from ....units import ARCMIN, UM
 from ..contact.geometry import ContactGeometry
 from .contact import NAMES, PLAY, Slopes, Touch
 from .errors import Lattice, Table, crank_lines
-from .kernel import compiled
+from .kernel import LANES, _inlined, compiled
 from .units import BaseSample, Coupling
 
-LANES = 256
-"""Units in one block, so that they stay in the cache."""
 STEPS = 8
 """Steps of Newton's method, and one for each crank: then units rest within 1e-5 um."""
 HALVED = 7
@@ -102,17 +100,9 @@ class Seats:
         `weight` and the contacts of `touch` are (positions, units).
         """
         mesh, total = (table.values, self.lattice.disc, self.lattice.directions), np.zeros(len(NAMES))
-        _seat_slopes(
-            np.ascontiguousarray(weight, np.float32),
-            (touch.ahead, touch.behind),
-            mesh,
-            self.cranks,
-            *self._constants,
-            self.places,
-            errors.of_cranks,
-            errors.of_discs[:, PLAY],
-            total,
-        )
+        of_units = np.ascontiguousarray(weight, np.float32), (touch.ahead, touch.behind), mesh, self.cranks
+        plain = errors.of_discs[:, PLAY]
+        _seat_slopes(*of_units, *self._constants, self.places, errors.of_cranks, plain, total)
         return np.asarray(total / self.lattice.geometry.output_ratio)
 
 
@@ -132,10 +122,10 @@ class Jam:
     def of(cls, seats: Seats) -> Jam:
         """The jam of units in their seats."""
         units = seats.cranks.shape[-1]
-        most, place, rest = (
+        most, rest, place = (
             np.zeros(units, np.float32),
-            np.zeros((3, units), np.int32),
             np.zeros((3, units), np.float32),
+            np.zeros((3, units), np.int32),
         )
         _jam(seats.lattice.directions, seats.cranks, seats._constants[0], most, place, rest)
         return cls(seats, most.astype(float) * seats.coupling.stiffness * UM, place, rest)
@@ -143,19 +133,18 @@ class Jam:
     def slopes(self, weight: Array, errors: Slopes) -> Array:
         """Derivatives (names,) of sum(weight force), weight (n,), by `contact.NAMES`."""
         total, seats = np.zeros(len(NAMES)), self.seats
-        loaded = np.where(self.force > 0.0, weight, 0.0) * seats.coupling.stiffness * UM
-        loaded = loaded.astype(np.float32)
-        _jam_slopes(
-            loaded,
-            seats.lattice.directions,
-            seats.cranks,
-            seats._constants[0],
-            self.place,
-            self.rest,
-            errors.of_cranks,
-            total,
-        )
+        loaded = (np.where(self.force > 0.0, weight, 0.0) * seats.coupling.stiffness * UM).astype(np.float32)
+        at = (seats.lattice.directions, seats.cranks, seats._constants[0], self.place, self.rest)
+        _jam_slopes(loaded, *at, errors.of_cranks, total)
         return total
+
+
+@_inlined
+def _stand_off(q: Single, v: Single, k: int, u: int, lc: float, ls: float, sign: float) -> Any:
+    """Stand-off (x, y) of bearing k of a disc that rests at v (3, lanes), and its length."""
+    x = q[k, 0, u] - (v[0, u] * lc + v[1, u] * ls)
+    y = q[k, 1, u] - (v[1, u] * lc - v[0, u] * ls) - sign * v[2, u]
+    return x, y, np.sqrt(x * x + y * y) + np.float32(1e-9)
 
 
 @compiled
@@ -190,9 +179,7 @@ def _bend(q: Single, cranks: Single, lines: Single, sign: float, v: Single, work
     for k in range(q.shape[0]):
         lc, ls = lines[k, 0], lines[k, 1]
         for u in range(v.shape[1]):
-            x = q[k, 0, u] - (v[0, u] * lc + v[1, u] * ls)
-            y = q[k, 1, u] - (v[1, u] * lc - v[0, u] * ls) - sign * v[2, u]
-            away = np.sqrt(x * x + y * y) + np.float32(1e-9)
+            x, y, away = _stand_off(q, v, k, u, lc, ls, sign)
             pressed = max(away - half * cranks[k, 4, u], zero)
             nx, ny, across = x / away, y / away, pressed / away
             along = (unity if pressed > zero else zero) - across
@@ -305,16 +292,14 @@ def _responses(
 
     The rest keeps J' F = t, with J the derivative of rho by v and A the stiffness of a bearing: dv = -H^-1 J' A dq.
     """
-    zero, unity, half, tiny = np.float32(0.0), np.float32(1.0), np.float32(0.5), np.float32(1e-9)
+    zero, unity, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
     _bend(q, cranks, lines, sign, v, work)
     for u in range(v.shape[1]):
         work[0, u], work[1, u], work[2, u] = _solved(work, u, SOFTEST, p[0, u], p[1, u], p[2, u])
     for k in range(q.shape[0]):
         lc, ls = lines[k, 0], lines[k, 1]
         for u in range(v.shape[1]):
-            x = q[k, 0, u] - (v[0, u] * lc + v[1, u] * ls)
-            y = q[k, 1, u] - (v[1, u] * lc - v[0, u] * ls) - sign * v[2, u]
-            away = np.sqrt(x * x + y * y) + tiny
+            x, y, away = _stand_off(q, v, k, u, lc, ls, sign)
             pressed = max(away - half * cranks[k, 4, u], zero)
             nx, ny, across = x / away, y / away, pressed / away
             bears = unity if pressed > zero else zero
@@ -377,12 +362,8 @@ def _seat_slopes(
         lanes = last - first
         of_discs, z = cranks[:, :, :, first:last].copy(), errors[:, :, :, first:last].copy()
         q, by = np.empty((many, 2, lanes), np.float32), np.empty((many, 3, lanes), np.float32)
-        v, p, work = (
-            np.empty((3, lanes), np.float32),
-            np.empty((3, lanes), np.float32),
-            np.empty((9, lanes), np.float32),
-        )
-        w = np.empty(lanes, np.float32)
+        v, p, w = np.empty((3, lanes), np.float32), np.empty((3, lanes), np.float32), np.empty(lanes, np.float32)
+        work = np.empty((9, lanes), np.float32)
         for a in range(weight.shape[0]):
             if not np.any(weight[a, first:last]):
                 continue
@@ -436,9 +417,7 @@ def _jam(axes: Single, cranks: Single, lines: Single, most: Single, place: Any, 
                 for k in range(many):
                     lc, ls = lines[k, 0], lines[k, 1]
                     for u in range(last - first):
-                        x = q[k, 0, u] - (v[0, u] * lc + v[1, u] * ls)
-                        y = q[k, 1, u] - (v[1, u] * lc - v[0, u] * ls) - v[2, u]
-                        pressed = np.sqrt(x * x + y * y) - half * of_discs[d, k, 4, u]
+                        pressed = _stand_off(q, v, k, u, lc, ls, unity)[2] - half * of_discs[d, k, 4, u]
                         if pressed > most[first + u]:
                             most[first + u] = pressed
                             place[0, first + u], place[1, first + u], place[2, first + u] = a, d, k
@@ -463,9 +442,7 @@ def _jam_slopes(
         for i in range(3):
             v[i, 0] = rest[i, u]
         lc, ls = lines[k, 0], lines[k, 1]
-        x = q[k, 0, 0] - (v[0, 0] * lc + v[1, 0] * ls)
-        y = q[k, 1, 0] - (v[1, 0] * lc - v[0, 0] * ls) - v[2, 0]
-        away = np.sqrt(x * x + y * y)
+        x, y, away = _stand_off(q, v, k, 0, lc, ls, unity)
         x, y = x / away, y / away
         p[0, 0], p[1, 0], p[2, 0] = ls * y - lc * x, -ls * x - lc * y, -y
         _responses(q, one, lines, unity, v, p, by, work)

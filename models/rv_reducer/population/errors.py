@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....section import Array, Complex, Single
-from ....units import ARCMIN, MM, MRAD, UM
-from ..contact.geometry import Axes, ContactGeometry, PartErrors, lever, unit
+from ....units import ARCMIN, MM, UM
+from ..contact.geometry import Axes, ContactGeometry, lever, unit
 from ..cycloid import pin_circle_growth
 from .units import LEAST_LEVER, BaseSample, Profile, UnitDesign
 
@@ -65,10 +65,9 @@ class Lattice:
 
     A contact is a pin of a disc at a position with a lever arm of `LEAST_LEVER` or more; `start`
     (positions, discs, 2) is the first contact of the forward (0) and backward (1) flank, `stop`
-    one past the last. By contact: `pin` its pin, `disc` its disc and `tooth` the space between teeth of all discs
-    that the pin lies in, counted after the pins, `phase` [rad] the magnitude of
-    its phase, `side` the sign of it, `direction` exp(i theta) of the pin. `profile` is the nominal
-    profile there. `directions` (positions, discs, 6) are cosine and sine of the eccentric, of the
+    one past the last. By contact: `pin` its pin, `disc` its disc, `phase` [rad] the magnitude of its phase, `side` the
+    sign of it, `direction` exp(i theta) of the pin. `profile` is the nominal profile there. `directions`
+    (positions, discs, 6) are cosine and sine of the eccentric, of the
     disc, and of the eccentric against the line of the cranks.
     """
 
@@ -78,7 +77,6 @@ class Lattice:
     stop: NDArray[np.int64]
     pin: NDArray[np.int64]
     disc: NDArray[np.int64]
-    tooth: NDArray[np.int64]
     phase: Array
     side: Array
     direction: Complex
@@ -91,11 +89,7 @@ class Lattice:
         phase = np.angle(unit(geometry.phase(angles)))
         arm = lever(geometry, phase) / geometry.nominal.lever
         start, stop, discs, pins, phases = _contacts(arm, phase)
-        size, count = np.abs(phases), geometry.nominal.cycloid_teeth
-        at = np.repeat(np.arange(len(angles)), (stop - start).sum(axis=(1, 2)))
-        # where the pin would be in its disc at phase 0, in the middle of its space
-        in_disc = np.angle(Axes.at(geometry, angles).disc.conj()[at, discs] * unit(geometry.pin_angles)[pins])
-        spaces = np.rint((count * in_disc - phases) / (2.0 * np.pi)).astype(np.int64) % count
+        size = np.abs(phases)
         return cls(
             geometry,
             np.asarray(angles, dtype=float),
@@ -103,7 +97,6 @@ class Lattice:
             stop,
             pins,
             discs,
-            geometry.pins + count * discs + spaces,
             size,
             np.sign(phases),
             unit(geometry.pin_angles)[pins],
@@ -115,6 +108,16 @@ class Lattice:
     def shape(self) -> tuple[int, int]:
         """Numbers of positions and of discs."""
         return len(self.angles), self.geometry.discs
+
+    @property
+    def tooth(self) -> NDArray[np.int64]:
+        """The space between teeth of all discs that the pin of each contact lies in, counted after the pins."""
+        geometry, count = self.geometry, self.geometry.nominal.cycloid_teeth
+        at = np.repeat(np.arange(len(self.angles)), (self.stop - self.start).sum(axis=(1, 2)))
+        # where the pin would be in its disc at phase 0, in the middle of its space
+        in_disc = np.angle(Axes.at(geometry, self.angles).disc.conj()[at, self.disc] * self.direction)
+        spaces = np.rint((count * in_disc - self.phase * self.side) / (2.0 * np.pi)).astype(np.int64) % count
+        return np.asarray(geometry.pins + count * self.disc + spaces)
 
 
 def _contacts(
@@ -257,54 +260,6 @@ def _waves(sample: BaseSample, design: UnitDesign, error: str) -> Complex:
     """A once-per-turn error [um] of each disc at its phase, (discs, n)."""
     size = design.middle(error) + design.width(error) * sample.z[error]
     return np.asarray(size * unit(sample.phase[error]))
-
-
-# The same units for the loaded contact: a base sample and an allocation as part errors in SI.
-
-
-def modified_geometry(geometry: ContactGeometry, design: UnitDesign) -> ContactGeometry:
-    """The geometry with the modifications of a design."""
-    return replace(geometry, dr_rp=design.dr_rp, dr_p=design.dr_p)
-
-
-def part_errors(geometry: ContactGeometry, sample: BaseSample, design: UnitDesign) -> PartErrors:
-    """Part errors [m, rad] of the units of a design, for the contact of `modified_geometry` geometry.
-
-    Pins have full length: their errors are the same at all discs. A deviation z of half the zone
-    changes both models by the same amount; `PartErrors` also has terms beyond the first order. Raises ValueError
-    where teeth have errors of their own: it knows one wave.
-    """
-    if sample.teeth is not None:
-        raise ValueError("PartErrors holds pitch errors of one wave per turn, not of every tooth")
-
-    def zone(error: str, source: str | None = None) -> Array:
-        """Deviations [um or mrad] of an error, units first."""
-        moved = design.middle(error) + design.width(error) * sample.z[source or error]
-        return np.moveaxis(moved, -1, 0)
-
-    def phase(error: str) -> Array:
-        return np.moveaxis(sample.phase[error], -1, 0)
-
-    return PartErrors(
-        pin_radius=UM * zone("pin_radius")[:, None],
-        hole_radius=UM * zone("pin_hole_radius")[:, None],
-        tangential_position=UM * zone("pin_position")[:, None],
-        equidistance=UM * zone("equidistance"),
-        shift=UM * zone("shift"),
-        pitch=UM * zone("pitch"),
-        pitch_phase=phase("pitch"),
-        disc_offset=0.5 * UM * zone("runout"),
-        disc_offset_phase=phase("runout"),
-        angle=np.full((1, 1), design.stagger * ARCMIN) * sides(geometry),
-        crank_phase=MRAD * zone("crank_phase"),
-        eccentricity=UM * zone("eccentricity"),
-        bearing_clearance=UM * np.moveaxis(bearing_clearance(sample, design), -1, 0),
-        bore_radial=UM * zone("bore", "bore_radial"),
-        bore_tangential=UM * zone("bore", "bore_tangential"),
-        circle_radius=UM * zone("pin_circle_radius"),
-        circle_offset=UM * zone("circle_offset"),
-        circle_phase=phase("circle_offset"),
-    )
 
 
 # Units whose parts differ from the drawn ones: changes of errors and temperatures.

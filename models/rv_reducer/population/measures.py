@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -37,12 +37,12 @@ class Measure:
 
     statistic: Statistic
     spread: Spread
-    tied: bool = False
-    """Whether it is one of units whose tighter planet holds all cranks, in a turn of coupled planets as well."""
+    of: Turn | None = None
+    """The turn that it is a statistic of, where it is another than that of the `Measures`."""
 
     def slopes(self, turn: Turn, errors: Slopes | None = None) -> Array:
         """Derivatives by `gradient.NAMES`, none by the size of phi_1; `errors` as in a turn."""
-        return (turn.tied if self.tied else turn).slopes(self.spread(self.statistic.weight), errors)
+        return (self.of or turn).slopes(self.spread(self.statistic.weight), errors)
 
 
 class Measures:
@@ -61,6 +61,8 @@ class Measures:
 
     def _computed(self, name: str) -> Measure:
         kind, _, subject = name.partition(" ")
+        if (held := self.turn.held) is not None and kind in ("interference", "overlap"):
+            return replace(Measures(held, self.involute, self.conditions, self.widening)[name], of=held)
         if kind == "yield":
             of = self._largest
             return Measure(share_within(of[0], self.involute, self.conditions.limit), of[1])
@@ -147,33 +149,31 @@ class Measures:
         return Statistic(value, weight, 0.0, error, by_zone)
 
     def _interference(self, kind: str) -> Measure:
-        turn = self.turn.tied
-        play, slope = turn.play, turn.by_circle
+        play, slope = self.turn.play, self.turn.by_circle
         if kind == "share_of_turn":
             return self._fraction_of_turn()
         if kind == "overlap":
             at = play.argmin(axis=0)
             least, slope_there = (np.take_along_axis(by_place, at[None, :], axis=0)[0] for by_place in (play, slope))
             below = self._below(least.astype(np.float64), -self.conditions.overlap, slope_there)
-            return Measure(below, partial(_weights_at_positions, play.shape, at, True), True)
+            return Measure(below, partial(_weights_at_positions, play.shape, at, True))
         values, slope_of_unit = play.mean(axis=0, dtype=np.float64), slope.mean(axis=0, dtype=np.float64)
-        return Measure(self._below(values, 0.0, slope_of_unit), partial(_weights_at_all_positions, play.shape), True)
+        return Measure(self._below(values, 0.0, slope_of_unit), partial(_weights_at_all_positions, play.shape))
 
     def _overlap(self) -> Measure:
         """Largest overlap over the turn that 95 % of the units stay below [arcmin]."""
-        play = self.turn.tied.play
+        play = self.turn.play
         values = np.maximum(-play.min(axis=0).astype(np.float64), 0.0)
         spread = partial(_weights_at_positions, play.shape, play.argmin(axis=0), values > 0.0)
-        return Measure(ordered_quantile(values, 0.95), lambda weight: spread(-weight), True)
+        return Measure(ordered_quantile(values, 0.95), lambda weight: spread(-weight))
 
     def _fraction_of_turn(self) -> Measure:
-        turn = self.turn.tied
-        play = turn.play.astype(np.float64)
-        below = self._below(play, 0.0, turn.by_circle)
+        play = self.turn.play.astype(np.float64)
+        below = self._below(play, 0.0, self.turn.by_circle)
         by_place = below.weight.reshape(play.shape)
         error = float(np.std(np.mean(play < 0.0, axis=0))) / np.sqrt(play.shape[1])
         statistic = Statistic(below.value, np.ones(play.shape[1]), 0.0, error, below.by_zone)
-        return Measure(statistic, lambda weight: by_place * weight, True)
+        return Measure(statistic, lambda weight: by_place * weight)
 
 
 # These are not methods: a measure that refers to the `Measures` that cache it would be a cycle, and

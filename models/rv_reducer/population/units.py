@@ -132,14 +132,12 @@ class Hierarchy:
     `share_pins` and `share_discs` are the fractions of variance that the pins, and the discs, of
     one unit have in common; both are assumptions. `inputs` has distributions by name of the error,
     uniform where not named. `pitch_spectrum` has the sizes of pitch errors by the names of `PITCH_SPECTRUM`.
-    `holes`: whether the carrier's crank holes are out of place too.
     """
 
     share_pins: float = 0.0
     share_discs: float = 0.0
     inputs: Mapping[str, Distribution] = field(default_factory=dict)
     pitch_spectrum: Mapping[str, float] = field(default_factory=lambda: ONE_WAVE)
-    holes: bool = False
 
     def of(self, error: str) -> Distribution:
         """Distribution of an error over its zone; both directions of a bore have the same."""
@@ -173,10 +171,13 @@ class BaseSample:
         rng: np.random.Generator,
         hierarchy: Hierarchy | None = None,
         kind: Literal["sobol", "random"] = "sobol",
+        holes: bool = False,
     ) -> BaseSample:
-        """A sample of `units`; sources common to a unit take the first Sobol dimensions."""
+        """A sample of `units`; sources common to a unit take the first Sobol dimensions. `holes`: whether the carrier's
+        crank holes are out of place too.
+        """
         laws = hierarchy or Hierarchy()
-        source = _Source(geometry, units, rng, kind, laws.holes)
+        source = _Source(geometry, units, rng, kind, holes)
         z = {"pin_circle_radius": laws.of("pin_circle_radius").quantile(source.unit())}
         z["circle_offset"] = laws.of("circle_offset").quantile(source.unit())
         phase = {"circle_offset": 2.0 * np.pi * source.unit()}
@@ -199,7 +200,7 @@ class BaseSample:
         for name in PIN_ERRORS:
             u = _couple_by_copula(source.of(pins), common.get(name), laws.share_pins)
             z[name] = laws.of(name).quantile(u)
-        for name in CARRIER_ERRORS if laws.holes else ():
+        for name in CARRIER_ERRORS if holes else ():
             z[name] = laws.of(name).quantile(source.of((geometry.cranks,)))
         teeth = None
         if laws.pitch_spectrum != ONE_WAVE:
@@ -544,7 +545,7 @@ class UnitBasis:
         )
         coupling = coupling_of(parameters, geometry)
         shares = number(parameters["share_pins"]), number(parameters["share_discs"])
-        hierarchy = Hierarchy(*shares, inputs, pitch_spectrum(parameters), coupling is not None)
+        hierarchy = Hierarchy(*shares, inputs, pitch_spectrum(parameters))
         planet_share = number(parameters.get("planet_share", 0.5))
         return cls(
             geometry,
