@@ -299,7 +299,7 @@ def rigid_range(statics: Statics, a: int, u: int, planets: Array, together: bool
     ]  # fmt: skip
     if any(end.status != 0 for end in ends):
         return float("nan")
-    return float(-ends[0].fun - ends[1].fun) / per / ratio
+    return -sum(float(end.fun) for end in ends if end.fun is not None) / per / ratio
 
 
 def played(drawn: Population, middle: float = 0.18, half: float = 0.11) -> Array:

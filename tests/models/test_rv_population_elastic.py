@@ -385,7 +385,8 @@ def test_bad_loading() -> None:
 
 def test_compiled_functions_call_their_own_copies() -> None:
     """By name the loader gives every caller the copy that was loaded first, and copies round differently."""
-    mesh = numba.types.Tuple((numba.float32[:, ::1], numba.float32[::1], numba.int64[:, :, ::1]))
+    types: Any = numba.types
+    mesh = types.Tuple((types.float32[:, ::1], types.float32[::1], types.int64[:, :, ::1]))
     fresh = kernel.compiled(kernel._bent.py_func, cache=False)
     fresh.compile((mesh, numba.int64, numba.int64, *[numba.float64] * 4))
     module = next(iter(fresh.overloads.values())).library._final_module

@@ -160,7 +160,7 @@ def least_of_two(carbon: float, variation: float) -> float:
     best = np.inf
     for chosen in product((TURNED, GROUND), repeat=2):
         low, high, a, b, c, d = np.array(chosen).T
-        rows = [
+        rows: list[dict[str, Any]] = [
             {"type": "ineq", "fun": lambda t, c=c, d=d: carbon - float(np.sum(c + d / t)) + 1e-9},
             {"type": "ineq", "fun": lambda t: 1.0 - float(np.hypot(*t)) / variation + 1e-9},
         ]

@@ -144,7 +144,7 @@ def test_importing_the_package_imports_nothing_else() -> None:
 def test_sums_of_every_function_are_those_of_one_thread(
     name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    threads = []
+    threads: list[int] = []
 
     def read(*_: Any, **__: Any) -> None:
         threads.extend(library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas")

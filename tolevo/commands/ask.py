@@ -176,7 +176,7 @@ def _new_results(before: Standing, results: tables.Table, place: str) -> tuple[p
     """The results of a table that are not known yet. Raises InputError with every fault."""
     problem, needed = before.configuration.problem, list(before.told.columns[1:])
     assert problem is not None
-    units = {column.name: column.unit for column in (*problem.variables, *problem.outputs)}
+    units = {v.name: v.unit for v in problem.variables} | {output.name: output.unit for output in problem.outputs}
     fitted = tables.fit_columns(results, place, units, problem.settings.columns)
     cells = fitted.cells
     missing = [Fault(place, f"column {name} is missing") for name in (ID, *needed) if name not in cells]

@@ -73,7 +73,8 @@ def designs_of_result(problem: ToleranceProblem, result: Any) -> tuple[Array, Ar
     """
     names = [variable.name for variable in problem.free]
     front = getattr(result, "front", None)  # of a run of this suite; that of VAMOS holds objectives
-    x, values = front if isinstance(front, pd.DataFrame) else result, None
+    x: Any = front if isinstance(front, pd.DataFrame) else result
+    values: Any = None
     if hasattr(x, "best_trials"):  # a study of Optuna
         x, values = [trial.params for trial in result.best_trials], [trial.values for trial in result.best_trials]
     elif hasattr(x, "get_x") and hasattr(x, "get_f"):  # a population of pygmo

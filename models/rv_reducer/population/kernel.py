@@ -272,7 +272,9 @@ _WITHIN = 0.999
 
 
 @compiled
-def _nearest_disc(gaps: Any, play: Any, axes: Single, factor: float, way: float, apart: float) -> Any:
+def _nearest_disc(
+    gaps: Any, play: Any, axes: Single, factor: float, way: float, apart: float
+) -> tuple[float, float, int]:
     """The disc that bears first where two cranks are `apart`, its place, and how that grows with `apart`."""
     place, slope, which = 1e9, 0.0, 0
     for d in range(gaps.size):
@@ -323,7 +325,8 @@ def meet(axes: Single, touches: Any, play: Single, planets: Any, sizes: Any, int
                     side = 1.0 if slope > 0.0 else -1.0
                     start, below, place = even, side * slope - gear, at
                     apart = side * most
-                    end, at, slope, last = apart, *_nearest_disc(gaps, own, axis, factor, way, apart)
+                    at, slope, last = _nearest_disc(gaps, own, axis, factor, way, apart)
+                    end = apart
                     above, value = side * slope - gear, at - gear * abs(apart - even)
                     for _ in range(_CUTS):
                         if above >= 0.0:
