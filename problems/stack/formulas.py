@@ -43,35 +43,35 @@ def read_sensitivities(section: Section, unit: str | None, requirements: Sequenc
             close = nearest(key, known)
             table.take(key)
             table.fault(key, f'"{key}" is not the name of a [[requirement]]{close}')
-        elif (value := _sensitivity(table, key, known[key].unit, unit)) is not None:
+        elif (value := table.number(key, _quotient(known[key].unit, unit))) is not None:
             sensitivities[key] = value
     return sensitivities
 
 
 def _single_sensitivity(section: Section, unit: str | None, requirement: Requirement) -> dict[str, float]:
     """The one number of a stack with one requirement."""
-    value = _sensitivity(section, "sensitivity", requirement.unit, unit)
+    value = section.number("sensitivity", _quotient(requirement.unit, unit))
     if value == 0.0:
         section.fault("sensitivity", "must not be 0: the part does not matter; remove it")
     return {} if value is None else {requirement.key: value}
 
 
-def _sensitivity(section: Section, key: str, unit: str, per: str | None) -> float | None:
-    """A sensitivity in `unit` per unit of the part. A number alone that is usual without units, but not as what it
-    would count in units of one kind (1 mm per in), is a fault.
+def sensitivity_note(part: Part, requirement: Requirement) -> str:
+    """A warning where a sensitivity is usual without units, but not as what it counts as in units of one kind (1 mm
+    per in); empty where it is not.
     """
-    value = section.number(key, quotient := _quotient(unit, per))
-    if not value or isinstance(section.take(key), str) or not quotient:
-        return value
+    value, quotient = part.sensitivities.get(requirement.key, 0.0), _quotient(requirement.unit, part.unit)
     try:
-        (kind, one), (kind_of_part, one_of_part) = family(unit), family(per or "")
+        (kind, one), (kind_of_part, one_of_part) = family(requirement.unit), family(part.unit)
     except ValueError:  # a scale with a zero of its own
-        return value
+        return ""
     plain = value * one / one_of_part
-    if kind == kind_of_part and USUAL[0] <= abs(value) <= USUAL[1] and not USUAL[0] <= abs(plain) <= USUAL[1]:
-        text = f'would count as {value:g} {quotient}, which is {plain:.3g}: write "{value:g} {unit}/{unit}" or'
-        section.fault(key, f'{text} "{value:g} {quotient}"')
-    return value
+    usual, unusual = (USUAL[0] <= abs(number) <= USUAL[1] for number in (value, plain))
+    if not quotient or kind != kind_of_part or not usual or unusual:
+        return ""
+    unit = requirement.unit
+    text = f"part {part.name}: its sensitivity counts as {value:g} {quotient}, which is {plain:.3g} without units"
+    return f'{text}; if {value:g} without units is meant, write "{value:g} {unit}/{unit}"'
 
 
 def _quotient(unit: str, per: str | None) -> str:

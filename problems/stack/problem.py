@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,6 +35,7 @@ from ..tolerance_problem import ToleranceProblem
 from .convex import corner_of, form_of, limits_by_spread, out_of_process, samples_of
 from .definition import Definition, Part, parts_by_process, ranges_by_process
 from .faults import faults_of, nominal_limit_faults, read_output_names, unit_faults
+from .formulas import sensitivity_note
 from .matched import LEFT_OVER, PER_GOOD_UNIT, factors_of_cost, left_over, read_sortings
 from .outputs import (
     OBJECTIVES,
@@ -127,6 +129,8 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
             name = f"{part.name} ({process.name})" if process.name else part.name
             sentences += [f"part {name}: {process.note}"] if process.note else []
             sentences += [note] if (note := rising_price_note(f"part {name}", process.curve)) else []
+    pairs = product(stack.definition.parts, stack.definition.stated)
+    sentences += filter(None, (sensitivity_note(part, requirement) for part, requirement in pairs))
     for part in stack.definition.parts:
         sentences += () if part.sample is None else part.sample.departures(f"part {part.name}")
     for part in stack.definition.parts:

@@ -613,17 +613,13 @@ def test_the_nominal_of_a_loop_is_the_decimal_sum(nominals: tuple[float, ...], g
 
 @pytest.mark.parametrize(("unit", "sensitivity"), [("um", 3.0), ("in", -1.0), ("m", 2.0)])
 def test_a_sensitivity_of_one_is_no_millimetre_per_inch(unit: str, sensitivity: float) -> None:
-    """A number alone would count per unit of the part; with its own units either meaning can be stated."""
+    """A number alone counts per unit of the part, with a warning; with its own units either meaning can be stated."""
     b = f'unit = "{unit}"\nsensitivity = {sensitivity}'
     text = LINEAR.format(method="rss", a="", b="").replace('unit = "um"\nsensitivity = -0.001', b)
-    faults: list[Fault] = []
-    Stack.configured(Section(tomllib.loads(text), "", faults))
-    (message,) = [fault.message for fault in faults if fault.place == "part[1].sensitivity"]
-    remedies = re.findall(r'"([^"]+)"', message)
-    assert message.startswith(f"would count as {sensitivity:g} mm/{unit}, which is ") and len(remedies) == 2
-    found = [
-        stack(text.replace(f"sensitivity = {sensitivity}\n", f'sensitivity = "{remedy}"\n')).definition.parts[1]
-        for remedy in remedies
-    ]
-    factor = {"um": 1e-3, "in": 25.4, "m": 1000.0}[unit]
-    np.testing.assert_allclose([part.sensitivities[""] for part in found], [sensitivity * factor, sensitivity])
+    (note,) = [sentence for sentence in stack(text).warnings() if "sensitivity" in sentence]
+    assert f"counts as {sensitivity:g} mm/{unit}, which is " in note
+    (remedy,) = re.findall(r'"([^"]+)"', note)
+    plain = stack(text.replace(f"sensitivity = {sensitivity}\n", f'sensitivity = "{remedy}"\n'))
+    assert not any("sensitivity" in sentence for sentence in plain.warnings())
+    found = [one.definition.parts[1].sensitivities[""] for one in (stack(text), plain)]
+    np.testing.assert_allclose(found, [sensitivity, sensitivity * {"um": 1e-3, "in": 25.4, "m": 1000.0}[unit]])

@@ -177,7 +177,8 @@ def _new_results(before: Standing, results: tables.Table, place: str) -> tuple[p
     problem, needed = before.configuration.problem, list(before.told.columns[1:])
     assert problem is not None
     units = {v.name: v.unit for v in problem.variables} | {output.name: output.unit for output in problem.outputs}
-    fitted = tables.fit_columns(results, place, units, problem.settings.columns)
+    uses = {name: use for name, use in problem.settings.columns.items() if name in results.cells}
+    fitted = tables.fit_columns(results, place, units, uses)
     cells = fitted.cells
     missing = [Fault(place, f"column {name} is missing") for name in (ID, *needed) if name not in cells]
     raise_all([*missing, *fitted.faults])

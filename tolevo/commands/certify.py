@@ -188,6 +188,7 @@ def _fitted_bounds(problem: PlainProblem, points: pd.DataFrame, known: Array, rn
         return x, problem.outputs_of(problem.complete(x), errors=False)
 
     x, outputs = values(designs_to_fit(problem.xl, problem.xu, rng))
+    first, held_out = x[:-HELD_OUT], x[-HELD_OUT:]
     limits = {limit.name: limit.high for limit in problem.limits if limit.count and limit.name in outputs}
     names = list(dict.fromkeys((*problem.objectives, *limits)))
     rows = {name: fitted(x, np.asarray(outputs[name], dtype=float)) for name in names}
@@ -204,6 +205,8 @@ def _fitted_bounds(problem: PlainProblem, points: pd.DataFrame, known: Array, rn
         return unproven("a choice has no order")
     if not chosen:
         return unproven("no objective agrees with a form that is convex and verified")
+    if not points["feasible"].any():
+        return unproven("no design of the result keeps the limits")
     at_points = [name for name in problem.objectives if name != bounded and name in chosen]
     fixed = [n for n, high in limits.items() if n in chosen and n not in (bounded, *at_points) and np.isfinite(high)]
     used = [bounded, *at_points, *fixed]
@@ -223,12 +226,13 @@ def _fitted_bounds(problem: PlainProblem, points: pd.DataFrame, known: Array, rn
             at = (
                 f"at {np.count_nonzero(wrong)} of {len(x)} designs of the result, of hybrid and around the least values"
             )
-            return unproven(f"{name} is not {words[name]} {at}")
+            return unproven(f"{name} is not {chosen[name].kind} {at}")
+    tried = {*map(tuple, np.concatenate([held_out, x]).tolist())} - {*map(tuple, first.tolist())}
     forms = ", ".join(f"{name} ({chosen[name].kind})" for name in used)
     at = f" at {' and '.join(at_points)} no worse" if at_points else ""
     text = (
         f"no design has a lower {bounded} than the bound{at}, provided that the forms hold: {forms}; they agree at "
-        f"{HELD_OUT + len(x)} designs that they were not fitted to, those of the result, of hybrid and around the "
+        f"{len(tried)} designs that they were not fitted to, those of the result, of hybrid and around the "
         "least values among them, which is verified there and not between them"
     )
     omitted = [name for name in names if name not in used]
@@ -276,7 +280,8 @@ def _lines(points: pd.DataFrame, found: _Bounds, scatter: pd.DataFrame, problem:
     gap = points["gap_percent"].dropna()
     if len(gap):
         middle, most = plain_number(float(gap.median())), plain_number(float(gap.max()))
-        lines.append(f"proven: {found.bounded} is at most {most} % above its least value, {middle} % in the median")
+        proven = "if the forms hold" if isinstance(problem, PlainProblem) else "proven"
+        lines.append(f"{proven}: {found.bounded} is at most {most} % above its least value, {middle} % in the median")
     lines.append(f"proof: {found.statement}")
     distance = points["distance_percent"].dropna()
     runs = scatter[scatter["source"] != "result"]

@@ -49,6 +49,10 @@ ROLES = {word.casefold(): role for role, words in _WORDS.items() for word in wor
 ROLES |= {"upper": "upper", "hi": "upper", "lower": "lower", "lo": "lower"}  # parts can be called so, columns not
 SPECIFIED = tuple(LIMITS)
 _NUMBERED = re.compile(r"(?P<stem>.*?)[ _#.\-]*(?P<number>\d+)")
+_TITLE_WORD = re.compile(r"[^\W\d_]+")
+_REPORT = re.compile(
+    "messung|messprotokoll|protokoll|prüfung|bericht|lauf|measurement|inspection|report|run", re.I
+).fullmatch
 MAGNITUDE = "-"
 """How the name of a column of lower tolerances begins that hold no sign: "-TOL"."""
 
@@ -119,8 +123,11 @@ _Names: TypeAlias = tuple[NDArray[np.int64], list[str]]
 """The characteristic of each row by its place in the list of them."""
 
 
-def long_columns(table: Table) -> _Long | None:
-    """The columns of a table that has a row per characteristic; None where it has none."""
+def long_columns(table: Table, stated: bool) -> _Long | None:
+    """The columns of a table that has a row per characteristic; None where it has none.
+
+    A first column of any name can name them where limits stand beside the values, or the shape is `stated`.
+    """
     roles: dict[str, str] = {}
     for name, role in zip(table.columns.names, roles_of(table.columns.names), strict=True):
         if role in ("characteristic", "value") and role in roles and role_of(roles[role]) == role:
@@ -129,17 +136,18 @@ def long_columns(table: Table) -> _Long | None:
             roles.setdefault(role, name)
     if "characteristic" not in roles and "property" in roles:
         roles["characteristic"] = roles.pop("property")
-    first = table.columns.names[0]
-    if "characteristic" not in roles and {"value", "nominal"} <= set(roles) and _can_name(table, first):
+    first, sure = table.columns.names[0], stated or {"upper", "usl", "deviation"} & set(roles)
+    if "characteristic" not in roles and {"value", "nominal"} <= set(roles) and sure and _can_name(table, first):
         roles["characteristic"] = first
     return roles if {"characteristic", "value"} <= set(roles) else None
 
 
 def _can_name(table: Table, column: str) -> bool:
-    """Whether a column can hold names of characteristics: texts that are no dates, parts or lots."""
+    """Whether a column can hold names of characteristics: different texts that are no dates, parts or lots."""
     if column in table.numeric or role_of(column) or group_of(column):
         return False
-    return not any(is_missing(text) or is_date(text) for text in table.columns.factorised(column)[1])
+    texts = table.columns.factorised(column)[1]
+    return len(texts) == len(table.columns) and not any(is_missing(text) or is_date(text) for text in texts)
 
 
 def is_long(table: Table, long: _Long) -> bool:
@@ -150,10 +158,7 @@ def is_long(table: Table, long: _Long) -> bool:
         return False
     if {"upper", "usl"} & set(long) or {"nominal", "deviation"} <= set(long):
         return True
-    if "nominal" not in long:
-        return False
-    names, sizes = (len(table.columns.factorised(long[role])[1]) for role in ("characteristic", "nominal"))
-    return names < len(table.columns) or sizes > 1
+    return "nominal" in long and len(table.columns.factorised(long["characteristic"])[1]) < len(table.columns)
 
 
 def wide_of_long(table: Table, place: str, shape: str | None) -> tuple[Table, list[Fault]]:
@@ -162,7 +167,7 @@ def wide_of_long(table: Table, place: str, shape: str | None) -> tuple[Table, li
     Rows belong together by their part; without one, the k-th value of every characteristic is of
     the k-th part. Nominal sizes and limits are in `specifications`.
     """
-    long = long_columns(table) if shape in (None, LONG) else None
+    long = long_columns(table, shape == LONG) if shape in (None, LONG) else None
     if long is None or (shape is None and not is_long(table, long)):
         needed = "a column of characteristics (feature, Merkmal) and one of values (actual, Istwert)"
         if shape == LONG:
@@ -174,15 +179,14 @@ def wide_of_long(table: Table, place: str, shape: str | None) -> tuple[Table, li
         of_property = columns.factorised(long["property"])
         codes, first = _numbered(names[0] * len(of_property[1]) + of_property[0])
         names = codes, [f"{names[1][names[0][at]]} {of_property[1][of_property[0][at]]}" for at in first]
-    of_features = names
+    of_features, faults = names, list[Fault]()
     if "block" in columns.cells and "part" not in long and "nominal" in long:
         axes = role_of(long["characteristic"]) == "property"
         sizes = columns.numbers(long["nominal"], table.values)
-        of_features = _of_blocks(names, columns.factorised("block"), sizes, axes)
+        of_features, faults = _of_blocks(names, columns.factorised("block"), sizes, axes, place)
     by_block, names = names is of_features, of_features
     part = columns.factorised(long["part"]) if "part" in long else (np.zeros(len(columns), dtype=np.int64), [""])
     counts = np.bincount(names[0])
-    faults: list[Fault] = []
     if "part" not in long:
         block = columns.factorised("block") if "block" in columns.cells and by_block else part
         if block is not part and not _turns(names[0], block[0]).any():
@@ -233,17 +237,26 @@ def wide_of_long(table: Table, place: str, shape: str | None) -> tuple[Table, li
     return turned, faults + of_units + of_limits
 
 
-def _of_blocks(names: _Names, block: _Names, nominal: NDArray[np.float64], axes: bool) -> _Names:
+def _of_blocks(
+    names: _Names, block: _Names, nominal: NDArray[np.float64], axes: bool, place: str
+) -> tuple[_Names, list[Fault]]:
     """The characteristics with the titles of their blocks, where these are of features: where one name has
-    other nominal sizes in other blocks, or where the names are axes and no title is that of a part, a lot.
+    other nominal sizes in other blocks, or where the names are axes and titles have different words.
+
+    Numbered titles of one word above axes of one size are of features where they are names ("BORE1"), of parts where
+    the word is that of parts, lots or reports ("Run 1"); others ("Shaft 1") may be either: a fault.
     """
     codes, first = _numbered(names[0] * len(block[1]) + block[0])
     sizes = pd.Series(nominal)
     one, one_each = ((sizes.groupby(keys).transform("first") == sizes).all() for keys in (names[0], codes))
-    stems = [match["stem"] if (match := _NUMBERED.fullmatch(title)) else title for title in block[1]]
-    if not one_each or (one and not (axes and all(stem and not group_of(stem) for stem in stems))):
-        return names
-    return codes, [f"{block[1][block[0][at]]} {names[1][names[0][at]]}" for at in first]
+    words = {match[0] if (match := _TITLE_WORD.match(title)) else "" for title in block[1]}
+    if not one_each or (one and (not axes or "" in words or any(group_of(w) or _REPORT(w) for w in words))):
+        return names, []
+    if one and len(words) == 1 < len(block[1]) and not all(re.fullmatch(r"\w+", title) for title in block[1]):
+        listed = ", ".join(f'"{title}"' for title in block[1][:2])
+        text = f'its blocks {listed}, ... can be of features or of parts: call those of parts "Part 1", "Part 2"'
+        return names, [Fault(place, f"{text}; write the name of a feature before its axis")]
+    return (codes, [f"{block[1][block[0][at]]} {names[1][names[0][at]]}" for at in first]), []
 
 
 def _with_unit_column(table: Table, place: str) -> tuple[Table, list[Fault]]:
@@ -323,7 +336,7 @@ def _specifications(
                 doubted |= {name} if role == "nominal" else set()
                 what = {"nominal": "nominal sizes", "lower": "lower limits", "lsl": "lower limits"}.get(role)
                 text = f"has two {what or 'upper limits'}: {low:.10g} and {high:.10g}"
-                text += "; give a file for each, or state --shape wide"
+                text += "; give a file for each; or state --shape wide"
                 faults.append(Fault(f"{place}: {name}", text))
             elif not np.isnan(low):
                 stated.setdefault(name, {})[role] = low
@@ -383,13 +396,16 @@ def _of_stated(
     specifications = {}
     faults = [Fault(f"{place}: {kind} {heading}", _UNSIGNED)] if doubt else []
     for name, values in stated.items():
-        signed = values | ({"lower": -values["lower"]} if magnitudes and "lower" in values else {})
+        signed = {role: value for role, value in values.items() if not (doubt and role == "lower")}
+        signed |= {"lower": -values["lower"]} if magnitudes and "lower" in values else {}
         specifications[name], wrong = specification(signed, f"{place}: {name}")
         faults += wrong
     return specifications, faults
 
 
 _LIMIT_LIKE = re.compile(r"(?<!out)(?<!in)(?<!out )(?<!in )tol|limit|grenz|abma|spec|^(?:max|min)\.?$", re.IGNORECASE)
+_COUNTS = ("", "#", "n", "nr", "no", "lfdnr", "number", "nummer")
+"""What a column that numbers its rows is called, without blanks and points."""
 _NO_SIDE = (
     "seems to hold tolerances or limits, and its name does not say of which side: call it upper tol, lower tol, USL or "
     "LSL, or remove it"
@@ -405,9 +421,9 @@ def unclear_rows(table: Table, place: str) -> list[Fault]:
     shown = [(at, str(cells[at])) for at in (*range(min(SAMPLE, len(cells))), *range(ends, len(cells)))]
     counts = [int(text) for _, text in shown if text.isdecimal()]
     rising = len(counts) > 2 and all(after > before for before, after in pairwise(counts))
-    numbered = name in table.numeric and (role_of(name) == "part" or rising)
+    numbered = name in table.numeric and (role_of(name) == "part" or (rising and bare(name) in _COUNTS))
     texts = [(at, text) for at, text in shown if not is_missing(text) and np.isnan(number_in(text))]
-    unclear = [(at, text) for at, text in texts if numbered or _LIMIT_LIKE.search(text)]
+    unclear = [(at, text) for at, text in texts if _LIMIT_LIKE.search(text) or (numbered and not text[:1].isdecimal())]
     what = "names no part, as most rows do: if it holds limits, call it USL or LSL, upper or lower tol, else remove it"
     few = unclear if 2 * len(unclear) < min(len(cells), 2 * SAMPLE) else []
     return [Fault(f"{place}: row {table.columns.lines[at]}", f'"{text}" {what}') for at, text in few]
@@ -438,9 +454,9 @@ def specification(
             faults.append(Fault(place, f"{text} is {by_deviation:.10g}"))
         end = by_deviation if np.isnan(limit) else limit
         ends.append(None if np.isnan(end) else float(end))
-    if 2.0 * max(abs(usl), 0.0 if np.isnan(lsl) else abs(lsl)) < abs(nominal):
+    if not deviations and 2.0 * max(abs(usl), 0.0 if np.isnan(lsl) else abs(lsl)) < abs(nominal):
         text = f"its upper limit {usl:.10g} is no size near {nominal:.10g}: name it a tolerance where it is a deviation"
-        faults.append(Fault(place, text))
+        faults.append(Fault(place, f"{text}, or leave the nominal size of a deviation of position away"))
     if ends[0] is not None and ends[1] is not None and ends[0] > ends[1]:
         faults.append(Fault(place, f"the lower limit {ends[0]:g} is above the upper limit {ends[1]:g}"))
     return Specification(None if np.isnan(nominal) else float(nominal), ends[0], ends[1]), faults

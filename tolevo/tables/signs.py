@@ -69,8 +69,8 @@ LIMITS = {
 """What nominal sizes, tolerances and limits are called, without blanks and points."""
 SUMMARY = frozenset(
     "mittelwert mittel mw summe min max min. max. minimum maximum mean average avg std stdev "
-    "stabw stabw. sigma range spannweite total sum count anzahl median cp cpk xq xquer "
-    "toleranz tolerance ende end eof moyenne écarttype 平均 平均值 平均値 合计 合計 最大 最小 "
+    "stabw stabw. sigma range spannweite total sum count anzahl median cp cpk xq xquer x-quer "
+    "toleranz tolerance ende end eof moyenne écarttype écart-type 平均 平均值 平均値 合计 合計 最大 最小 "
     "最大值 最小值 标准差 公差 上限 下限 pp ppk cpu cpl cg cgk variance varianz s(n-1) 6s 6sigma n stddev "
     "standardabweichung standarddeviation sd meanvalue mittelwerte maximalwert minimalwert statistics "
     "statistik endofreport endofdata s r sn-1".split()
@@ -83,8 +83,8 @@ PLAIN = re.compile(r"[+-]?\d+(?:[.,]\d*)?").fullmatch
 
 
 def bare(name: str) -> str:
-    """A name in lower case, without blanks, points, brackets, and hyphens within it."""
-    return re.sub(r"[\s._:/()\[\]]|(?<=[^\W\d])-(?=[^\W\d])", "", name).casefold()
+    """A name in lower case, without blanks, points, brackets, and hyphens between two words."""
+    return re.sub(r"[\s._:/()\[\]]|(?<=[^\W\d]{2})-(?=[^\W\d]{2})", "", name).casefold()
 
 
 def is_missing(cell: str) -> bool:

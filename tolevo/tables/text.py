@@ -44,11 +44,14 @@ GUESSES = ("cp1252", "cp1250", "cp850", "gbk", "big5", "cp932", "euc_kr", "mac_r
 """Encodings whose decoded text is shown where one must be stated."""
 _LATIN_1 = bytes([*range(0x80), *range(0xA0, 0x100)])
 _CONTROLS = bytes([*range(9), 0x0B, 0x0C, *range(0x0E, 0x20), 0x7F])
-_SIGN_IN_WORD = re.compile(
-    r"[\xa0-\xff](?<!\w)(?:[a-z\xdf-\xff](?<=\w)|[\xa1-\xff](?<!\w))|(?<=[a-z])[\xa1-\xaf\xb1-\xb6\xb8-\xbf](?<!\w)"
-    r"|[\xa1-\xff]{3}|(?<![A-Za-z])[\xa1-\xff]{2}(?![A-Za-z])"
+_SIGN_IN_WORD = re.compile(r"[\xa0-\xff](?<!\w)[a-z\xdf-\xff](?<=\w)|(?<=[a-z])[\xa1-\xaf\xb1-\xb6\xb8-\xbf](?<!\w)")
+"""A sign within a word, as no Western text has it."""
+_SIGNS_ALONE = re.compile(
+    r"(?![\xa0°±²³µ·½×Øø§]{2})(?:[\xa0-\xff](?<!\w)[\xa1-\xff](?<!\w)|[\xa1-\xff]{3}|(?<![A-Za-z])[\xa1-\xff]{2}(?![A-Za-z]))"
 )
-"""What no Western word has: a sign within it, three letters with accents in a row, two without any other."""
+"""What a Western text without letters with accents in words hardly has, units and tolerances such as "Ø±" aside: two
+signs, three letters with accents in a row, two without any other.
+"""
 _LETTER_IN_WORD = re.compile(rb"[A-Za-z][\xb5-\xff]{1,2}[a-z]|(?<![\x80-\xff])[\xb5-\xff](?:[\x80-\xff]{2})*(?=[a-z])")
 """One or two letters with accents between others, or an odd number before one, as in "Länge" and "µm": a word of two
 bytes a character has an even number of bytes, and no other letters around it.
@@ -119,6 +122,7 @@ def _decode_legacy(content: bytes, place: str) -> str:
     # Umlauts of DOS and Macintosh are signs of cp1252 (0x80 to 0x9f); no sign stands within a word.
     latin = lines.decode("latin-1")
     words = western and not _SIGN_IN_WORD.search(latin) and bool(_LETTER_IN_WORD.search(lines))
+    western_signs = words or not (_SIGN_IN_WORD.search(latin) or _SIGNS_ALONE.search(latin))
     choices = [name for name in CHOICES if not (western and name == "mac-roman") and not (words and name in EAST_ASIAN)]
     name = str(chardet.detect(sample, include_encodings=choices)["encoding"] or "").lower()
     signs = {sign for sign in _decodes(lines, EAST_ASIAN.get(name, "ascii")) or "" if not sign.isascii()}
@@ -126,7 +130,7 @@ def _decode_legacy(content: bytes, place: str) -> str:
         return EAST_ASIAN[name]
     if (
         western
-        and not _SIGN_IN_WORD.search(latin)
+        and western_signs
         and (name == "windows-1252" or (name == "windows-1250" and latin == _decodes(lines, CENTRAL)))
     ):
         return WESTERN

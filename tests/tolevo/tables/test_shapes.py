@@ -261,9 +261,9 @@ def test_a_long_table_of_many_rows_is_read_as_a_short_one(tmp_path: Path) -> Non
     np.testing.assert_array_equal(frame[[f"F{at}" for at in range(5)]].to_numpy(dtype=float), values)
 
 
-def read(folder: Path, text: str, name: str = "t.txt") -> tables.Table:
+def read(folder: Path, text: str, name: str = "t.txt", shape: str | None = None) -> tables.Table:
     (folder / name).write_text(text, encoding="utf-8")
-    return tolevo.read_table(folder / name)
+    return tolevo.read_table(folder / name, shape=shape)
 
 
 DIMENSION = """DIM LOC{n}= LOCATION OF CIRCLE CIR{n}  UNITS=MM
@@ -316,11 +316,48 @@ def test_limits_and_units_in_rows_above_the_measurements(tmp_path: Path) -> None
 
 @pytest.mark.parametrize("head", ["InspItem,Nominal,Actual,Pass", "Item-No.,Soll-Wert,Ist-Wert,i.O."])
 def test_a_first_column_of_any_name_names_characteristics(tmp_path: Path, head: str) -> None:
-    table = read(tmp_path, f"{head}\nShaft OD,40.012,40.009,YES\nRunout,0.02,0.015,YES\n")
-    assert table.frame["Runout"].tolist() == [0.015]
-    assert table.specifications["Shaft OD"].nominal == 40.012
-    dated = read(tmp_path, f"{head}\n2026-01-01,40.01,40.009,YES\n2026-01-02,40.02,40.015,YES\n")
-    assert len(dated.frame) == 2  # a date names nothing
+    """With limits beside the values, or where the shape is stated; set points of machines are no characteristics."""
+    with_limit = f"{head},USL\nShaft OD,40.012,40.009,YES,40.1\nRunout,0.02,0.015,YES,0.03\n"
+    plain = with_limit.replace(",USL", "").replace(",40.1", "").replace(",0.03", "")
+    for text, shape in ((with_limit, None), (plain, "long")):
+        table = read(tmp_path, text, shape=shape)
+        assert table.frame["Runout"].tolist() == [0.015]
+        assert table.specifications["Shaft OD"].nominal == 40.012
+    assert len(read(tmp_path, plain).frame) == 2
+    for names in ("2026-01-01 2026-01-02", "W1 W1"):  # dates name nothing, nor do the labels of tools
+        first, second = names.split()
+        again = read(
+            tmp_path, with_limit.replace("Shaft OD", first).replace("Runout", second).replace("0.02,0.015", "40,40")
+        )
+        assert (len(again.frame) == 2 and "Actual" in again.frame) or "Ist-Wert" in again.frame
+
+
+@pytest.mark.parametrize("title", ["Messung {}", "Run {}", "Teil-Nr. A{}", "Protokoll 01.03.202{}"])
+def test_titles_of_parts_and_reports_are_of_no_features(tmp_path: Path, title: str) -> None:
+    blocks = [
+        f"{title.format(at)}\nAX;NOMINAL;MEAS;+TOL;-TOL\nX;10;10.0{at};0.1;-0.1\nY;10;10.1{at};0.1;-0.1\n"
+        for at in (1, 2)
+    ]
+    assert read(tmp_path, "\n".join(blocks)).frame["X"].tolist() == [10.01, 10.02]
+
+
+def test_numbered_titles_of_one_word_are_asked_about(tmp_path: Path) -> None:
+    blocks = [f"Shaft {at}\nAX;NOMINAL;MEAS;+TOL;-TOL\nX;10;10.0{at};0.1;-0.1\n" for at in (1, 2)]
+    with pytest.raises(tolevo.ConfigurationError, match='"Shaft 1", "Shaft 2"'):
+        read(tmp_path, "\n".join(blocks))
+
+
+@pytest.mark.parametrize("cell", ["Ø±0,05", "30°±1°", "20\xa0°C", "µ²", "(±°)"])
+def test_signs_of_units_and_tolerances_are_western(tmp_path: Path, cell: str) -> None:
+    (tmp_path / "t.csv").write_bytes(f"Teil;Länge;Notiz\n1;2,5;{cell}\n2;2,6;\n3;2,6;Größe geprüft\n".encode("cp1252"))
+    assert tolevo.read_table(tmp_path / "t.csv").frame["Notiz"].tolist()[0] == cell
+
+
+def test_rows_of_measurements_that_are_numbered_otherwise_are_kept(tmp_path: Path) -> None:
+    table = read(tmp_path, "Nr.;L\n1;10,01\n2;10,02\n3;10,03\n3a;10,02\n4;10,01\n")
+    assert table.frame["L"].tolist() == [10.01, 10.02, 10.03, 10.02, 10.01]
+    assert len(read(tmp_path, "load_N;x\n10;10,01\n20;10,02\n30;10,03\nover;10,02\n50;10,01\n").frame) == 5
+    assert len(read(tmp_path, "Probe;x\nS-D;2,5\nA-B;2,6\nC-P;2,7\n").frame) == 3
 
 
 def test_few_signs_of_two_bytes_do_not_tell_their_encoding(tmp_path: Path) -> None:
