@@ -115,6 +115,11 @@ def test_results_in_other_units_are_faults(folder: Path) -> None:
     pd.testing.assert_frame_equal(read_own_csv(folder / "told.csv"), before)
 
 
+def test_columns_of_designs_that_results_need_not_hold(tmp_path: Path) -> None:
+    found = tolevo.ask(stack(columns={"Nabe": "a_t"}), tmp_path / "s")
+    assert len(tolevo.tell(tmp_path / "s", answers(found.designs)).told) == len(found.designs)
+
+
 def test_other_searches_and_directories_are_refused(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="holds a search with another seed"):
         tolevo.ask(stack(seed=9), folder)

@@ -158,7 +158,7 @@ CHANGES: tuple[Change, ...] = (
 TRIED = 8
 
 
-@pytest.mark.parametrize("count", [40, 400])
+@pytest.mark.parametrize("count", [40, pytest.param(400, marks=pytest.mark.slow)])
 def test_the_input_that_was_changed_is_in_the_set(count: int) -> None:
     """0.95 of the batches in which something is seen must hold it, and 0.05 at most may go to
     another one: neither is rejected. The rates of more batches are in docs/gap.md.

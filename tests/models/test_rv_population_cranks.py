@@ -161,7 +161,8 @@ def by_statics(drawn: Population, design: UnitDesign, torque: float, apart: bool
 
 
 @pytest.mark.parametrize(
-    ("cranks", "units", "positions"), [(2, 12, 7), (3, 24, 7), pytest.param(2, 48, 13, marks=pytest.mark.slow)]
+    ("cranks", "units", "positions"),
+    [pytest.param(2, 12, 7, marks=pytest.mark.slow), (3, 24, 7), pytest.param(2, 48, 13, marks=pytest.mark.slow)],
 )
 def test_backlash_that_wrong_distances_take_away_is_that_of_the_statics(
     cranks: int, units: int, positions: int
@@ -181,6 +182,7 @@ def test_backlash_that_wrong_distances_take_away_is_that_of_the_statics(
     np.testing.assert_allclose((largest[0] - largest[1]).mean(), (largest[2] - largest[3]).mean(), atol=0.01)
 
 
+@pytest.mark.slow
 def test_backlash_of_hardly_loaded_discs_is_that_of_the_statics() -> None:
     """0.01 arcmin of the backlash itself: play along its load counts 1.12 times, not once."""
     drawn, design = population(2, 32, 9, factor=1.12, torque=0.05), with_holes(2.0)

@@ -137,7 +137,9 @@ def tolevo_bound(high: float) -> Any:
     return Bound(high=high)
 
 
-@pytest.mark.parametrize("algorithm", ["exact", pytest.param("nsga2", marks=pytest.mark.slow), "ga"])
+@pytest.mark.parametrize(
+    "algorithm", ["exact", *(pytest.param(name, marks=pytest.mark.slow) for name in ("nsga2", "ga"))]
+)
 def test_algorithms_search_all_conditions(algorithm: str) -> None:
     """A point that keeps the cold backlash and the warm interference, dearer than each limit alone allows."""
     budget = {} if algorithm == "exact" else {"population": 24, "generations": 12}

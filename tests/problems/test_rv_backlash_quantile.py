@@ -200,7 +200,13 @@ SKEWED: tuple[dict[str, Distribution], ...] = (
 )
 
 
-@pytest.mark.parametrize("laws", SKEWED, ids=lambda laws: "-".join(laws) or "default")
+@pytest.mark.parametrize(
+    "laws",
+    [
+        pytest.param(laws, marks=[pytest.mark.slow] if len(laws) > 1 else [], id="-".join(laws) or "default")
+        for laws in SKEWED
+    ],
+)
 def test_skewed_laws_have_bounds_that_no_evaluation_is_below(laws: dict[str, Distribution]) -> None:
     """The designs of a search by NSGA-II and 900 within some percent of them."""
     problem = problem_of(parameters={}, variables={n: VariableSetting(distribution=law) for n, law in laws.items()})

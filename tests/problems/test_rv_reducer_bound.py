@@ -185,6 +185,7 @@ def test_the_share_with_ripple_lies_between_that_without_and_that_of_a_design() 
     assert max(room) > 0.05
 
 
+@pytest.mark.slow
 def test_the_estimate_lies_above_the_bound_and_is_the_least_from_other_starts() -> None:
     """At three levels: 10.9, 14.0 and 7.2 by an independent computation with other positions and units."""
     problem, starts = problem_of({**SMALL, "positions": 61, "search_units": 512}), problem_of().starts()
