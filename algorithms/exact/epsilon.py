@@ -517,7 +517,7 @@ def choose_among_integer_sets(run: Run, points: int) -> None:
     """Make points along the front of the archive the result, each the best of all sets of integers at its own values.
 
     At most `SOLVED` points: where several objectives besides the first are held, each of them is solved in every set.
-    Once the budget is spent, the archive is the result, with the points that have been solved.
+    Once the budget is spent, the points that are left stay as they are in the archive.
     """
     unit, sets = scale_of(run.problem), integer_sets(run.problem)
     limit_s = run.budget.time_limit_s
@@ -537,7 +537,7 @@ def choose_among_integer_sets(run: Run, points: int) -> None:
                 least, best = values[0], branch.smooth.vectors(branch.y[0][None, :])[0]
         run.choose(best[None, :])
         if aside.spent:
-            run.choose(_select_along_front(run, len(run.archive.arrays()[0])))
+            run.choose(x[done + 1 :])
             break
     run.evaluations += aside.evaluations
 

@@ -199,7 +199,7 @@ def test_fronts_of_three_objectives_with_processes_leave_no_gap() -> None:
 
 @pytest.mark.parametrize("budget", [Budget(time_limit_s=0.0), Budget(evaluations=200)])
 def test_every_set_of_integers_is_solved_within_the_budget(budget: Budget) -> None:
-    """Once it is spent the front of the archive is the result."""
+    """Once it is spent the points stay as they are in the archive."""
     problem = read(three_objectives() | {"algorithm": {"name": "exact", "points": 4}}).problem
     run = Run(problem, Budget(evaluations=200, time_limit_s=1e3), seed=0)
     share = np.random.default_rng(1).uniform(size=(200, problem.n_var))
@@ -208,8 +208,7 @@ def test_every_set_of_integers_is_solved_within_the_budget(budget: Budget) -> No
     choose_among_integer_sets(run, 4)
     x, f = run.archive.arrays()
     kept = {tuple(row) for row in x[nondominated(f)].tolist()}
-    assert len(kept) > 4
-    assert {tuple(row) for row in run.chosen.tolist()} == kept
+    assert len({tuple(row) for row in run.chosen.tolist()} & kept) == len(run.chosen) == 4
     assert run.evaluations == 200
 
 
