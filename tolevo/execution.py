@@ -279,6 +279,12 @@ class Processes(Executor):
             lane.close()
 
 
+_STARTING = threading.Lock()
+"""Held while a process starts: of its variables of the environment, and of the children that are there, one
+thread alone must know.
+"""
+
+
 class _Lane:
     """A pool of one process, replaced when its process was lost."""
 
@@ -294,13 +300,14 @@ class _Lane:
             return self._started().submit(function, task)
 
     def _started(self) -> ProcessPoolExecutor:
-        if self._pool is None:
-            self._pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_begin)
-            existing = set(active_children())
-            with _one_thread(), _ignore_interrupts():  # the process starts with its first task
-                self._pool.submit(os.getpid)
-            self._processes = set(active_children()) - existing
-        return self._pool
+        with _STARTING:
+            if self._pool is None:
+                self._pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_begin)
+                existing = set(active_children())
+                with _one_thread(), _ignore_interrupts():  # the process starts with its first task
+                    self._pool.submit(os.getpid)
+                self._processes = set(active_children()) - existing
+            return self._pool
 
     def close(self) -> None:
         for process in self._processes:

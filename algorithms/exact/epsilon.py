@@ -517,9 +517,12 @@ def choose_among_integer_sets(run: Run, points: int) -> None:
     """Make points along the front of the archive the result, each the best of all sets of integers at its own values.
 
     At most `SOLVED` points: where several objectives besides the first are held, each of them is solved in every set.
+    Once the budget is spent, the points that are left stay as they are in the archive.
     """
     unit, sets = scale_of(run.problem), integer_sets(run.problem)
-    aside = Run(run.problem, Budget(evaluations=run.evaluations_left), seed=0)
+    limit_s = run.budget.time_limit_s
+    left = None if limit_s is None else limit_s - run.seconds
+    aside = Run(run.problem, Budget(evaluations=run.evaluations_left, time_limit_s=left), seed=0)
     x = _select_along_front(run, min(points, SOLVED))
     for done, (vector, own) in enumerate(zip(x, run.problem.searched(x)[0], strict=True)):
         run.phase("points in every set of integers", done / len(x))
@@ -533,6 +536,9 @@ def choose_among_integer_sets(run: Run, points: int) -> None:
             if values is not None and values[0] < least and np.all(values <= limit + NEARLY * unit):
                 least, best = values[0], branch.smooth.vectors(branch.y[0][None, :])[0]
         run.choose(best[None, :])
+        if aside.spent:
+            run.choose(x[done + 1 :])
+            break
     run.evaluations += aside.evaluations
 
 

@@ -195,6 +195,8 @@ CONTACT: tuple[Parameter, ...] = (
         "whether a disc sits on all of its cranks at once, so that errors of the distances of bores, journals and "
         "crank holes take up the play of the bearings or jam them",
         "",
+        assumed=True,
+        readings={declared.PRINTED: False},
     ),
     Parameter(
         "planet_coupling",
@@ -203,6 +205,8 @@ CONTACT: tuple[Parameter, ...] = (
         "whether two cranks turn apart within the play of their bearings, each as far as its planet allows, instead of "
         "the tighter planet holding both",
         "",
+        assumed=True,
+        readings={declared.PRINTED: False},
     ),
     _count("te_positions", 251, "positions of a turn at which the transmission error is measured", 8, 10_007),
     _count(

@@ -230,7 +230,8 @@ class Evaluation:
     def _by_involute(self, name: str) -> dict[str, float]:
         """Derivatives by the grade and by the thickness of teeth, which change the ends of j_n apart.
 
-        By central differences of the statistic: it is smooth in phi_1, and the contact is not solved again.
+        By central differences of the statistic: it is smooth in phi_1. The contact is solved again where planets are
+        coupled alone.
         """
         grade, thickness = self.design.involute_grade, self.design.thickness
         pairs: dict[str, list[tuple[float, Mapping[str, float]]]] = {
@@ -493,6 +494,12 @@ def _evaluation_sentences(
         f"Interference: {kind} (interference_probability). Where flanks interfere at zero torque the backlash of the "
         "cycloid stage counts as zero: the flat parts of the first figure.",
     ]
+    if evaluation.model.coupled_planets:
+        words.append(
+            "Two cranks turn apart (planet_coupling): phi_1 is that of the tighter planet, and what the other adds "
+            "varies along the turn and is counted with the cycloid stage; interference is that of the cycloid stage "
+            "with cranks that the tighter planet holds."
+        )
     if evaluation.model.change.outside:
         words.append("What effects add to the contact is in the population and not in the units that are drawn.")
     return tuple(words)

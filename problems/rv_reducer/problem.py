@@ -172,8 +172,11 @@ def jam_faults(problem: RvReducer, effects: Iterable[Active]) -> list[Fault]:
 # Limits of validity of the units of `rv_reducer`.
 
 
-def validity(parameters: Mapping[str, Value], uniform: bool, change: Change) -> tuple[str, ...]:
-    """A sentence for each; `uniform`: every error is uniform over its zone; `change`: what effects change."""
+def validity(parameters: Mapping[str, Value], uniform: bool, change: Change, sorted_pins: bool) -> tuple[str, ...]:
+    """A sentence for each; `uniform`: every error is uniform over its zone; `change`: what effects change;
+    `sorted_pins`: pins are fitted to units.
+    """
+    may_couple = not declared.planet_faults({**parameters, "planet_coupling": True}, sorted_pins)
     zones = "Every error is uniform over its zone: skewed or centred processes give other fractions."
     given = "Distributions are those of the configuration, the same for all parts of a kind."
     left_out = [*([] if change.circle else ["temperature"]), *([] if change.wear else ["wear"])]
@@ -184,7 +187,8 @@ def validity(parameters: Mapping[str, Value], uniform: bool, change: Change) -> 
         "Two cranks turn apart within the play of rigid bearings at true distances, phi_1 taken as independent of how "
         "far; interference and outputs under load are of cranks that the tighter planet holds."
         if parameters["planet_coupling"]
-        else "The tighter planet holds all cranks: two that turn apart are left out (planet_coupling).",
+        else "The tighter planet holds all cranks: cranks that turn apart are left out"
+        + (" (planet_coupling)." if may_couple else "."),
     )
     return (
         zones if uniform else given,
@@ -309,7 +313,7 @@ def _further(problem: RvReducer) -> Iterator[Variant]:
         yield Variant("planets coupled through two cranks", "counted", coupled)
     if not settings.parameters["over_constraint"]:
         text = f"counted, crank holes of the carrier within +-{UNLISTED['crank_hole_um']:g} um"
-        wrong = _with_parameters(problem, over_constraint=True)
+        wrong = _with_parameters(problem, over_constraint=True, planet_coupling=False)
         if not any(declared.coupling_faults(wrong.model.geometry, wrong.model.coupling)):
             yield Variant("distances of cranks", text, wrong, UNITS_MEASURED)
     if settings.parameters["bearing_play_factor"] == 1.0:
@@ -845,7 +849,7 @@ class RvReducer(PromisingUnits, Machined):
     def validity(self) -> tuple[str, ...]:
         given = [setting.distribution for setting in self.settings.variables.values()]
         uniform = all(d is None or isinstance(d, Uniform) for d in given)
-        return validity(self.settings.parameters, uniform, self.model.change)
+        return validity(self.settings.parameters, uniform, self.model.change, self.model.sorting is not None)
 
     def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
         """Zones that no process is known to hold."""

@@ -17,10 +17,12 @@ from tolevo.algorithms.run import Run, Values, values_of
 from tolevo.algorithms.search import SearchResult, search
 from tolevo.algorithms.settings import Budget
 from tolevo.commands.run.front import Designs
+from tolevo.errors import Fault, InputError
 from tolevo.execution import Execution
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.settings import Settings
+from tolevo.problems.tolerance_problem import ToleranceProblem
 from tolevo.section import Array
 
 BUDGET = Budget(generations=3)
@@ -96,20 +98,36 @@ def test_what_a_killed_process_had_is_computed_again(problem: RvReducer, designs
 
 
 def test_a_task_begins_ahead_in_the_process_that_takes_part_later(problem: RvReducer) -> None:
-    """Its result is that of this process, which computes it where no other is free."""
+    """With one other process this is it; without waiting, a value stands for what has not ended."""
     parts = batch(problem, 8)
     expected = here(problem, parts)
-    with Designs(problem, Execution(1), lambda: 0) as alone:
-        assert same([alone.ahead(values_of, parts[0])()], expected)
     with Designs(problem, Execution(2), lambda: 1) as designs:
         before = {*active_children()}
         later = designs.ahead(values_of, parts[0])
+        assert later(()) == ()
+        assert same(designs.results(values_of, parts), expected)
         assert same([later()], expected)
         begun = {*active_children()} - before
         assert same(designs.results(values_of, parts), expected)
+        assert same([later(())], expected)
         assert designs.helpers == 1
         assert {*active_children()} - before == begun
         assert len(begun) == 1
+
+
+def _refused(_: ToleranceProblem, task: int) -> None:
+    raise InputError([Fault("problem", str(task))])
+
+
+def test_an_error_in_a_task_ahead_is_raised_without_waiting(problem: RvReducer) -> None:
+    with Designs(problem, Execution(2), lambda: 1) as designs:
+        later = designs.ahead(_refused, 7)
+        until = time.monotonic() + 60.0
+        while designs.executor is None:
+            assert time.monotonic() < until
+            time.sleep(0.01)
+        with pytest.raises(InputError, match="7"):
+            later(None)
 
 
 def test_a_batch_of_cheap_designs_is_computed_at_once() -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
+from numba.core import codegen
 from numpy.typing import NDArray
 
 from tests.models.kernel_reference import by_arrays
@@ -393,3 +394,14 @@ def test_compiled_functions_call_their_own_copies() -> None:
     linkage = {function.name: function.linkage.name for function in module.functions if not function.is_declaration}
     assert {kind for name, kind in linkage.items() if "5_pins" in name} == {"internal"}
     assert "external" in {kind for name, kind in linkage.items() if "5_bent" in name}
+
+
+def test_functions_are_compiled_by_another_numba_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where its insides have other names they are compiled as usual."""
+    assert kernel._CLOSING is not None
+    for name in ("JITCodeLibrary", "_optimize_final_module"):
+        with monkeypatch.context() as patched:
+            patched.delattr(*(codegen, name) if name == "JITCodeLibrary" else (codegen.CPUCodeLibrary, name))
+            assert kernel._closing() is None
+    monkeypatch.setattr(kernel, "_CLOSING", None)
+    assert kernel.compiled(lambda x: x + 1.0, cache=False)(1.0) == 2.0

@@ -13,6 +13,10 @@ import pytest
 from scipy import optimize
 
 import tolevo
+from tolevo.algorithms.archive import nondominated
+from tolevo.algorithms.exact.epsilon import choose_among_integer_sets
+from tolevo.algorithms.run import Run
+from tolevo.algorithms.settings import Budget
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.models.cost_reading import SumOfCurves, add_constant_cost, times, weighted_sum
@@ -172,21 +176,40 @@ def least_of_two(carbon: float, variation: float) -> float:
     return best
 
 
-def test_fronts_of_three_objectives_with_processes_leave_no_gap() -> None:
+def three_objectives() -> dict[str, Any]:
+    """Two parts, each in two processes, with cost, CO2 and variation to be minimised."""
     ways, emitted = [], {}
     for name, (low, high, a, b, c, d) in {"turned": TURNED, "ground": GROUND}.items():
         ways.append({"name": name, "t_min": low, "t_max": high, "cost": {"model": "reciprocal", "a": a, "b": b}})
         emitted[name] = {"model": "reciprocal", "a": c, "b": d}
     parts = [{"name": n, "nominal": 5.0, "unit": "mm", "sensitivity": 1.0, "process": ways} for n in ("a", "b")]
     columns = [{"name": "co2_kg", "unit": "kg", "curves": {"a": emitted, "b": emitted}}]
-    tables = changed(objectives={"minimise": ["cost", "co2_kg", "variation"]}, limits={}, part=parts, cost=columns)
-    front = tolevo.run(tables | {"algorithm": {"name": "exact", "points": 4}}).front
+    return changed(objectives={"minimise": ["cost", "co2_kg", "variation"]}, limits={}, part=parts, cost=columns)
+
+
+def test_fronts_of_three_objectives_with_processes_leave_no_gap() -> None:
+    front = tolevo.run(three_objectives() | {"algorithm": {"name": "exact", "points": 4}}).front
     assert len(front) >= 3
     assert front["gap_percent"].max() < 1e-4
     for _, point in front.iterrows():
         best = least_of_two(float(point["co2_kg"]), float(point["variation"]))
         assert point["bound"] <= best * (1.0 + 1e-6)
         assert point["cost"] <= best * (1.0 + 1e-5)
+
+
+@pytest.mark.parametrize("budget", [Budget(time_limit_s=0.0), Budget(evaluations=200)])
+def test_every_set_of_integers_is_solved_within_the_budget(budget: Budget) -> None:
+    """Once it is spent the points stay as they are in the archive."""
+    problem = read(three_objectives() | {"algorithm": {"name": "exact", "points": 4}}).problem
+    run = Run(problem, Budget(evaluations=200, time_limit_s=1e3), seed=0)
+    share = np.random.default_rng(1).uniform(size=(200, problem.n_var))
+    run.evaluate(problem.xl + share * (problem.xu - problem.xl))
+    run.budget = budget
+    choose_among_integer_sets(run, 4)
+    x, f = run.archive.arrays()
+    kept = {tuple(row) for row in x[nondominated(f)].tolist()}
+    assert len({tuple(row) for row in run.chosen.tolist()} & kept) == len(run.chosen) == 4
+    assert run.evaluations == 200
 
 
 def test_the_resolved_configuration_states_the_same_columns() -> None:

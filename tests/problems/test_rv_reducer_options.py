@@ -13,6 +13,8 @@ from tolevo.algorithms.settings import Budget
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.problems.rv_reducer import RvReducer
+from tolevo.problems.rv_reducer.declared import coupling_faults, planet_faults
+from tolevo.problems.rv_reducer.evaluation import _evaluation_sentences, _turn
 from tolevo.problems.settings import Bound, Settings, VariableSetting
 from tolevo.section import Value
 from tolevo.units import ARCMIN
@@ -354,8 +356,9 @@ def test_coupling_is_declared_where_it_is_asked_for() -> None:
     assert more == {f"jam_force_N{part}{error}" for part in ("", "_mean", "_std") for error in ("", "_error")}
     assert set(coupled.names) - set(plain.names) == {"crank_hole_um"} and coupled.fixed["crank_hole_um"] == 2.0
     named = {one.name for one in coupled.assumptions()} - {one.name for one in plain.assumptions()}
-    assert named == {"parameters.crank_bearing_stiffness_N_per_mm", "parameters.measuring_torque_Nm",
-                     "variables.crank_hole_um.distribution", "references.crank_hole_um"}  # fmt: skip
+    assert named == {"parameters.over_constraint", "parameters.crank_bearing_stiffness_N_per_mm",
+                     "parameters.measuring_torque_Nm", "variables.crank_hole_um.distribution",
+                     "references.crank_hole_um"}  # fmt: skip
     assert any("jam force is without" in text for text in coupled.validity())
     assert any("(over_constraint)" in text for text in plain.validity())
 
@@ -438,8 +441,40 @@ def test_coupled_planets_add_backlash_and_no_interference() -> None:
         found = slopes[output][0, coupled.names.index(name)]
         assert found == pytest.approx((ends[0] - ends[1]) / (2.0 * step), rel=0.03)
     assert any("turn apart within the play" in sentence for sentence in coupled.validity())
-    every = RvReducer(Settings(parameters=SMALL | {"assumptions": "all"}, limits=limits)).variants()
-    assert any(variant.assumption.startswith("planets coupled") for variant in every)
+    told = [
+        " ".join(_evaluation_sentences(one, problem.settings.parameters, _turn(one)))
+        for one, problem in zip(values, (coupled, plain), strict=True)
+    ]
+    assert ["what the other adds" in text for text in told] == [True, False]
+    named = {one.name for one in coupled.assumptions()} - {one.name for one in plain.assumptions()}
+    assert named == {"parameters.planet_coupling"}
+
+
+@pytest.mark.parametrize("asked", [False, True])
+def test_no_assumption_that_is_tried_has_faults(asked: bool) -> None:
+    limits = {name: Bound(high=value) for name, value in LIMITS.items()}
+    parameters = SMALL | {"assumptions": "all", "planet_coupling": asked}
+    every = list(RvReducer(Settings(parameters=parameters, limits=limits)).variants())
+    assert any(variant.assumption.startswith("planets coupled") for variant in every) is not asked
+    assert any(variant.assumption == "distances of cranks" for variant in every)
+    for variant in every:
+        problem = variant.problem
+        assert isinstance(problem, RvReducer)
+        assert not planet_faults(problem.settings.parameters, problem.model.sorting is not None)
+        assert not [*coupling_faults(problem.model.geometry, problem.model.coupling)]
+
+
+def test_coupling_of_planets_is_named_only_where_it_may_be_asked_for() -> None:
+    cases: list[tuple[dict[str, Value], bool]] = [
+        ({}, True),
+        ({"cranks": 3}, False),
+        ({"over_constraint": True}, False),
+        ({"pin_classes": 9}, False),
+    ]
+    for parameters, named in cases:
+        validity = RvReducer(Settings(parameters={**SMALL, **parameters})).validity()
+        assert any("tighter planet holds all" in sentence for sentence in validity)
+        assert any("(planet_coupling)" in sentence for sentence in validity) is named
 
 
 def test_faults_of_coupled_planets_are_placed() -> None:

@@ -421,7 +421,8 @@ class Turn:
     """Units of one design over a turn.
 
     `play` (positions, units) [arcmin] is the backlash y of the cycloid stage at the carrier, play
-    of the crank bearings included; below zero the unit interferes there.
+    of the crank bearings included; below zero the unit interferes there. Where planets are coupled it is the
+    backlash of both stages less that of the tighter planet, and `held` says where the unit interferes.
     """
 
     population: Population

@@ -11,8 +11,8 @@ That is convex with three unknowns, and Newton's method solves it for many units
 torque leave the turn sqrt(c^2 - d^2)/(2 a_0) to either side, d the error of their distance and c the mean clearance;
 from d = c on they jam with (d - c)/2 of squeeze in either bearing.
 
-Lengths are micrometres. This module is imported where discs are coupled, and its functions are all here because numba's
-cache does not see changes of other files.
+Lengths are micrometres. This module is imported where discs are coupled. Its compiled functions call none of another
+file: numba's cache does not see changes there, nor of the width of blocks and of the options of `kernel`.
 """
 
 from __future__ import annotations

@@ -1,17 +1,17 @@
 """Units at first contact and under load, compiled by numba: positions, discs, pins, units innermost.
 
 Turns are those of discs against the mesh in arc minutes; stiffness and torque are N m per arc minute
-and N m. All functions are in this file because numba's cache does not see changes of other files.
+and N m. These functions call none of another file: numba's cache does not see changes there.
 numba is imported with this module alone, where a contact is computed.
 """
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import numba
 import numpy as np
-from numba.core import codegen, compiler
 
 from ....section import Single
 
@@ -21,36 +21,50 @@ SOLVED = 128
 """Units whose balances are solved side by side."""
 
 
-_Library: Any = codegen.JITCodeLibrary
-_Compiler: Any = compiler.Compiler
-
-
-class _Closed(_Library):
-    """Machine code that calls its own copies of other functions.
+def _closing() -> Any:
+    """A compiler whose machine code calls its own copies of other functions, None where this numba has other insides.
 
     With fastmath the copies of a function in its callers round differently, and the loader takes one of them for all
     that call it by name: the one that was loaded first, which depends on what has been compiled or computed before.
     """
+    try:
+        from numba.core import codegen, compiler
 
-    def _optimize_final_module(self) -> None:
-        super()._optimize_final_module()
-        for function in self._final_module.functions:
-            if function.linkage.name == "linkonce_odr" and "6tolevo" in function.name:
-                function.linkage = "internal"
+        code: Any = codegen.JITCodeLibrary
+        base: Any = compiler.Compiler
+        _ = code._optimize_final_module, code.enable_object_caching, base.compile_extra
+    except (ImportError, AttributeError):
+        return None
+
+    class Closed(code):
+        def _optimize_final_module(self) -> None:
+            super()._optimize_final_module()
+            with suppress(AttributeError):
+                for function in self._final_module.functions:
+                    if function.linkage.name == "linkonce_odr" and "6tolevo" in function.name:
+                        function.linkage = "internal"
+
+    class Closing(base):
+        def compile_extra(self, func: Any) -> Any:
+            with suppress(AttributeError):
+                library = Closed(self.state.targetctx.codegen(), func.__qualname__)
+                library.enable_object_caching()
+                self.state.library = library
+            return super().compile_extra(func)
+
+    return Closing
 
 
-class _Closing(_Compiler):
-    """The compiler, whose machine code is closed."""
-
-    def compile_extra(self, func: Any) -> Any:
-        self.state.library = _Closed(self.state.targetctx.codegen(), func.__qualname__)
-        self.state.library.enable_object_caching()
-        return super().compile_extra(func)
+_CLOSING = _closing()
 
 
 def compiled(function: Any, **options: Any) -> Any:
-    """A function, compiled: it gives the same to the last bit whatever was compiled or called before."""
-    given = {"cache": True, "error_model": "numpy", "fastmath": True, "nogil": True, "pipeline_class": _Closing}
+    """A function, compiled. Where `_closing` finds its compiler it gives the same to the last bit whatever was
+    compiled or called before; else that may change the last bits.
+    """
+    given: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": True, "nogil": True}
+    if _CLOSING is not None:
+        given["pipeline_class"] = _CLOSING
     return numba.njit(**{**given, **options})(function)
 
 

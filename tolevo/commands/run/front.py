@@ -9,9 +9,9 @@ import zlib
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from importlib.metadata import version
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -258,18 +258,20 @@ class Designs(Closing):
         self._batches = 0
         self._executor: Executor | None = None
         self._starting: tuple[Processes, Background[Part, Any]] | None = None
-        self._ahead: Background[Part, Any] | None = None
+        self._ahead: tuple[Processes, Background[Part, Any]] | None = None
 
     def close(self) -> None:
         """End all other processes."""
-        if self._starting is not None:
-            self._starting[1].close()
+        for begun in (self._starting, self._ahead):
+            if begun is not None:
+                begun[1].close()
         if self._executor is not None:
             self._executor.close()
 
     @property
     def executor(self) -> Executor | None:
         """The other processes, None where none has started."""
+        self._take_started()
         return self._executor
 
     @property
@@ -277,20 +279,22 @@ class Designs(Closing):
         """Processes, or workers of a scheduler, that take part in addition to this process."""
         return 0 if self._executor is None else self._executor.workers
 
-    def ahead(self, function: Callable[[ToleranceProblem, TaskT], ResultT], task: TaskT) -> Callable[[], ResultT]:
-        """What returns `function(problem, task)` later: the first process that is free begins with it."""
-        if not self.where.dask and (free := self.free()):
-            self._starting = self._begun(free, function, [task])
-            self._ahead = self._starting[1]
+    def ahead(self, function: Callable[[ToleranceProblem, TaskT], ResultT], task: TaskT) -> Callable[..., ResultT]:
+        """What returns `function(problem, task)` later: another process begins with it, and takes part afterwards.
 
-        @cache
-        def result() -> ResultT:
-            if self._ahead is not None:
-                self._ahead.wait()
-                for _, found in self._ahead.taken():
-                    if not isinstance(found, Lost):
-                        return cast("ResultT", found)
-            return function(self.problem, task)
+        Called with a value it does not wait, and returns that where the result is not there yet.
+        """
+        self._ahead = self._begun(1, function, [task])
+        background, known = self._ahead[1], list[ResultT]()
+
+        def result(*meanwhile: ResultT) -> ResultT:
+            if not meanwhile:
+                background.wait()
+            if background.over and not known:
+                known.extend(found for _, found in background.taken() if not isinstance(found, Lost))
+            if not known and not meanwhile:  # it was lost
+                known.append(function(self.problem, task))
+            return (*known, *meanwhile)[0]
 
         return result
 
@@ -325,15 +329,25 @@ class Designs(Closing):
         if self.where.dask:
             self._executor = self._executor or executor_of(self.where)
             return
+        self._take_started()
+        free = self.free() - (self._ahead is not None)
+        if self._starting is None and free > self.helpers:
+            self._starting = self._begun(free, function, [task] * free)
+
+    def _take_started(self) -> None:
+        """Take the processes that have ended their first task, in the place of those that take part."""
         if self._starting is not None and self._starting[1].over:
             begun, first = self._starting
-            if first is not self._ahead:
-                first.taken()
+            first.taken()
             if self._executor is not None:
                 self._executor.close()
             self._executor, self._starting = begun, None
-        if self._starting is None and (free := self.free()) > self.helpers:
-            self._starting = self._begun(free, function, [task] * free)
+        if self._ahead is not None and self._ahead[1].over:
+            begun, self._ahead = self._ahead[0], None
+            if self._executor is None and self._starting is None:
+                self._executor = begun
+            else:
+                begun.close()
 
     def _begun(
         self, free: int, function: Callable[[ToleranceProblem, Any], Any], tasks: Sequence[Any]

@@ -302,21 +302,23 @@ def _run(
     checkpoint, out = open_checkpoint(plan, place, resume), place.folder
     start, resume_notes = time.monotonic() - seconds_before(checkpoint), notes_of(checkpoint, resume)
     beside = effects.search_without_effects(plan) + effects.side_search(plan)
-    later = plan.references and continues_front(plan) and not beside  # nothing before the front needs the documents
+    where = workers if isinstance(workers, Execution) else Execution(workers)
+    others = 0 if where.dask else (where.workers or 1) - 1
+    # the documents are evaluated beside the front where nothing else is, and nothing before it needs them
+    later = plan.references and continues_front(plan) and others > 0 and not plan.reference_search and not beside
     known = documents(plan.problem) if plan.references and not later else pd.DataFrame()
     searches = side_searches(plan, known) + beside if plan.references else beside
     place.begin(keep=(CONFIGURATION, CHECKPOINT, SIDE, REDUCERS) if resume else (CONFIGURATION,))
     write_text(out / CONFIGURATION, plan.configuration)
     checkpoint.write()
     store_reducer_fronts(plan.problem, out)
-    where = workers if isinstance(workers, Execution) else Execution(workers)
     try:
         with Designs(plan.problem, where, lambda: (where.workers or 1) - 1) as designs:
-            printed = designs.ahead(documents, None) if later else lambda: known
+            printed = designs.ahead(documents, None) if later else lambda *_: known
             search_result, fronts = _run_searches(plan, checkpoint, searches, printed, designs, progress)
             if search_result.interrupted or any(side_front is None for side_front in fronts.values()):
                 checkpoint.write()
-                return _write_interrupted(plan, out, search_result, printed(), start)
+                return _write_interrupted(plan, out, search_result, printed(pd.DataFrame()), start)
             with recording_steps(checkpoint.section("result")):
                 found = _conclude_run(
                     plan, search_result, fronts, printed(), resume_notes, start, progress, designs.results
@@ -413,7 +415,10 @@ def _conclude_run(
 def _write_interrupted(
     plan: RunPlan, out: Path, search_result: SearchResult, printed: pd.DataFrame, start: float
 ) -> RunOutcome:
-    """Write the front so far as the search sees it, without what takes long: fresh units, proofs, page."""
+    """Write the front so far as the search sees it, without what takes long: fresh units, proofs, page.
+
+    The documents are left out where they have not been evaluated yet.
+    """
     best = nondominated(search_result.f) if len(search_result.f) else slice(0)
     few = replace(search_result, x=search_result.x[best], f=search_result.f[best])
     front = reported_front(plan.problem, few, searching=True).assign(bound=np.nan, gap_percent=np.nan)
@@ -432,7 +437,7 @@ def _run_searches(
     plan: RunPlan,
     checkpoint: Checkpoint,
     searches: tuple[SideSearch, ...],
-    printed: Callable[[], pd.DataFrame],
+    printed: Callable[..., pd.DataFrame],
     designs: Designs,
     progress: Callable[[Progress], None] | None,
 ) -> tuple[SearchResult, Fronts]:
@@ -443,6 +448,7 @@ def _run_searches(
 
         def report(state: Progress) -> None:
             sides.collect()
+            printed(pd.DataFrame())  # an error in it ends the search
             if progress is not None:
                 progress(state)
 
