@@ -93,7 +93,7 @@ class Term:
             "spline": f"a smooth curve over {self.variable}",
             "power": f"{self.variable} to the power {self.exponent:.3g}",
             "step": f"a step at {self.variable} = {self.zero:.4g}",
-            "wave": f"a wave of order {self.order:g}",
+            "wave": f"a wave of order {self.order:g} of {self.variable}",
             "swing": f"a swing of {self.order:g} cycles over {self.variable}",
             "product": f"a product of {names}",
             "curve": f"a curve over {self.variable}",

@@ -6,6 +6,8 @@ import tomllib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,15 +17,16 @@ from typer.testing import CliRunner
 
 from benchmarks.gap.generator.records import record
 from benchmarks.gap.namers.workflow import read_as_files
+from tests.commands.gap_toy import directions, readings, toy
 from tolevo.cli import app
-from tolevo.commands.gap import gap
+from tolevo.commands.gap import ending_records, gap
 from tolevo.commands.gap.configuration import gap_plan, read_gap
 from tolevo.commands.gap.fit import Member
 from tolevo.commands.gap.library import Candidate
 from tolevo.commands.gap.read import read_data
-from tolevo.commands.gap.records import GapResult
-from tolevo.models.effects import Target
-from tolevo.models.effects.memory import SHORTEST, Dahl
+from tolevo.commands.gap.records import FoundEffect, GapResult, Remainder
+from tolevo.models.effects import EffectParameter, Target
+from tolevo.models.effects.memory import SHORTEST, Dahl, LuGre
 from tolevo.models.measurable import Role
 from tolevo.section import Output
 
@@ -113,6 +116,35 @@ def test_a_sum_of_plays_that_a_law_nearly_fits_only_resembles_it(tmp_path: Path)
     assert result.verdict == "partial" and effect.family == "memory" and effect.explains_percent > 90.0
     assert plays.shape.startswith("a memory of ") and effect.form_error >= plays.rms > 0.0
     assert effect.explained.endswith("; the memory of this record only resembles it")
+
+
+@pytest.mark.parametrize(
+    ("shapes", "resembles"),
+    [
+        (("a smooth curve over speed",), False),
+        (("a smooth curve over speed", "a memory of 3 plays over speed, without a name"), False),
+        (("a memory of 3 plays over speed, without a name", "a smooth curve over speed"), True),
+        (("a memory of the path of speed",), True),
+        ((), False),
+    ],
+)
+def test_a_law_only_resembles_a_memory_that_it_leaves(
+    shapes: tuple[str, ...], resembles: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first remainder is the largest; a curve beside a loop says nothing about the loop."""
+    column = directions(1)
+    law = Member(Candidate(LuGre(), (EffectParameter("size", "", ""),), ()))
+    data = readings(speed=np.linspace(1.0, 9.0, len(column)))
+    search = toy([law], {law.name: column}, 20.0 * column[:, 0], data=data)
+    parts = [Remainder("te", ("speed",), shape, 2.0 - at, "arcsec", 1.0, 0.1) for at, shape in enumerate(shapes)]
+    monkeypatch.setattr(ending_records, "remainder_of", lambda end: tuple(parts))
+    end: Any = SimpleNamespace(
+        analysis=SimpleNamespace(search=search), fit=search.fitter.fit([law]), setup=SimpleNamespace(data=data)
+    )
+    found = FoundEffect(law.name, "memory", "", (), 1.0, 1.0, 1.0, 1.0)
+    (effect,) = ending_records._explained(end, [found])
+    ending = "; the memory of this record only resembles it" if resembles else ""
+    assert effect.form == (shapes[0] if shapes else "") + ending
 
 
 def test_a_memory_of_no_reach_is_none() -> None:

@@ -109,9 +109,15 @@ def test_a_name_that_failed_is_passed_over() -> None:
     assert first.names == ("spike",) and second.names == ("a",)
     assert not list(search.additions(empty, {"spike", "a"}, empty))
     assert not list(search.additions(empty, {"spike"}, first))  # which fits better
-    found = select(toy([member("spike")], columns, y))
+    search = toy([member("spike")], columns, y)
+    found = select(search)
     assert [(one.action, one.name) for one in found.steps] == [("start", ""), ("reject", "spike")]
     assert found.steps[1].gain > 1000.0 and found.steps[1].better.gain < 0.0
+    louder = toy([member("spike")], columns, y / 2.0)  # the same record in a noise twice as large
+    told = step_records(louder, [one.refitted(louder) for one in found.steps])
+    halved = [one.held_out / 2.0 for one in step_records(search, found.steps)]
+    assert [one.held_out for one in told] == pytest.approx(halved) and halved[1] > halved[0]
+    assert told[1].names == () and not told[1].accepted
 
 
 # ------------------------------------------------------------- names that show in pairs alone

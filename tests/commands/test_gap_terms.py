@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 from tolevo.cli import app
 from tolevo.commands.gap import gap
 from tolevo.commands.gap.configuration import gap_plan, read_gap
+from tolevo.commands.gap.generic import EVEN, FROM_LEAST, FROM_ZERO, ODD, Form
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.records import GapResult
 from tolevo.models.effects.effect import Measurements
@@ -49,6 +50,22 @@ def test_columns_of_levels_add_up_to_nothing_and_other_labels_have_none() -> Non
     np.testing.assert_array_equal(columns, [[-1, -1], [1, 0], [0, 1], [0, 0]])
     nowhere = Measurements({"torque": np.zeros(4)}, {Role.UNIT: labels})
     np.testing.assert_array_equal(term.columns(nowhere), np.zeros((4, 2)))
+
+
+def test_words_tell_axes_and_powers_apart() -> None:
+    """Of two shafts, or of two powers, no two forms read alike."""
+    waves = [Form("order", axis, order=2.0) for axis in ("input_angle", "output_angle")]
+    assert [form.words for form in waves] == [
+        ["a wave of order 2 of input_angle"],
+        ["a wave of order 2 of output_angle"],
+    ]
+    terms = [Term("te", axis, "wave", order=2.0).words for axis in ("input_angle", "output_angle")]
+    assert [[words] for words in terms] == [form.words for form in waves]
+    powers = [Form("power", "torque", order=1.0 / 3.0, shape=shape) for shape in (ODD, EVEN, FROM_ZERO, FROM_LEAST)]
+    assert [", ".join(form.words) for form in powers] == [
+        f"a dependence on torque, about its power 0.333, {how}"
+        for how in ("odd", "even", "from zero", "from its least")
+    ]
 
 
 def test_a_step_of_a_session_is_a_term_beside_the_name(tmp_path: Path) -> None:

@@ -155,7 +155,8 @@ def _explained(end: Ending, found: Sequence[FoundEffect]) -> list[FoundEffect]:
         remainders = [r for r in remainders if r not in own]
         error = float(np.sqrt(sum(r.rms**2 for r in own)))
         form, unit = (max(own, key=lambda r: r.rms).shape, own[0].unit) if own else ("", "")
-        form += "; the memory of this record only resembles it" if own and isinstance(memory, Memory) else ""
+        if isinstance(memory, Memory) and "a memory of " in form:
+            form += "; the memory of this record only resembles it"
         effect = records[chosen[-1].name]
         known.append(replace(effect, explains_percent=percent, form_error=error, form_unit=unit, form=form))
     return known

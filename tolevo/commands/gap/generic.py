@@ -39,7 +39,7 @@ OVER_A_WORKSPACE = 12.0
 LEVELS, STEP, SWING = "levels", "step", "swing"
 """Shapes of a form over labels, an order and the time: a separate level for each label, a step, a
 slow wave."""
-ODD, EVEN, FROM_ZERO, FROM_LEAST = "odd", "even", "from zero", "from least"
+ODD, EVEN, FROM_ZERO, FROM_LEAST = "odd", "even", "from zero", "from its least"
 """Shapes of a power: of a signed input odd or even, of another one from zero or its least."""
 MEAN = "mean of the units"
 PREDICTED = "predicted "
@@ -84,7 +84,7 @@ class Form:
         if self.shape == LEVELS:
             return [f"a separate level for each {self.variable}"]
         what = {
-            "order": f"a wave of order {self.order:g}",
+            "order": f"a wave of order {self.order:g} of {self.variable}",
             "distribution": "an offset of all units",
             "direction": "an offset that changes sign with the direction",
             "product": f"a product of {' and '.join(self.variables)}",
@@ -93,7 +93,7 @@ class Form:
         }.get(self.kind, f"a dependence on {self.variable}")
         details = [what]
         if self.kind == "power":
-            details.append(f"about its power {self.order:.3g}")
+            details.append(f"about its power {self.order:.3g}, {self.shape}")
         elif self.shape == STEP:
             details.append(f"step after {self.after} of {self.of}")
         elif self.shape == SWING:

@@ -110,7 +110,7 @@ def _shape(setup: Setup, form: Form, output: Output, role: Role | None, curve: A
     torque = _parity(setup, curve) if role in (Role.TORQUE, Role.FORCE) else "none"
     what, *details = form.words
     parts = [f"{what}, amplitude {amplitude:.3g} {output.unit}".rstrip(), *details]
-    parts += [f"{torque} in the load"] if torque in ("odd", "even") else []
+    parts += [f"{torque} in the load"] if torque in ("odd", "even") and form.kind != "power" else []
     parts += [f"form not resolved between {', '.join(near)}"] if near else []
     return Shape(
         output=output.name,

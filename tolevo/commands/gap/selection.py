@@ -200,7 +200,8 @@ class Search:
 @dataclass(frozen=True)
 class Trial:
     """A step of the loop, accepted or not, and why: `fit` is the model after it, `tested` are the held-out
-    residuals of the fit that was tried. `scatter` is an effect on the scatter, which is in no fit.
+    residuals of the fit that was `tried`, where that is another one, or else of the model. `scatter` is an
+    effect on the scatter, which is in no fit.
     """
 
     action: str
@@ -212,6 +213,7 @@ class Trial:
     better: Improvement = Improvement(np.nan, np.nan)
     threshold: float = np.nan
     scatter: tuple[str, ...] = ()
+    tried: Fit | None = None
 
     @property
     def accepted(self) -> bool:
@@ -224,9 +226,11 @@ class Trial:
         return (*(member.name for member in self.fit.effects), *self.scatter)
 
     def refitted(self, search: Search) -> Trial:
-        """An accepted step fitted again in another noise."""
+        """An accepted step fitted again in another noise; any other as it is."""
+        if not self.accepted:
+            return self
         fit = search.fitter.fit(self.fit.members)
-        return replace(self, fit=fit, tested=search.tested(fit)) if self.accepted else self
+        return replace(self, fit=fit, tested=search.tested(fit))
 
 
 def step_records(search: Search, trials: Iterable[Trial]) -> tuple[Step, ...]:
@@ -241,7 +245,7 @@ def step_records(search: Search, trials: Iterable[Trial]) -> tuple[Step, ...]:
             reason=trial.reason,
             gain=trial.gain,
             threshold=search.thresholds.library if np.isnan(trial.threshold) else trial.threshold,
-            held_out=search.held_out_error(trial.tested),
+            held_out=search.held_out_error(trial.tested if trial.accepted else search.tested(trial.tried or trial.fit)),
             held_out_gain=trial.better.gain,
             held_out_error=trial.better.error,
         )
@@ -294,7 +298,7 @@ def select(search: Search, quick: bool = False) -> Selection:
         better = improvement(before, after, search.labels)
         if not better.real:
             rejected.add(frozenset(new))
-            steps.append(Trial("reject", name, NO_BETTER, fit, after, gain, better))
+            steps.append(Trial("reject", name, NO_BETTER, fit, after, gain, better, tried=grown))
             continue
         steps.append(Trial("add", name, BOTH, grown, after, gain, better))
         fit = _retest_effects(search, grown, steps)
