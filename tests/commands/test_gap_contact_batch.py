@@ -50,6 +50,7 @@ def test_units_of_the_model_have_no_gap(tmp_path: Path) -> None:
     assert analysed(tmp_path, 0.0)["verdict"] == "no_gap"
 
 
+@pytest.mark.slow
 def test_wider_pin_circle(tmp_path: Path) -> None:
     """A shift of any error looks alike; that of the pin circle is among them, with its amount."""
     said = analysed(tmp_path, SHIFT)

@@ -117,6 +117,7 @@ def test_a_run_ignores_a_zero_with_a_word(tmp_path: Path) -> None:
     assert read(path).toml() == found.toml()
 
 
+@pytest.mark.slow
 def test_merged_with_a_run_it_is_analysed_again(tmp_path: Path) -> None:
     run = tmp_path / "run.toml"
     run.write_text((CONFIGS / "rv40e_document.toml").read_text("utf-8"), "utf-8")

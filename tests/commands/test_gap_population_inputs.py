@@ -179,6 +179,7 @@ def test_the_input_that_was_changed_is_in_the_set(count: int) -> None:
     assert stats.binomtest(wrong, seen, 0.05, "greater").pvalue > 0.01
 
 
+@pytest.mark.slow
 def test_chance_holds_for_batches_of_the_formula() -> None:
     """One batch in a hundred at most passes the limit."""
     passed = sum(weighed(units(60, seed)).gain > limit(60) for seed in range(60))

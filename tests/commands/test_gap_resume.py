@@ -167,6 +167,7 @@ def test_an_interrupt_while_the_result_is_sealed_changes_no_file(folder: Path, m
     assert here.complete and not here.faults
 
 
+@pytest.mark.slow
 def test_units_of_a_model_are_not_computed_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Interrupted where only the files are missing: units with a wider zone, most of the work, are known."""
     made: list[object] = []

@@ -233,6 +233,7 @@ def test_slopes_are_those_of_differences() -> None:
             assert slopes[name][0, at] == pytest.approx((ends[0] - ends[1]) / 2e-6, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_genetic_algorithms_take_further_costs() -> None:
     settings = {"name": "nsga2", "population": 40, "generations": 30}
     result = tolevo.run(changed(objectives={"minimise": ["cost", "co2_kg"]}, algorithm=settings))

@@ -53,7 +53,7 @@ LAWS: dict[str, Distribution] = {
     "empirical": Empirical((-0.9, -0.5, -0.4, -0.1, 0.0, 0.1, 0.15, 0.4, 0.6, 1.1)),
     "empirical with atoms": Empirical((-1.0, -1.0, -0.5, 0.0, 0.0, 0.0, 0.5, 0.5, 1.0)),
 }
-SLOW = "mixture", "beta with poles", "skew_normal"
+SLOW = "mixture", "beta with poles", "skew_normal", "beta"
 """Laws of rigid units that `make test-long` alone counts: of the like of others, and slow."""
 MOST = 4.0
 """Standard errors allowed."""

@@ -238,6 +238,7 @@ def test_a_fixed_modification_is_judged_at_once(config: Path) -> None:
     assert met.interval("radial_gap_mm") == pytest.approx((0.03, 0.03))
 
 
+@pytest.mark.slow
 def test_a_limit_that_nothing_searched_moves_is_not_said_to_cost_an_unknown_amount(
     config: Path, tmp_path: Path
 ) -> None:

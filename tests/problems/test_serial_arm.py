@@ -79,6 +79,7 @@ def rms_of(problem: SerialArmAllocation, design: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.source_tree
+@pytest.mark.slow
 def test_a_loose_limit_on_the_accuracy_is_used_up() -> None:
     """Six moves of the rms ended 3e-7 outside of 0.8 mm, and the tightest tolerances were told, at 914.7.
 

@@ -390,6 +390,7 @@ class RandomStack:
         return float(np.min(self.cost(every), where=self.kept(every), initial=np.inf))
 
 
+@pytest.mark.slow
 def test_a_hundred_stacks_keep_every_limit_and_lose_at_most_one_percent_where_that_is_possible() -> None:
     losses = []
     for seed in range(100):
