@@ -314,7 +314,9 @@ def _run(
     store_reducer_fronts(plan.problem, out)
     try:
         with Designs(plan.problem, where, lambda: (where.workers or 1) - 1) as designs:
-            printed = designs.ahead(documents, None) if later else lambda *_: known
+            printed: Callable[..., pd.DataFrame] = lambda *_: known  # noqa: E731
+            if later:
+                printed = designs.ahead(documents, None)
             search_result, fronts = _run_searches(plan, checkpoint, searches, printed, designs, progress)
             if search_result.interrupted or any(side_front is None for side_front in fronts.values()):
                 checkpoint.write()
