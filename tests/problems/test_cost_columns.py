@@ -201,6 +201,7 @@ def test_fronts_of_three_objectives_with_processes_leave_no_gap() -> None:
 def test_every_set_of_integers_is_solved_within_the_budget(budget: Budget) -> None:
     """Once it is spent the points stay as they are in the archive."""
     problem = read(three_objectives() | {"algorithm": {"name": "exact", "points": 4}}).problem
+    assert problem is not None
     run = Run(problem, Budget(evaluations=200, time_limit_s=1e3), seed=0)
     share = np.random.default_rng(1).uniform(size=(200, problem.n_var))
     run.evaluate(problem.xl + share * (problem.xu - problem.xl))

@@ -453,7 +453,7 @@ def test_coupled_planets_add_backlash_and_no_interference() -> None:
 @pytest.mark.parametrize("asked", [False, True])
 def test_no_assumption_that_is_tried_has_faults(asked: bool) -> None:
     limits = {name: Bound(high=value) for name, value in LIMITS.items()}
-    parameters = SMALL | {"assumptions": "all", "planet_coupling": asked}
+    parameters: dict[str, Any] = SMALL | {"assumptions": "all", "planet_coupling": asked}
     every = list(RvReducer(Settings(parameters=parameters, limits=limits)).variants())
     assert any(variant.assumption.startswith("planets coupled") for variant in every) is not asked
     assert any(variant.assumption == "distances of cranks" for variant in every)
