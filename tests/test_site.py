@@ -25,7 +25,7 @@ from tolevo.cli import app
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-LONG_PAGES = "serial_arm", "gearbox"
+LONG_PAGES = "serial_arm", "gearbox", "tour_researcher", "robot_joint"
 """Pages whose blocks `make test-long` alone runs."""
 FENCE = re.compile(r'^```(\w*)(?: title="([^"]*)")?[ \t]*\n(.*?)^```', re.MULTILINE | re.DOTALL)
 CODE = ("console", "csv", "python", "sh", "toml")

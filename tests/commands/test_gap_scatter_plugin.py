@@ -57,7 +57,9 @@ class HeavyTails(About, Effect):
 )
 
 
-@pytest.mark.parametrize(("source", "seed"), [(OF_UNITS, 1), (BARE, 7)], ids=["of units", "bare map"])
+@pytest.mark.parametrize(
+    ("source", "seed"), [pytest.param(OF_UNITS, 1, marks=pytest.mark.slow), (BARE, 7)], ids=["of units", "bare map"]
+)
 def test_a_plugin_on_the_scatter_is_named(
     source: str, seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -46,6 +46,7 @@ def plain(outcome: RunOutcome, tmp_path_factory: pytest.TempPathFactory) -> Path
     return folder
 
 
+@pytest.mark.slow
 def test_front_before_is_that_of_a_run_without_effects(outcome: RunOutcome, plain: Path) -> None:
     before = pd.read_csv(outcome.folder / "front_without_effects.csv")
     front = pd.read_csv(plain / "front.csv")

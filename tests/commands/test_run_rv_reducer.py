@@ -222,6 +222,7 @@ def test_a_limit_that_no_design_keeps_is_refused_with_the_least_found(tmp_path: 
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_kinks_of_a_few_units_do_not_end_at_the_tightest_tolerances(tmp_path: Path) -> None:
     """32 units whose SLSQP ended outside of the limits: 40.62, the tightest corner, where 128 units find 17.2."""
     table = SMALL.replace("dr_rp_mm = { low = -0.06, high = -0.02 }", "").replace(

@@ -62,6 +62,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "run"
 
 
+@pytest.mark.slow
 def test_the_population_agrees_with_the_reported_point(run: Path) -> None:
     front, found = pd.read_csv(run / "front.csv"), pd.read_csv(run / "population.csv")
     units = json.loads((run / "summary.json").read_text("utf-8"))["units"]

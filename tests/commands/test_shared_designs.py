@@ -87,6 +87,7 @@ def test_processes_take_part_when_they_are_free_and_change_nothing(problem: RvRe
     assert not any(child.is_alive() for child in children)
 
 
+@pytest.mark.slow
 def test_what_a_killed_process_had_is_computed_again(problem: RvReducer, designs: Designs) -> None:
     parts = batch(problem, 32)
     expected = here(problem, parts)

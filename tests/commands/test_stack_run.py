@@ -30,6 +30,7 @@ def test_the_example_of_the_documentation_runs(tmp_path: Path) -> None:
     assert set(front["cage_process"]) == {"turned"}
 
 
+@pytest.mark.slow
 def test_files_of_a_run_repeat_byte_for_byte(tmp_path: Path) -> None:
     first = tolevo(
         "run", CLUTCH, "--out", tmp_path / "a", *SMALL, "--set", "limits.variation=0.03", "--set", "references=ga"

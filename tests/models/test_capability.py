@@ -80,6 +80,7 @@ def test_a_stable_process_is_left_in_peace() -> None:
     assert np.mean(said) <= 0.02
 
 
+@pytest.mark.slow
 def test_lots_without_names_are_found_by_what_follows_what() -> None:
     """Steps of lots, not a trend alone; and the ratio against its definition by explicit sums."""
     rng = np.random.default_rng(8)

@@ -150,6 +150,7 @@ def test_a_uniform_law_below_in_convex_order() -> None:
         assert cell.quantile_above(0.5) >= np.median(y)
 
 
+@pytest.mark.slow
 def test_polish_brings_a_front_of_nsga2_near_the_proof() -> None:
     """Each point by gradients at its own backlash: from 50 % above the bound to 2 %."""
     problem, gaps = problem_of(), []
@@ -202,10 +203,7 @@ SKEWED: tuple[dict[str, Distribution], ...] = (
 
 @pytest.mark.parametrize(
     "laws",
-    [
-        pytest.param(laws, marks=[pytest.mark.slow] if len(laws) > 1 else [], id="-".join(laws) or "default")
-        for laws in SKEWED
-    ],
+    [pytest.param(laws, marks=[pytest.mark.slow] if laws else [], id="-".join(laws) or "default") for laws in SKEWED],
 )
 def test_skewed_laws_have_bounds_that_no_evaluation_is_below(laws: dict[str, Distribution]) -> None:
     """The designs of a search by NSGA-II and 900 within some percent of them."""

@@ -117,6 +117,7 @@ def test_units_beyond_the_edge_do_not_conform(tmp_path: Path) -> None:
     assert lost > 1e-4
 
 
+@pytest.mark.slow
 def test_a_limit_on_the_margin_is_kept(tmp_path: Path) -> None:
     """With the domain asked for, the optimum at 0.035 rad costs more and stays inside."""
     problem = clutch(tmp_path, "limits.variation=0.035", "limits.domain_margin=0.0")

@@ -135,6 +135,7 @@ class Late(InProcess):
 
 
 @pytest.mark.long
+@pytest.mark.slow
 def test_a_real_study_is_raced_the_same_wherever_it_runs(plan: StudyPlan, tmp_path: Path) -> None:
     """Broken and gone on with, references measured before or after the runs: the same table."""
     outcome = study(plan, tmp_path / "a", InProcess())

@@ -89,6 +89,7 @@ def assert_covered(inside: pd.Series, level: float = 0.95) -> None:
 
 
 @pytest.mark.parametrize("noise", [3.7])
+@pytest.mark.slow
 def test_sobol_intervals_cover_the_truth_and_nothing_is_reported_as_nothing(synthetic: Any, noise: float) -> None:
     truth = ishigami_truth()
     inside, above = hits(synthetic, Sobol(samples=64), UNIT, ishigami, truth, noise, seeds=4)
