@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 from . import tables
 from .arguments import choice_faults, file_faults, page_faults, page_next_to, source_faults, start_faults, watch_faults
 from .errors import Fault, InputError, raise_all, refuse
-from .execution import single_threaded
+from .execution import pinned
 from .files import unwritable
 from .results import Analysis, Gap, Reproduction, Run, Scratch, Study
 
@@ -174,7 +174,7 @@ def report_lines(tell: Tell | None, kind: str, lines: Iterable[str]) -> None:
 # The Python interface of tables that are computed row by row: `evaluate` and `simulate`.
 
 
-@single_threaded
+@pinned()
 def evaluate(
     source: Source,
     designs: Frame,
@@ -230,7 +230,7 @@ def evaluate(
     return _computed(computing, where, target, progress, frame, notes)
 
 
-@single_threaded
+@pinned()
 def simulate(
     source: Source,
     inputs: Frame,
@@ -384,7 +384,7 @@ def check(source: Source, settings: Sequence[str] = ()) -> str:
     return text
 
 
-@single_threaded
+@pinned()
 def analyse(
     source: Source,
     out: AnyPath | None = None,
@@ -424,7 +424,7 @@ def analyse(
     return Analysis("done", lines_of(result), result, folder, scratch)
 
 
-@single_threaded
+@pinned()
 def run(
     source: Source,
     out: AnyPath | None = None,
@@ -466,7 +466,7 @@ def run(
     return Run(done.status, done.lines, done.result, folder, scratch)
 
 
-@single_threaded
+@pinned()
 def search(
     source: Source,
     algorithm: AlgorithmSettings | None = None,
@@ -490,7 +490,7 @@ def search(
     return Search(plan.problem, plan.algorithm, plan.seed, plan.engine, plan.start)
 
 
-@single_threaded
+@pinned()
 def certify(
     problem: Source, result: Any, *, seeds: int = 3, evaluations: int = 4000, seed: int = 0, forms: bool = True
 ) -> Certificate:
@@ -516,7 +516,7 @@ def certify(
     return certifying(configuration.problem, result, seeds, evaluations, seed, forms)
 
 
-@single_threaded
+@pinned()
 def ask(
     source: Source, out: AnyPath, *, settings: Sequence[str] = (), start: Starts | None = None, tell: Tell | None = None
 ) -> Standing:
@@ -536,7 +536,7 @@ def ask(
     return asking(plan, Path(out))
 
 
-@single_threaded
+@pinned()
 def tell(
     folder: AnyPath,
     results: Frame,

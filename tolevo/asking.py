@@ -17,7 +17,7 @@ from .algorithms.run import DiscreteDesigns, mark_failures_infeasible
 from .algorithms.search import driver
 from .algorithms.settings import AlgorithmSettings, Solver
 from .errors import Fault, raise_all, refuse
-from .execution import single_threaded
+from .execution import pinned
 from .problems.tolerance_problem import ToleranceProblem, designs_frame, designs_of
 from .section import Array, Integers
 
@@ -185,7 +185,7 @@ class Search:
         self._failed = np.empty((0, problem.n_var))
         self._evaluations = 0
 
-    @single_threaded
+    @pinned()
     def ask(self) -> pd.DataFrame:
         """The next designs, one per row, every variable a column; the same until they are told."""
         tries = 0
@@ -207,7 +207,7 @@ class Search:
                         self._new = self._discrete.rest(len(self._open))
         return designs_frame(self.problem, self.problem.complete(self._new))
 
-    @single_threaded
+    @pinned()
     def tell(self, x: pd.DataFrame, outputs: pd.DataFrame | Mapping[str, Any]) -> None:
         """Take the outputs at the designs `x` that `ask` returned.
 

@@ -12,13 +12,13 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import lru_cache, wraps
+from functools import lru_cache
 from importlib.metadata import version
 from multiprocessing import active_children, connection, get_context, parent_process
 from multiprocessing.process import BaseProcess
-from typing import Any, Generic, ParamSpec, Protocol, Self, TypeVar
+from typing import Any, Generic, Protocol, Self, TypeVar
 
 from .errors import Fault, InputError, RunError
 from .interrupts import REQUESTS, warn_in_a_line
@@ -37,7 +37,6 @@ __all__ = [
     "executor_of",
     "next_of",
     "pinned",
-    "single_threaded",
     "unreachable",
 ]
 
@@ -88,7 +87,6 @@ class Lost:
 
 TaskT = TypeVar("TaskT", bound=Task)
 Result = TypeVar("Result")
-Arguments = ParamSpec("Arguments")
 
 
 class Closing:
@@ -203,24 +201,15 @@ def check_version(sent: str) -> None:
         raise RunError(f"a worker has tolevo {installed}, this is {sent}: install the same everywhere")
 
 
-def pinned() -> AbstractContextManager[object]:
-    """A context in which numpy's libraries use one thread.
+@contextmanager
+def pinned() -> Iterator[None]:
+    """A context, or `@pinned()` above a function, in which numpy's libraries use one thread.
 
     The result of a sum may depend on the number of threads, so this holds in every process.
     """
     controller = _controller()
-    return ExitStack() if controller is None else controller.limit(limits=1)
-
-
-def single_threaded(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """The function, computed as in `pinned`."""
-
-    @wraps(function)
-    def call(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
-        with pinned():
-            return function(*args, **kwargs)
-
-    return call
+    with ExitStack() if controller is None else controller.limit(limits=1):
+        yield
 
 
 @lru_cache(maxsize=1)

@@ -19,7 +19,7 @@ from ...configuration.parameters import BOUNDS
 from ...configuration.reader import read_table
 from ...configuration.source import Table, load
 from ...errors import Fault, InputError, UnknownKey, nearest, raise_all
-from ...execution import single_threaded
+from ...execution import pinned
 from ...files import content, read_own_csv
 from ...problems.promise import WithPromise
 from ...problems.settings import ASSURED, PLUG_IN, PROMISED, YIELD
@@ -75,7 +75,7 @@ def reopen_run(run: Path, parts: Sequence[Path], since: Sequence[Path], options:
     return Reopened(before, design, present, within_reach, now[1], previous, attributed, again, tuple(notes))
 
 
-@single_threaded
+@pinned()
 def review_text(run: Path, parts: Sequence[Path], since: Sequence[Path], options: tables.ReadOptions) -> str:
     """The text of `tolevo review`: sentences and the table of the parts. Raises InputError with
     every fault.
