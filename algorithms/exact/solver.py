@@ -61,11 +61,9 @@ class Exact(Solver):
     points: int = field(default=POINTS_BY_DEFAULT, metadata={"low": 2, "need": POINTS})
 
     def solve(self, run: Run) -> None:
+        # with the solvers, which reading a configuration does not need
         from .corrected import corrected_vectors, is_corrected
-        from .epsilon import (
-            choose_among_integer_sets,
-            epsilon_front,
-        )  # with the solvers, which reading a configuration does not need
+        from .epsilon import choose_among_integer_sets, epsilon_front
 
         form = closed_form(run.problem)
         if form is None and run.problem.objectives == (run.problem.priced,):

@@ -66,8 +66,8 @@ def sensitivity_note(part: Part, requirement: Requirement) -> str:
     except ValueError:  # a scale with a zero of its own
         return ""
     plain = value * one / one_of_part
-    usual, unusual = (USUAL[0] <= abs(number) <= USUAL[1] for number in (value, plain))
-    if not quotient or kind != kind_of_part or not usual or unusual:
+    as_stated, without_units = (USUAL[0] <= abs(number) <= USUAL[1] for number in (value, plain))
+    if not quotient or kind != kind_of_part or not as_stated or without_units:
         return ""
     unit = requirement.unit
     text = f"part {part.name}: its sensitivity counts as {value:g} {quotient}, which is {plain:.3g} without units"

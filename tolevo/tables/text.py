@@ -121,16 +121,16 @@ def _decode_legacy(content: bytes, place: str) -> str:
     western = not lines.translate(None, _LATIN_1)
     # Umlauts of DOS and Macintosh are signs of cp1252 (0x80 to 0x9f); no sign stands within a word.
     latin = lines.decode("latin-1")
-    words = western and not _SIGN_IN_WORD.search(latin) and bool(_LETTER_IN_WORD.search(lines))
-    western_signs = words or not (_SIGN_IN_WORD.search(latin) or _SIGNS_ALONE.search(latin))
+    unbroken = western and not _SIGN_IN_WORD.search(latin)
+    words = unbroken and bool(_LETTER_IN_WORD.search(lines))
     choices = [name for name in CHOICES if not (western and name == "mac-roman") and not (words and name in EAST_ASIAN)]
     name = str(chardet.detect(sample, include_encodings=choices)["encoding"] or "").lower()
     signs = {sign for sign in _decodes(lines, EAST_ASIAN.get(name, "ascii")) or "" if not sign.isascii()}
     if len(signs) >= FEWEST_SIGNS:
         return EAST_ASIAN[name]
     if (
-        western
-        and western_signs
+        unbroken
+        and (words or not _SIGNS_ALONE.search(latin))
         and (name == "windows-1252" or (name == "windows-1250" and latin == _decodes(lines, CENTRAL)))
     ):
         return WESTERN
