@@ -56,28 +56,42 @@ def extremes(mechanism: Mechanism, t: Array) -> Extremes:
     half = t[mechanism.owners] * np.abs(scale)
     used = [(at, name) for at, name in enumerate(mechanism.names) if name in formula.names]
     ends = {name: (mids[at] - half[at], mids[at] + half[at]) for at, name in used}
-    least, greatest = (_extreme(mechanism, ends, side) for side in (-1.0, 1.0))
+    pairs = (disc.named(mechanism.names) for disc in mechanism.discs)
+    places = [name for pair in pairs if ends.keys() >= {*pair} for name in pair]
+    line: dict[str, Array] = {}
+    if places and _on_a_line(formula, ends, places):
+        line = {name: np.asarray(0.5 * sum(ends.pop(name))) for name in places[1::2]}
+        places = []
+    slopes = {} if formula.assembles else _slopes(formula, line, ends)
+    least, greatest = (_extreme(mechanism, line, ends, places, slopes, side) for side in (-1.0, 1.0))
     kind = next(kind for kind in ("sample", "bound", "corners") if kind in (least[1], greatest[1]))
     low, high = sorted((float(mechanism.gain * least[0]), float(mechanism.gain * greatest[0])))
     return Extremes(low, high, kind)
 
 
-def _extreme(mechanism: Mechanism, ends: Mapping[str, Ends], side: float) -> tuple[float, str]:
-    """The greatest (side 1) or least (-1) value of a formula over a box, and its kind."""
-    formula, names = mechanism.stated[0], mechanism.names
-    places = [name for disc in mechanism.discs for name in disc.named(names) if ends.keys() >= set(disc.named(names))]
-    at, rest, slopes = dict[str, Array](), dict(ends), dict[str, Interval]()
-    if places and _on_a_line(formula, ends, places):
-        at |= {name: np.asarray(0.5 * sum(rest.pop(name))) for name in places[1::2]}
-        places = []
+def _slopes(formula: Formula, at: Mapping[str, Array], rest: Mapping[str, Ends]) -> dict[str, Interval]:
+    """The intervals of the slopes by the pieces that stand anywhere within their ends, the others where they are."""
+    x: dict[str, Any] = {**at, **{name: Interval(*pair) for name, pair in rest.items()}}
+    return {name: Interval.of(slope) for name, slope in formula.dual(x, rest)[1].items()} if rest else {}
+
+
+def _extreme(
+    mechanism: Mechanism,
+    at: Mapping[str, Array],
+    rest: Mapping[str, Ends],
+    places: Sequence[str],
+    slopes: Mapping[str, Interval],
+    side: float,
+) -> tuple[float, str]:
+    """The greatest (side 1) or least (-1) value of a formula over a box, and its kind; `slopes` as `_slopes`."""
+    formula, names, at, rest = mechanism.stated[0], mechanism.names, dict(at), dict(rest)
     while rest and not formula.assembles:
-        x: dict[str, Any] = at | {name: Interval(*pair) for name, pair in rest.items()}
-        slopes = {name: Interval.of(slope) for name, slope in formula.dual(x, rest)[1].items()}
         free = [name for name in rest if name not in places]
         rising = {name: slopes[name].low >= 0.0 for name in free if slopes[name].low >= 0.0 or slopes[name].high <= 0.0}
         if not rising:
             break
         at |= {name: np.asarray(rest.pop(name)[int(up == (side > 0.0))]) for name, up in rising.items()}
+        slopes = _slopes(formula, at, rest)
     if len(rest) > ENUMERATED and not formula.assembles:
         return _bound(formula, at, rest, slopes, side), "bound"
     straight = all(slopes[name].low == slopes[name].high for name in places) if slopes else not places
@@ -150,7 +164,7 @@ def _points(pieces: int) -> Array:
 
 
 def _bound(
-    formula: Formula, at: dict[str, Array], rest: dict[str, Ends], slopes: dict[str, Interval], side: float
+    formula: Formula, at: dict[str, Array], rest: dict[str, Ends], slopes: Mapping[str, Interval], side: float
 ) -> float:
     """The end of the interval of a formula: the nearer of that of its operations and the mean value form."""
     whole: dict[str, Any] = at | {name: Interval(*pair) for name, pair in rest.items()}

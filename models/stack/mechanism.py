@@ -614,7 +614,6 @@ def yield_percent(mechanism: Mechanism, t: Tolerances, sample: Sample) -> tuple[
 def joint_yield_percent(mechanisms: Sequence[Mechanism], t: Tolerances, sample: Sample) -> tuple[Array, Array]:
     """`yield_percent` of the units that conform to all of several mechanisms."""
     yields, error = np.empty(len(t)), np.empty(len(t))
-    least = 1.0 / sample.size
     for blocks in zip(*(sample.blocks(mechanism, t) for mechanism in mechanisms), strict=True):
         rows = blocks[0][0]
         with np.errstate(invalid="ignore"):
@@ -622,10 +621,15 @@ def joint_yield_percent(mechanisms: Sequence[Mechanism], t: Tolerances, sample: 
                 (y >= mechanism.lower) & (y <= mechanism.upper)
                 for mechanism, (_, y) in zip(mechanisms, blocks, strict=True)
             ]
-        conforming = np.mean(np.logical_and.reduce(within), axis=2)
-        yields[rows] = conforming.mean(axis=1)
-        error[rows] = np.maximum(conforming.std(axis=1, ddof=1) / np.sqrt(conforming.shape[1]), least)
-    return 100.0 * yields, 100.0 * error
+        yields[rows], error[rows] = percent_of(np.logical_and.reduce(within))
+    return yields, error
+
+
+def percent_of(conforming: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """`yield_percent` of units (n, replicates, m) that conform or do not, and its standard error (n,)."""
+    share, (replicates, units) = np.mean(conforming, axis=2), conforming.shape[1:]
+    error = np.maximum(share.std(axis=1, ddof=1) / np.sqrt(replicates), 1.0 / (replicates * units))
+    return 100.0 * share.mean(axis=1), 100.0 * error
 
 
 def mean_and_deviation(mechanism: Mechanism, t: Tolerances, sample: Sample) -> tuple[Array, Array]:

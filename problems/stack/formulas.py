@@ -160,8 +160,7 @@ def unknown_name(name: str, column: int, parts: Sequence[Part], others: Iterable
     if whole is not None:
         return f"column {column}: {name} is built in {whole.count} times: write {', '.join(whole.pieces)}"
     known = [*(written for part in parts for written in part.written), *others]
-    close = nearest(name, [*known, *FUNCTIONS])
-    return "" if name in known else f'column {column}: "{name}" is not a part{close}'
+    return "" if name in known else f'column {column}: "{name}" is not a part{nearest(name, [*known, *FUNCTIONS])}'
 
 
 # The mechanism of a formula, and its faults.
