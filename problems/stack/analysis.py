@@ -109,7 +109,8 @@ def _requirement_row(
     least, greatest, mean, nominal = (0.0 if abs(end) <= small else end for end in (least, greatest, mean, nominal))
     rss = (mean - SIGMAS * std, mean + SIGMAS * std)
     lower, upper = mechanism.lower, mechanism.upper
-    above, below = ((end / (SIGMAS * std) if std > 0.0 else np.inf) for end in (upper - mean, mean - lower))
+    ends = ((upper - mean, keeps(mean, upper)), (mean - lower, keeps(-mean, -lower)))
+    above, below = (end / (SIGMAS * std) if std > 0.0 else np.inf if kept else -np.inf for end, kept in ends)
     capable = mechanism.bounded and np.isfinite(std)
     two_sided = bool(np.isfinite(lower) and np.isfinite(upper))
     outside = PER_MILLION * (100.0 - percent[0])
@@ -126,7 +127,7 @@ def _requirement_row(
         "rss_greatest": rss[1],
         "lower": lower if np.isfinite(lower) else np.nan,
         "upper": upper if np.isfinite(upper) else np.nan,
-        "cp": 0.5 * (above + below) if capable and two_sided else np.nan,
+        "cp": (0.5 * (above + below) if std > 0.0 else np.inf) if capable and two_sided else np.nan,
         "cpk": min(above, below) if capable else np.nan,
         "yield_percent": percent[0],
         "ppm": outside,

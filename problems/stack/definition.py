@@ -97,13 +97,12 @@ class Part:
     what the configuration says about its zone, `assumed` what it leaves open. `sensitivities` are
     by the key of the requirement, those of formulas left out. `drawing` and `characteristic` are
     the numbers of its drawing and of the characteristic on it, `geometry` is the geometrical
-    characteristic (ISO 1101) that its zone is of, `drawn_as` whether it is a diameter or a radius, `source`
-    where its tolerance comes from; empty where none is stated. `expansion` is the linear one [1/K], None
-    where neither it nor a `material`
-    is stated. `machines` are those that some of its processes use, `sample` is what measured parts
-    say about its only one. `present` is the half-width of a part to be searched that the drawing has
-    now, within the range or not, None where it is not stated. `feature` is how a `[[feature]]` acts, whose
-    half-width is half its zone.
+    characteristic (ISO 1101) that its zone is of, `drawn_as` whether it is a diameter or a radius (of a
+    feature how its zone "{}" is written), `source` where its tolerance comes from; empty where none is stated.
+    `expansion` is the linear one [1/K], None where neither it nor a `material` is stated. `machines` are
+    those that some of its processes use, `sample` is what measured parts say about its only one. `present` is
+    the half-width of a part to be searched that the drawing has now, within the range or not, None where it
+    is not stated. `feature` is how a `[[feature]]` acts, whose half-width is half its zone.
     """
 
     name: str

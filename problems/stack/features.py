@@ -20,7 +20,7 @@ from typing import Any
 
 from ...errors import Fault, nearest
 from ...models.expressions import Formula, Let
-from ...models.iso286 import Fit
+from ...models.iso286 import SYMBOLS, Fit
 from ...models.stack.features import PLANE, Disc, component
 from ...section import POSITIVE, Range, Section
 from ...units import family
@@ -172,8 +172,15 @@ def _read(
         drawing=drawing,
         characteristic=characteristic,
         geometry=kind.symbol,
+        drawn_as=_drawn(kind.symbol, law in PLANE and key != "runout", material) if kind.symbol or half else "-",
         feature=Feature(law, names, pieces, quantities, stated, section.place(), unit, lengths),
     )
+
+
+def _drawn(symbol: str, diametral: bool, material: str) -> str:
+    """How a drawing states the zone "{}": symbol, sign of a diameter, and material condition."""
+    zone, modifier = "⌀{}" if diametral else "{}", {"mmc": "Ⓜ", "lmc": "Ⓛ"}.get(material, "")
+    return " ".join(filter(None, (SYMBOLS.get(symbol, ""), zone, modifier)))
 
 
 def _is_length(unit: str) -> bool:

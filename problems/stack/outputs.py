@@ -535,7 +535,9 @@ class Yields:
             return {name: np.full(len(t), np.nan) for name in names}
         distribution = bounded[0].distribution
         if len(bounded) == 1 and distribution is not None:
-            return dict(zip(names, distribution.yield_percent(t), strict=True))
+            whole, error = distribution.yield_percent(t)
+            constant = bounded[0].linear.variance(t) == 0.0  # every unit is the mean, which may just keep a limit
+            return {name: np.where(constant, 100.0 * bounded[0].means_kept(t), whole), names[1]: error}
         estimates = np.full((2, len(t)), np.nan)
         if (integrated := self._estimate(bounded, searching)) is not None:
             for at in range(len(t)):

@@ -29,8 +29,9 @@ from ...models.stack.mechanism import (
     spread_of,
     worst_by_corners,
 )
-from ...section import Array, Integers, Output
+from ...section import Array, Flags, Integers, Output
 from ..deviations import Draws, Sums
+from ..limits import keeps
 from ..promise import assurances, contradictions, means_promise, outputs_of_promise
 from ..settings import (
     ASSURANCE,
@@ -185,9 +186,17 @@ class Measured:
         worst = self.requirement.method == "worst_case"
         if self.rough and worst and not self.straight:
             shares = fractions(limit_of(t) * self._towards_tighter(worst_by_corners, limit_of(t)))
+            if not np.any(shares):  # as of min(a, b): no part by itself makes less of it
+                alone = [limit_of(t) * row for row in np.eye(len(self.parts))]
+                shares = fractions(np.stack([worst_by_corners(self.mechanism, row) for row in alone], axis=1))
         else:
             shares = self.linear.worst_shares(t) if worst else self.linear.variance_shares(t)
         return {self.contribution(at): 100.0 * shares[:, at] for at in self.shown}
+
+    def means_kept(self, t: Tolerances) -> Flags:
+        """Whether the linear mean is within the limits (n,), to the rounding with which all are kept."""
+        mean = self.mechanism.centre + self.linear.mean_shift(t)
+        return keeps(mean, self.mechanism.upper) & keeps(-mean, -self.mechanism.lower)
 
     # ---------------------------------------------------------------- slopes
 

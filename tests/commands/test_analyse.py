@@ -283,6 +283,82 @@ def test_the_bearing_assembly_of_chase_and_greenwood() -> None:
     assert 0.5 * (row["rss_greatest"] - row["rss_least"]) == pytest.approx(0.0111, abs=5e-5)
 
 
+def test_the_bearing_seat_of_mitcalc() -> None:
+    """The example of MITCalc's tolerance chains, as dimstack's tests print it: 0.4 mm, 0.017 to 0.783 mm in the worst
+    case, a root sum square of 0.17825 mm; with the shaft's Cpk of 1.5 and limits of 0.05 and 0.8 mm a standard
+    deviation of 0.05874 mm, Cp 2.12804 and Cpk 1.98617."""
+    sizes = {
+        "shaft": (208.0, "+0.036/-0.036"),
+        "ring": (1.75, "0/-0.06"),
+        "bearing": (23.0, "0/-0.12"),
+        "sleeve": (20.0, "+0.026/-0.026"),
+        "case": (200.0, "+0.145/-0.145"),
+    }
+    parts: list[dict[str, Any]] = [{"name": name, "nominal": x, "limits": zone} for name, (x, zone) in sizes.items()]
+    for part in parts:
+        part |= {"count": 2} if part["name"] in ("bearing", "sleeve") else {}
+    formula = "shaft - ring - bearing_1 + sleeve_1 - case + sleeve_2 - bearing_2"
+    chain = {"unit": "mm", "formula": formula, "lower": 0.05, "upper": 0.8}
+    row = only({"problem": "stack", "requirement": chain, "part": parts})
+    assert (row["nominal"], row["mean"]) == pytest.approx((0.25, 0.4), abs=1e-12)
+    assert (row["worst_case_least"], row["worst_case_greatest"]) == pytest.approx((0.017, 0.783), abs=1e-12)
+    assert 3.0 * row["std"] == pytest.approx(0.17825, abs=5e-6)
+    parts[0]["cp"] = 1.5
+    row = only({"problem": "stack", "requirement": chain, "part": parts})
+    assert row["std"] == pytest.approx(0.05874, abs=5e-6)
+    assert (row["cp"], row["cpk"]) == pytest.approx((2.12804, 1.98617), abs=5e-6)
+
+
+def test_the_first_stackup_of_new_concept_z_designs() -> None:
+    """ "My first stackup": 9.8480 inch, +-0.0200 in the worst case, 9.8358 to 9.8602 statistically."""
+    parts = [("left", 0.3190, 0.005), ("width", 10.4860, 0.010), ("right", 0.3190, 0.005)]
+    row = only(
+        {
+            "problem": "stack",
+            "requirement": {"unit": "in", "formula": "width - left - right"},
+            "part": [{"name": name, "nominal": size, "tolerance": t} for name, size, t in parts],
+        }
+    )
+    assert row["nominal"] == pytest.approx(9.8480, abs=1e-12)
+    assert (row["worst_case_least"], row["worst_case_greatest"]) == pytest.approx((9.8280, 9.8680), abs=1e-12)
+    assert (row["rss_least"], row["rss_greatest"]) == pytest.approx((9.8358, 9.8602), abs=5e-5)
+
+
+def test_the_three_part_assembly_of_cox() -> None:
+    """Cox (1979), Tolerance Analysis by Computer, as soerp prints it: x y^2/(15 (1.5 + z)) at 24, 37 and 0.5 has the
+    slopes 45.6333, 59.2 and -547.6, these second derivatives, and to second order the mean 1176.45."""
+    parts = [("x", 24.0, 1.0), ("y", 37.0, 4.0), ("z", 0.5, 0.5)]  # with standard deviations
+    source = {
+        "problem": "stack",
+        "requirement": {"unit": "", "formula": "x*y**2/(15*(1.5 + z))"},
+        "part": [{"name": name, "unit": "", "nominal": size, "tolerance": s} for name, size, s in parts],
+    }
+    result = tolevo.analyse(source)
+    slopes = result.contributions.set_index("part")["sensitivity"]
+    assert slopes.to_dict() == pytest.approx({"x": 45.63333333333333, "y": 59.2, "z": -547.6}, rel=1e-9)
+    (model,) = result.record.quick["requirements"]
+    curvature = np.array(model["curvature"])
+    printed = [[0.0, 2.466667, -22.816667], [2.466667, 1.6, -29.6], [-22.816667, -29.6, 547.6]]
+    np.testing.assert_allclose(curvature, printed, atol=1e-4)
+    variances = np.array([s**2 for *_, s in parts])
+    mean = result.requirements["nominal"].iloc[0] + 0.5 * np.sum(np.diag(curvature) * variances)
+    assert mean == pytest.approx(1176.45, abs=5e-3)
+
+
+def test_the_orifice_meter_of_cox() -> None:
+    """Cox (1979), as soerp prints it: 38.4 sqrt(520 h p/(m (t + 460))) has mean 1330.9997 and variance 58.2108."""
+    quantities = [("h", 64.0, 0.5), ("p", 361.0, 2.0), ("m", 16.0, 0.1), ("t", 165.0, 0.5)]
+    row = only(
+        {
+            "problem": "stack",
+            "requirement": {"unit": "", "formula": "38.4*sqrt(520*h*p/(m*(t + 460)))"},
+            "part": [{"name": name, "unit": "", "nominal": x, "tolerance": 3.0 * s} for name, x, s in quantities],
+        }
+    )
+    assert row["mean"] == pytest.approx(1330.9997, abs=4.0 * np.sqrt(58.2108 / 65536))
+    assert row["std"] == pytest.approx(np.sqrt(58.2108), rel=4.0 / np.sqrt(2.0 * 65536))
+
+
 def test_preload_of_a_bearing_pair() -> None:
     """A spacer difference d presses two angular contact bearings together with F = k max(d, 0)^(3/2) (Hertz):
     the yield of a normal d is that of the differences at the limits, the worst case that of the corners.
@@ -441,3 +517,40 @@ def test_prices_of_a_condition_are_those_of_its_own_limits() -> None:
     t = np.sqrt(np.array([room, room - 0.01]) ** 2 - 0.02**2)
     (own,) = (row for row in prices.to_dict("records") if row["requirement"] == "warm")
     assert own["narrower_costs"] == pytest.approx(0.1 / t[1] - 0.1 / t[0], rel=1e-3)
+
+
+def gap(formula: str, t: float, **limits: float) -> dict[str, Any]:
+    """Parts a and b of 10 and 9 mm, both with the tolerance t."""
+    parts = [{"name": name, "nominal": x, "tolerance": t} for name, x in (("a", 10.0), ("b", 9.0))]
+    return {"problem": "stack", "requirement": {"unit": "mm", "formula": formula} | limits, "part": parts}
+
+
+@pytest.mark.parametrize(("lower", "percent", "cpk"), [(0.9, 100.0, np.inf), (1.0, 100.0, np.inf), (1.1, 0.0, -np.inf)])
+def test_a_stack_without_tolerances_is_within_its_limits_or_beyond(lower: float, percent: float, cpk: float) -> None:
+    """Every unit is 1 mm, which may just be the limit."""
+    row = only(gap("a - b", 0.0, lower=lower, upper=1.2))
+    assert (row["yield_percent"], row["cpk"], row["cp"]) == (percent, cpk, np.inf)
+    assert row["kept_worst_case"] == row["kept_statistical"] == (percent == 100.0)
+
+
+def test_the_smaller_of_two_like_sizes_has_equal_shares_in_the_worst_case() -> None:
+    """min(a, b + 1): tightening one part alone gains nothing, and each alone reaches the same end."""
+    source = gap("min(a, b + 1)", 0.1, lower=9.9)
+    result = tolevo.analyse(source)
+    row = result.requirements.iloc[0]
+    assert (row["worst_case_least"], row["worst_case_greatest"]) == pytest.approx((9.9, 10.1), abs=1e-12)
+    assert row["mean"] == pytest.approx(10.0 - 0.1 / 3.0 / np.sqrt(np.pi), abs=2e-4)  # of two normal sizes
+    assert result.contributions["worst_case_percent"].tolist() == pytest.approx([50.0, 50.0])
+
+
+def test_the_terminal_has_at_most_ten_lines_before_the_table(tmp_path: Path) -> None:
+    """Of thirteen requirements, twelve of which are not kept, how many are and the first that are not."""
+    source = gap("a - b", 0.1)
+    kept = {"name": "g0", "unit": "mm", "formula": "a - b", "lower": 0.5}
+    source["requirement"] = [kept, *(kept | {"name": f"g{at}", "lower": 0.9 + 0.001 * at} for at in range(1, 13))]
+    lines = output_of("analyse", str(write(tmp_path, source)), "--out", tmp_path / "o").splitlines()
+    before = lines[: next(at for at, line in enumerate(lines) if "ppm outside" in line)]
+    assert len(before) <= 10
+    assert "1 of 13 requirements: kept in the worst case and by mean +- 3 sigma" in before
+    assert before[-1] == "and 6 more that are not kept in both ways"
+    assert sum(line.startswith("g") for line in before) == 6

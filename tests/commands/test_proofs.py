@@ -175,3 +175,4 @@ def test_a_bound_without_some_limits_says_nothing_of_points_far_above_it() -> No
     assert not are_informative_bounds(front, without, far) and are_informative_bounds(front, without, near)
     least: Any = SimpleNamespace(n_obj=1, limits=front.limits)  # the only limit left out: the loosest tolerances
     assert are_informative_bounds(least, kept, near) and not are_informative_bounds(least, without, near)
+    assert are_informative_bounds(least, without, np.array([0.0]))  # the loosest tolerances keep the limit as well

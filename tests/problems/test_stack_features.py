@@ -559,3 +559,20 @@ def test_features_that_do_not_act_are_faults(tmp_path: Path) -> None:
     at = feature("at", "position", "zone = 0.1\nof = 'hole'\nmaterial = 'mmc'")
     hidden = requirement("hole - pin + at_x_in_zone") + parts + at
     assert any('"at_x_in_zone" is not a part' in fault.message for fault in faults(hidden, tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("more", "written"),
+    [
+        ("zone = 0.44", "⌖ ⌀0.44 mm"),
+        ("zone = 0.44\nsize = 'hole'\nmaterial = 'mmc'\ninternal = true", "⌖ ⌀0.44 mm Ⓜ"),
+        ("zone = 0\nsize = 'hole'\nmaterial = 'lmc'\ninternal = true", "⌖ ⌀0 Ⓛ"),
+        ("zone = 0.44\ndistribution = 'uniform'", "⌖ 0.44 mm"),
+    ],
+)
+def test_a_position_is_on_the_drawing_with_its_whole_zone(more: str, written: str, tmp_path: Path) -> None:
+    text = 'problem = "stack"\n' + requirement("hole - bolt + at", "lower = 0.0") + part("hole", 6.5, "tolerance = 0.1")
+    text += part("bolt", 6.0, "tolerance = 0.1") + feature("at", "position", more)
+    (tmp_path / "c.toml").write_text(text, encoding="utf-8")
+    table = tolevo.analyse(tmp_path / "c.toml").record.tolerances.set_index("part")
+    assert table["on_the_drawing"].to_dict() == {"hole": "6.5 ±0.1 mm", "bolt": "6 ±0.1 mm", "at": written}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 from scipy.optimize import fsolve
 from scipy.stats import norm
 
+import tolevo
 from tests.problems.test_stack_let import faults, stack
 from tolevo.problems.stack import Stack
 
@@ -152,6 +154,31 @@ def test_a_loop_is_the_explicit_formula(name: str, tmp_path: Path) -> None:
         ends = [float(explicit(**{**middle, key: middle[key] + side * h})) for side in (1.0, -1.0)]
         slope = gain * mechanism.scale[at] * (ends[0] - ends[1]) / (2.0 * h)
         assert mechanism.sensitivities[at] == pytest.approx(slope, rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["slider crank", "four-bar", "geneva, wheel", "stacked blocks"])
+def test_a_mechanism_has_the_ends_and_the_spread_of_its_explicit_formula(name: str, tmp_path: Path) -> None:
+    """No printed figures of these mechanisms with all inputs are known: the worst case by all corners of the
+    explicit formula, which rises or falls with every part, and mean and deviation by a count of 10^6 normal units.
+    """
+    formula, loops, parts, explicit = EXPLICIT[name]
+    lets = {"let": [{"name": "normal", "formula": "beta + pi/2"}]} if loops is STACKED else {}
+    row = tolevo.analyse(tables(formula, loops, parts, **lets)).requirements.iloc[0]
+    in_base = [np.pi / 180.0 if one.get("unit") == "deg" else 1.0 for one in parts]
+    mid, t = (np.array([one[key] for one in parts]) * in_base for key in ("nominal", "tolerance"))
+
+    def of(z: Array) -> Array:
+        return explicit(*(mid[:, None] + t[:, None] * z))
+
+    corners = of(np.array(list(product((-1.0, 1.0), repeat=len(parts)))).T)
+    assert row["nominal"] == pytest.approx(float(of(np.zeros((len(parts), 1)))[0]), rel=1e-9)
+    assert (row["worst_case_least"], row["worst_case_greatest"]) == pytest.approx(
+        (corners.min(), corners.max()), rel=1e-9
+    )
+    y = of(np.random.default_rng(4).normal(0.0, 1.0 / 3.0, (len(parts), 1_000_000)))
+    error = float(np.std(y)) * np.sqrt(1.0 / 1_000_000 + 1.0 / 65536)
+    assert row["mean"] == pytest.approx(float(np.mean(y)), abs=4.0 * error)
+    assert row["std"] == pytest.approx(float(np.std(y)), abs=4.0 * error / np.sqrt(2.0))
 
 
 def test_the_one_way_clutch_of_the_literature(tmp_path: Path) -> None:

@@ -488,7 +488,7 @@ def _digits(percent: float) -> str:
 def _ppm(row: dict[str, Any]) -> str:
     if np.isnan(row["ppm"]):
         return ""
-    error = f" ± {row['ppm_error']:.2g}" if row["ppm_error"] >= 0.5 else ""
+    error = f" ± {plain_number(row['ppm_error'], 2)}" if row["ppm_error"] >= 0.5 else ""
     return f"{plain_number(row['ppm'])}{error}"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,8 @@ from ..run.tolerances import grades_of, notation
 from .costs import costs_of
 from .page import analysis_page, ranked, verdict_of
 
+LINES = 8
+"""Lines before the table of the terminal."""
 LARGEST = 3
 """Contributions that the terminal names."""
 OPEN = "it is to be searched: analysed at the loosest tolerance that it may have"
@@ -137,7 +140,17 @@ def lines_of(result: AnalysisResult) -> tuple[str, ...]:
     together = [] if np.isnan(joint) else [f"all requirements together: {joint:.6g} % of the units"]
     loosest = f"at the loosest tolerance, for none is stated beside the range: {', '.join(assumed)}"
     more = [*largest, *together, *([loosest] if assumed else [])]
-    return (*(verdict_of(row) for row in rows), *table.splitlines(), *more)
+    return (*_verdicts(rows), *table.splitlines(), *more)
+
+
+def _verdicts(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """The verdict on each requirement; of more than `LINES` in how many words, and on those that are not kept."""
+    if len(rows) <= LINES:
+        return [verdict_of(row) for row in rows]
+    broken = [row for row in rows if not (row["kept_worst_case"] and row["kept_statistical"])]
+    whole = f"{len(rows) - len(broken)} of {len(rows)} requirements: kept in the worst case and by mean +- 3 sigma"
+    more = [f"and {len(broken) - LINES + 2} more that are not kept in both ways"] if len(broken) >= LINES else []
+    return [whole, *(verdict_of(row) for row in broken[: LINES - 1 - len(more)]), *more]
 
 
 def _short_row(row: dict[str, Any]) -> dict[str, str]:

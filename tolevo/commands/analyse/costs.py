@@ -36,7 +36,7 @@ EQUAL_DIGITS = 9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SheetCosts:
-    """`prices`: per requirement, what its limits `step` farther apart save and nearer together cost;
+    """`prices`: per requirement, what each of its limits `step` farther out saves and nearer costs;
     `budgets`: least cost at ratios of room to variation, with its tolerances; `changes`: single steps to
     the next value or process; `advice` which of them to take first. None, or empty, where nothing that is
     searched has a cost, or no requirement has limits.

@@ -41,7 +41,7 @@ COSTS = (
     "variation: 1 just keeps it, and by rss it is Cpk."
 )
 PRICES = (
-    "What it saves when both limits of a requirement lie this step farther apart, and costs when they lie nearer: the "
+    "What it saves when every limit of a requirement lies this step farther out, and costs when it lies nearer: the "
     "change of the least cost at which every ratio is 1."
 )
 BUDGETS = "The least cost at a least ratio, over all tolerances and processes together (budgets.csv has these)."

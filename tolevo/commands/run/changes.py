@@ -17,6 +17,7 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Kind, Variable
 from ...units import drawing_number, plain_number, split_unit
 from .choice import COST
+from .tolerances import notation
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -288,6 +289,8 @@ def _steps(problem: ToleranceProblem, design: Array, values: Mapping[str, Mappin
         elif variable.tolerance and not variable.integer:
             for value, grade in _adjacent_values(problem, variable, design, values.get(variable.name, {})):
                 to = grade or f"{drawing_number(value)} {variable.unit}".rstrip()
+                if "{}" in (zone := problem.drawn(variable.name).get("drawn_as", "")):  # of a feature
+                    to = notation(variable, None, 0.0, value, drawn_as=zone)
                 yield variable, to, value, _move_variable(problem, design, variable, value)
 
 

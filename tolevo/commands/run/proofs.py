@@ -46,6 +46,8 @@ EXACT = 1e-3
 """Gap [percent] below which a point counts as optimal."""
 INFORMATIVE = 25.0
 """Median gap [percent] beyond which a bound that leaves limits out is not informative."""
+REACHED = 1.0
+"""Gap [percent] up to which a point reaches a bound that leaves all limits out."""
 DEFECT = 2.0
 """How far a function may lie below its tangent plane, in units of what it exceeds the middle of a chord by."""
 ESTIMATED = (0.25, 0.75)
@@ -65,11 +67,11 @@ class ProvenFront:
 def are_informative_bounds(problem: ToleranceProblem, proven: Proof, gap_percent: NDArray[np.float64]) -> bool:
     """Whether bounds say something of points (n,) that lie so far above them: where limits are
     left out, the points may be held back by those alone. Where that are all limits of a least cost,
-    the bound is the cost of the loosest tolerances, and says nothing.
+    the bound is the cost of the loosest tolerances, and says nothing but of points that reach it.
     """
     limits = {limit.name for limit in problem.limits if limit.count}
     if problem.n_obj == 1 and limits and limits <= set(proven.omitted_limits):
-        return False
+        return bool(np.nanmax(gap_percent) <= REACHED)
     return not proven.omitted_limits or bool(np.nanmedian(gap_percent) <= INFORMATIVE)
 
 

@@ -617,7 +617,7 @@ def _broken_limits(problem: ToleranceProblem, miss: pd.DataFrame) -> str:
 def _lines(result: RunResult, status: str, out: Path, proof_lines: Sequence[str], broken: str) -> tuple[str, ...]:
     """A short summary for the terminal; `proof_lines` are left out where the answers state them."""
     lines = [
-        f"{status}: {len(result.front)} Pareto points, {result.summary['evaluations']} "
+        f"{status}: {len(result.front)} Pareto point{'s' * (len(result.front) != 1)}, {result.summary['evaluations']} "
         f"evaluations, {float(str(result.summary['seconds'])):.1f} s"
     ]
     lines += [*mechanism_lines(result.summary), *model_lines(result.summary)]

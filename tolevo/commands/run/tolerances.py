@@ -191,13 +191,15 @@ def notation(
 ) -> str:
     """Like "36.05 +0.012/-0.013 mm", "⌀25 ±0.0065 mm (IT6)", "-3 to 1 um" where no nominal size is known,
     "R3 0/-0.002 mm (⌀6 0/-0.004 mm)", "0 to 5 um", "±1.5 mrad (±309.4″)", "±1.5 mrad (±309.4″, ±2 um at R1.3 mm)"
-    of an angle that is drawn "at 1.3 mm", "grade 5". None begins with + or a
+    of an angle that is drawn "at 1.3 mm", "⌖ ⌀0.3 mm" of a feature, "grade 5". None begins with + or a
     hyphen (a minus sign is another character), which a spreadsheet would compute.
 
     `nominal` is the nominal size, None where it is not known, `mid` the middle of the zone as a
     deviation from it and t the tolerance, all in the unit of the variable.
     """
     unit = f" {variable.unit}".rstrip()
+    if "{}" in drawn_as or drawn_as == "-":  # a feature, of whose zone t is half: 0 where t is in units of a bonus
+        return drawn_as.format(f"{drawing_number(2.0 * t if unit else 0.0)}{unit}")
     more = f" ({grade})" if grade and variable.kind is Kind.HALF_WIDTH else ""
     if variable.labels:
         return variable.labels[int(t)]
