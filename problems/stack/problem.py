@@ -141,7 +141,10 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
     every = len(stack.definition.stated)  # a note on the first condition is one on all
     sentences += filter(None, [_ignored_means_note(stack, values) for values in stack.measured[:every]])
     if YIELD in stack.required_outputs and len(stack.measured) > 1 and stack.definition.requirement.key:
-        sentences.append(f"{YIELD} is the share of the units of a sample that keep all requirements together")
+        sentences.append(
+            f"{YIELD} is the share of the units of a sample that keep all requirements together; `exact` finds the "
+            "least cost by SLSQP on that sample"
+        )
     if stack.declaration.objectives == stack.objectives == ("cost",) and stack.free and not stack.limits:
         sentences.append(
             "the requirements are in different units, so that the cost alone is minimised, and no output is limited: a "
