@@ -77,14 +77,14 @@ def _slopes(formula: Formula, at: Mapping[str, Array], rest: Mapping[str, Ends])
 
 def _extreme(
     mechanism: Mechanism,
-    at: Mapping[str, Array],
-    rest: Mapping[str, Ends],
+    line: Mapping[str, Array],
+    ends: Mapping[str, Ends],
     places: Sequence[str],
     slopes: Mapping[str, Interval],
     side: float,
 ) -> tuple[float, str]:
     """The greatest (side 1) or least (-1) value of a formula over a box, and its kind; `slopes` as `_slopes`."""
-    formula, names, at, rest = mechanism.stated[0], mechanism.names, dict(at), dict(rest)
+    formula, names, at, rest = mechanism.stated[0], mechanism.names, dict(line), dict(ends)
     while rest and not formula.assembles:
         free = [name for name in rest if name not in places]
         rising = {name: slopes[name].low >= 0.0 for name in free if slopes[name].low >= 0.0 or slopes[name].high <= 0.0}
