@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import product
+from math import floor, log10
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -72,6 +73,8 @@ RELATIVE = 0.2
 """Fraction of the promise below which a difference does not matter."""
 ERRORS = 3.0
 """Standard errors of the sample below which a difference is not detected."""
+DIGITS = 4
+"""Significant digits of a root sum square in a warning; its mean has as many decimals."""
 
 
 def linearity_warnings(
@@ -80,13 +83,18 @@ def linearity_warnings(
     """The errors of the linear model, in a sentence, at one design (1, p).
 
     The limits are those of the requirement, where there are some, and the linear mean +- the root
-    sum square, beyond which 0.27 % are promised.
+    sum square, beyond which 0.27 % are promised. Of a linear formula only the normal distribution of
+    the sum can err.
     """
     mean = mechanism.centre + float(linear.mean_shift(design)[0])
     rss = float(linear.rss(design)[0])
     if rss == 0.0:
         return ()
-    limits = {f"{mean:.4g} +- {rss:.4g}{unit} (root sum square)": (mean - rss, mean + rss)}
+    model, truth = "linear model", "formula itself gives"
+    if mechanism.formula is None or mechanism.formula.linear:
+        model, truth = "normal distribution", "parts' distributions give"
+    places = max(DIGITS - 1 - floor(log10(rss)), 0)
+    limits = {f"{mean:.{places}f} +- {rss:.{places}f}{unit} (root sum square)": (mean - rss, mean + rss)}
     if mechanism.bounded:
         limits["the limits of the requirement"] = (mechanism.lower, mechanism.upper)
     sentences = []
@@ -99,10 +107,10 @@ def linearity_warnings(
         actual, doubt = 100.0 - float(within[0]), float(error[0])
         if abs(actual - promised) > max(MIN_YIELD_DIFFERENCE, ERRORS * doubt, RELATIVE * promised):
             sentences.append(
-                f"outside {name} it promises {promised:.2g} %, but the formula itself gives {actual:.3g} % (standard "
-                f"error {doubt:.1g} %)"
+                f"outside {name} it promises {promised:.2g} %, but the {truth} {actual:.3g} % (standard error "
+                f"{doubt:.1g} %)"
             )
-    return (f"the linear model misleads {where}: {'; '.join(sentences)}",) if sentences else ()
+    return (f"the {model} misleads {where}: {'; '.join(sentences)}",) if sentences else ()
 
 
 # Warnings to the user of a stack before a run.

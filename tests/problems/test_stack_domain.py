@@ -391,3 +391,35 @@ cost = { model = "reciprocal", a = 1.0, b = 0.001 }
     assert [measured.mechanism.rough for measured in problem.measured] == [("x", "y"), ("L",)]
     found = search(problem, Exact(), Budget(), seed=0)
     assert problem.outputs_of(problem.complete(found.x))["cost"].min() == pytest.approx(6.36494, rel=1e-4)
+
+
+def test_of_a_linear_formula_the_normal_distribution_is_what_misleads(tmp_path: Path) -> None:
+    """Two uniform parts +-0.1: variance 2 * 0.01/3, so that 3 standard deviations lie beyond the worst case of 0.2."""
+    (tmp_path / "c.toml").write_text(
+        """
+problem = "stack"
+objectives.minimise = ["cost"]
+requirement = { unit = "mm", formula = "a - b", lower = 24999.7, upper = 25000.3 }
+[[part]]
+name = "a"
+nominal = 25015
+unit = "mm"
+distribution = "uniform"
+tolerance = 0.1
+[[part]]
+name = "b"
+nominal = 15
+unit = "mm"
+distribution = "uniform"
+t_min = 0.05
+t_max = 0.1
+cost = { model = "reciprocal", a = 1, b = 1 }
+""",
+        encoding="utf-8",
+    )
+    (warning,) = (text for text in read(tmp_path / "c.toml").problem.warnings() if "misleads" in text)
+    assert warning.startswith(
+        "the normal distribution misleads at the loosest tolerances: outside 25000.0000 +- 0.2449 mm"
+    )
+    assert "promises 0.27 %, but the parts' distributions give 0 %" in warning
+    assert "linear model" not in warning and "formula itself" not in warning
