@@ -33,7 +33,11 @@ from .kernel import LANES, _inlined, compiled
 from .units import BaseSample, Coupling
 
 STEPS = 8
-"""Steps of Newton's method, and one for each crank: then units rest within 1e-5 um."""
+"""Most steps of Newton's method, and one for each crank: then units rest within 1e-5 um."""
+FEWEST = 6
+"""Steps that all units take side by side; then, and at every second step, those that rest are left out."""
+SETTLED = np.float32(1e-6)
+"""Step [um] that units at rest do not exceed twice in succession: where a bearing is about to press, one is short."""
 HALVED = 7
 """The step that is halved, lest two bearings take turns in pressing."""
 STIFFENED = np.float32(1e-3)
@@ -149,11 +153,11 @@ def _stand_off(q: Single, v: Single, k: int, u: int, lc: float, ls: float, sign:
 
 @compiled
 def _residuals(axis: Single, cranks: Single, lines: Single, q: Single) -> None:
-    """Fills q (cranks, 2, lanes) of one disc, less the displacement and turn by the means of journals and bores, which
-    gaps contain, and the turn by the means of the carrier's holes, which all discs have alike.
+    """Fills q (cranks, 3, lanes) of one disc, less the displacement and turn by the means of journals and bores, which
+    gaps contain, and the turn by the means of the carrier's holes, which all discs have alike; then half the clearance.
     """
     cx, cy, many = axis[4], axis[5], cranks.shape[0]
-    part = np.float32(1.0 / many)
+    part, half = np.float32(1.0 / many), np.float32(0.5)
     for u in range(cranks.shape[2]):
         zr = zt = turned = np.float32(0.0)
         for k in range(many):
@@ -169,18 +173,19 @@ def _residuals(axis: Single, cranks: Single, lines: Single, q: Single) -> None:
             lc, ls = lines[k, 0], lines[k, 1]
             q[k, 0, u] -= zr * lc + zt * ls
             q[k, 1, u] -= zt * lc - zr * ls + turned
+            q[k, 2, u] = half * cranks[k, 4, u]
 
 
 @compiled
-def _bend(q: Single, cranks: Single, lines: Single, sign: float, v: Single, work: Single) -> None:
+def _bend(q: Single, lines: Single, sign: float, v: Single, work: Single) -> None:
     """Fills `work` (9, lanes) at v (3, lanes): the pull of the bearings on a disc, then half of their stiffness."""
-    zero, unity, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+    zero, unity = np.float32(0.0), np.float32(1.0)
     work[:] = zero
     for k in range(q.shape[0]):
         lc, ls = lines[k, 0], lines[k, 1]
         for u in range(v.shape[1]):
             x, y, away = _stand_off(q, v, k, u, lc, ls, sign)
-            pressed = max(away - half * cranks[k, 4, u], zero)
+            pressed = max(away - q[k, 2, u], zero)
             nx, ny, across = x / away, y / away, pressed / away
             along = (unity if pressed > zero else zero) - across
             hxx, hxy, hyy = across + along * nx * nx, along * nx * ny, across + along * ny * ny
@@ -211,22 +216,52 @@ def _solved(work: Single, u: int, more: float, g0: float, g1: float, g2: float) 
 
 
 @compiled
-def _rest(q: Single, cranks: Single, lines: Single, sign: float, pull: float, v: Single, work: Single) -> None:
+def _rest(q: Single, lines: Single, sign: float, pull: float, v: Single) -> None:
     """Moves v (3, lanes), displacement along and across the first line and lag, to where discs rest."""
     unity, half = np.float32(1.0), np.float32(0.5)
-    for step in range(1, STEPS + q.shape[0] + 1):
+    at, place, work = v.copy(), np.arange(v.shape[1]), np.empty((9, v.shape[1]), np.float32)
+    moved, last = np.empty((2, v.shape[1]), np.float32), STEPS + q.shape[0]
+    for step in range(1, last + 1):
         most = half if step == HALVED else unity
-        _bend(q, cranks, lines, sign, v, work)
-        for u in range(v.shape[1]):
+        _bend(q, lines, sign, at, work)
+        for u in range(at.shape[1]):
             s0, s1, s2 = _solved(work, u, STIFFENED, work[0, u], work[1, u], work[2, u] + pull)
-            part = most * FARTHEST / max(FARTHEST, max(abs(s0), max(abs(s1), abs(s2))))
-            v[0, u] += part * s0
-            v[1, u] += part * s1
-            v[2, u] += part * s2
+            longest = max(abs(s0), max(abs(s1), abs(s2)))
+            part = most * FARTHEST / max(FARTHEST, longest)
+            at[0, u] += part * s0
+            at[1, u] += part * s1
+            at[2, u] += part * s2
+            moved[step % 2, u] = longest
+        if step != last and (step < FEWEST or step % 2):
+            continue
+        for i in range(3):
+            for u in range(place.size):
+                v[i, place[u]] = at[i, u]
+        q, at, place = _unsettled(np.maximum(moved[0], moved[1]), q, at, place)
+        if place.size == 0:
+            break
+        work, moved = np.empty((9, place.size), np.float32), np.empty((2, place.size), np.float32)
 
 
 @compiled
-def _rest_of_two(q: Single, cranks: Single, sign: float, pull: float, lag: Single, v: Single) -> None:
+def _unsettled(step: Single, q: Single, at: Single, place: Any) -> Any:
+    """The lanes whose `step` is long: their q, at and place."""
+    which, count = np.empty_like(place), 0
+    for u in range(step.size):
+        which[count] = u
+        count += step[u] >= SETTLED
+    left, there = np.empty((*q.shape[:2], count), q.dtype), np.empty((3, count), at.dtype)
+    for i in range(3):
+        for u in range(count):
+            there[i, u] = at[i, which[u]]
+        for k in range(q.shape[0]):
+            for u in range(count):
+                left[k, i, u] = q[k, i, which[u]]
+    return left, there, place[which[:count]]
+
+
+@compiled
+def _rest_of_two(q: Single, sign: float, pull: float, lag: Single, v: Single) -> None:
     """As `_rest` of two cranks, whose forces are equal and opposite: X (1 - C/sqrt(D^2 + X^2)) = t for twice the lag X,
     the error D of the distance and the mean clearance C. That is convex, so that Newton's method from C + t on ends.
 
@@ -235,17 +270,17 @@ def _rest_of_two(q: Single, cranks: Single, sign: float, pull: float, lag: Singl
     unity, half = np.float32(1.0), np.float32(0.5)
     if sign > 0.0:
         for u in range(lag.size):
-            lag[u] = half * (cranks[0, 4, u] + cranks[1, 4, u]) + pull
+            lag[u] = q[0, 2, u] + q[1, 2, u] + pull
         for _ in range(STEPS):
             for u in range(lag.size):
-                c, d, x = half * (cranks[0, 4, u] + cranks[1, 4, u]), q[0, 0, u] + q[1, 0, u], lag[u]
+                c, d, x = q[0, 2, u] + q[1, 2, u], q[0, 0, u] + q[1, 0, u], lag[u]
                 inverse = unity / np.sqrt(d * d + x * x)
                 slope = unity - c * d * d * inverse * inverse * inverse
                 lag[u] = x - (x - x * c * inverse - pull) / slope
     for u in range(lag.size):
         d, x = q[0, 0, u] + q[1, 0, u], lag[u]
         away = np.sqrt(d * d + x * x)
-        part = half * (away + half * (cranks[0, 4, u] - cranks[1, 4, u])) / away
+        part = half * (away + q[0, 2, u] - q[1, 2, u]) / away
         v[0, u] = q[0, 0, u] - part * d
         v[1, u] = q[0, 1, u] - sign * (half - part) * x
         v[2, u] = half * x
@@ -255,12 +290,12 @@ def _rest_of_two(q: Single, cranks: Single, sign: float, pull: float, lag: Singl
 def _seats(axes: Single, cranks: Single, lines: Single, pull: Any, turn: Any, into: Single) -> None:
     """Fills `into`, the places of `Seats`, at all positions (positions, discs, 6)."""
     many, units = cranks.shape[1], cranks.shape[3]
-    part, half = np.float32(1.0 / many), np.float32(0.5 / many)
+    part = np.float32(1.0 / many)
     for first in range(0, units, LANES):
         last = min(first + LANES, units)
-        of_discs = cranks[:, :, :, first:last].copy()
-        q, v = np.empty((many, 2, last - first), np.float32), np.empty((3, last - first), np.float32)
-        work, lag = np.empty((9, last - first), np.float32), np.empty(last - first, np.float32)
+        lanes, of_discs = last - first, cranks[:, :, :, first:last].copy()
+        q, v = np.empty((many, 3, lanes), np.float32), np.empty((3, lanes), np.float32)
+        lag = np.empty(lanes, np.float32)
         for a in range(axes.shape[0]):
             for d in range(axes.shape[1]):
                 axis = axes[a, d]
@@ -270,37 +305,35 @@ def _seats(axes: Single, cranks: Single, lines: Single, pull: Any, turn: Any, in
                 for flank in range(2):
                     sign = np.float32(1.0 - 2.0 * flank)
                     if many == 2:
-                        _rest_of_two(q, of_discs[d], sign, pull, lag, v)
+                        _rest_of_two(q, sign, pull, lag, v)
                     else:
                         v[:2] = np.float32(0.0)
                         v[2] = part * pull
                         for k in range(many):
-                            for u in range(last - first):
-                                v[2, u] += half * of_discs[d, k, 4, u]
-                        _rest(q, of_discs[d], lines, sign, pull, v, work)
-                    for u in range(last - first):
+                            for u in range(lanes):
+                                v[2, u] += part * q[k, 2, u]
+                        _rest(q, lines, sign, pull, v)
+                    for u in range(lanes):
                         into[a, d, flank, 0, first + u] = v[0, u] * cx - v[1, u] * cy
                         into[a, d, flank, 1, first + u] = v[0, u] * cy + v[1, u] * cx
                         into[a, d, flank, 2, first + u] = turn * (v[2, u] - part * pull)
 
 
 @compiled
-def _responses(
-    q: Single, cranks: Single, lines: Single, sign: float, v: Single, p: Single, by: Single, work: Single
-) -> None:
+def _responses(q: Single, lines: Single, sign: float, v: Single, p: Single, by: Single, work: Single) -> None:
     """Fills derivatives of p . v by places and clearances, `by` (cranks, 3, lanes), of discs that rest at v (3, lanes).
 
     The rest keeps J' F = t, with J the derivative of rho by v and A the stiffness of a bearing: dv = -H^-1 J' A dq.
     """
     zero, unity, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
-    _bend(q, cranks, lines, sign, v, work)
+    _bend(q, lines, sign, v, work)
     for u in range(v.shape[1]):
         work[0, u], work[1, u], work[2, u] = _solved(work, u, SOFTEST, p[0, u], p[1, u], p[2, u])
     for k in range(q.shape[0]):
         lc, ls = lines[k, 0], lines[k, 1]
         for u in range(v.shape[1]):
             x, y, away = _stand_off(q, v, k, u, lc, ls, sign)
-            pressed = max(away - half * cranks[k, 4, u], zero)
+            pressed = max(away - q[k, 2, u], zero)
             nx, ny, across = x / away, y / away, pressed / away
             bears = unity if pressed > zero else zero
             moved_x = -(lc * work[0, u] + ls * work[1, u])
@@ -355,39 +388,55 @@ def _seat_slopes(
 ) -> None:
     """As `Seats.slopes` says: of sign h + play at each flank, h the gap of the displaced disc, less the plain play."""
     rows, disc_of, axes = mesh
-    many, units = cranks.shape[1], cranks.shape[3]
-    mean, zero = np.float32(1.0 / many), np.float32(0.0)
-    for first in range(0, units, LANES):
-        last = min(first + LANES, units)
-        lanes = last - first
-        of_discs, z = cranks[:, :, :, first:last].copy(), errors[:, :, :, first:last].copy()
-        q, by = np.empty((many, 2, lanes), np.float32), np.empty((many, 3, lanes), np.float32)
-        v, p, w = np.empty((3, lanes), np.float32), np.empty((3, lanes), np.float32), np.empty(lanes, np.float32)
-        work = np.empty((9, lanes), np.float32)
-        for a in range(weight.shape[0]):
-            if not np.any(weight[a, first:last]):
-                continue
-            for d in range(axes.shape[1]):
-                axis = axes[a, d]
-                _residuals(axis, of_discs[d], lines, q)
-                cx = axis[0] * axis[4] + axis[1] * axis[5]
-                cy = axis[1] * axis[4] - axis[0] * axis[5]
-                for flank in range(2):
-                    sign, seat = np.float32(1.0 - 2.0 * flank), places[a, d, flank]
-                    lost = zero
-                    for u in range(lanes):
-                        i = touching[flank][a, first + u]
-                        nx, ny = rows[i, 4], rows[i, 5]
-                        w[u] = weight[a, first + u] if disc_of[i] == d else zero
-                        lost += w[u] * plain[d, first + u]
-                        p[0, u], p[1, u], p[2, u] = -sign * (nx * cx + ny * cy), -sign * (ny * cx - nx * cy), turn
-                    for u in range(lanes):
-                        x, y = seat[0, first + u], seat[1, first + u]
-                        v[0, u], v[1, u] = x * cx + y * cy, y * cx - x * cy
-                        v[2, u] = seat[2, first + u] / turn + mean * pull
-                    _responses(q, of_discs[d], lines, sign, v, p, by, work)
-                    _add_cranks(w, axis, lines, z[d], by, p, sign, mean, total)
+    many, mean, chosen = cranks.shape[1], np.float32(1.0 / cranks.shape[1]), np.empty(LANES, np.int64)
+    for a in range(weight.shape[0]):
+        for d in range(axes.shape[1]):
+            axis = axes[a, d]
+            cx = axis[0] * axis[4] + axis[1] * axis[5]
+            cy = axis[1] * axis[4] - axis[0] * axis[5]
+            for flank in range(2):
+                sign, seat, contacts = np.float32(1.0 - 2.0 * flank), places[a, d, flank], touching[flank][a]
+                first = 0
+                while True:
+                    first, lanes = _touching(weight[a], contacts, disc_of, d, first, chosen)
+                    if lanes == 0:
+                        break
+                    of_disc, z = np.empty((2, many, 7, lanes), np.float32)
+                    q, by = np.empty((2, many, 3, lanes), np.float32)
+                    v, p = np.empty((2, 3, lanes), np.float32)
+                    work, w = np.empty((9, lanes), np.float32), np.empty(lanes, np.float32)
+                    lost = np.float32(0.0)
+                    for i in range(lanes):
+                        u = chosen[i]
+                        nx, ny, x, y = rows[contacts[u], 4], rows[contacts[u], 5], seat[0, u], seat[1, u]
+                        w[i] = weight[a, u]
+                        lost += w[i] * plain[d, u]
+                        p[0, i], p[1, i], p[2, i] = -sign * (nx * cx + ny * cy), -sign * (ny * cx - nx * cy), turn
+                        v[0, i], v[1, i], v[2, i] = x * cx + y * cy, y * cx - x * cy, seat[2, u] / turn + mean * pull
+                    for k in range(many):
+                        for error in range(7):
+                            for i in range(lanes):
+                                of_disc[k, error, i] = cranks[d, k, error, chosen[i]]
+                                z[k, error, i] = errors[d, k, error, chosen[i]]
+                    _residuals(axis, of_disc, lines, q)
+                    _responses(q, lines, sign, v, p, by, work)
+                    _add_cranks(w, axis, lines, z, by, p, sign, mean, total)
                     total[9] -= lost
+
+
+@compiled
+def _touching(weight: Single, contacts: Any, disc_of: Any, disc: int, first: int, chosen: Any) -> tuple[int, int]:
+    """Fills `chosen` with units from `first` on that have a weight and touch with this disc.
+
+    Returns the unit from which to go on, and the number of units.
+    """
+    count, u = 0, first
+    while u < weight.size and count < chosen.size:
+        if weight[u] != 0.0 and disc_of[contacts[u]] == disc:
+            chosen[count] = u
+            count += 1
+        u += 1
+    return u, count
 
 
 @compiled
@@ -397,32 +446,41 @@ def _jam(axes: Single, cranks: Single, lines: Single, most: Single, place: Any, 
     zero, unity, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
     for first in range(0, units, LANES):
         last = min(first + LANES, units)
-        of_discs = cranks[:, :, :, first:last].copy()
-        q, v = np.empty((many, 2, last - first), np.float32), np.empty((3, last - first), np.float32)
-        work = np.empty((9, last - first), np.float32)
+        lanes, of_discs = last - first, cranks[:, :, :, first:last].copy()
+        q, v = np.empty((many, 3, lanes), np.float32), np.empty((3, lanes), np.float32)
+        every, bound = np.arange(lanes), np.empty(lanes, np.float32)
         for a in range(axes.shape[0]):
             for d in range(axes.shape[1]):
                 _residuals(axes[a, d], of_discs[d], lines, q)
                 v[:] = zero
                 if many == 2:
-                    for u in range(last - first):
+                    for u in range(lanes):
                         apart = q[0, 0, u] + q[1, 0, u]
-                        unequal = half * half * (of_discs[d, 0, 4, u] - of_discs[d, 1, 4, u])
-                        open_by = half * (of_discs[d, 0, 4, u] + of_discs[d, 1, 4, u])
+                        unequal = half * (q[0, 2, u] - q[1, 2, u])
+                        open_by = q[0, 2, u] + q[1, 2, u]
                         unequal *= min(abs(apart) / max(open_by, np.float32(1e-9)), unity)  # free: both in proportion
                         v[0, u] = q[0, 0, u] - half * apart - (unequal if apart > zero else -unequal)
                         v[1, u] = q[0, 1, u]
+                    at, left, there = every, q, v
                 else:
-                    _rest(q, of_discs[d], lines, unity, zero, v, work)
+                    bound[:] = zero
+                    for k in range(many):
+                        for u in range(lanes):
+                            pressed = max(np.sqrt(q[k, 0, u] ** 2 + q[k, 1, u] ** 2) - q[k, 2, u], zero)
+                            bound[u] += pressed * pressed
+                    for u in range(lanes):  # at rest the sum of the squares is least
+                        bound[u] = np.sqrt(bound[u]) - most[first + u] + SETTLED
+                    left, there, at = _unsettled(bound, q, v, every)
+                    _rest(left, lines, unity, zero, there)
                 for k in range(many):
                     lc, ls = lines[k, 0], lines[k, 1]
-                    for u in range(last - first):
-                        pressed = _stand_off(q, v, k, u, lc, ls, unity)[2] - half * of_discs[d, k, 4, u]
-                        if pressed > most[first + u]:
-                            most[first + u] = pressed
-                            place[0, first + u], place[1, first + u], place[2, first + u] = a, d, k
-                            for i in range(3):
-                                rest[i, first + u] = v[i, u]
+                    for i in range(at.size):
+                        u, pressed = first + at[i], _stand_off(left, there, k, i, lc, ls, unity)[2] - left[k, 2, i]
+                        if pressed > most[u]:
+                            most[u] = pressed
+                            place[0, u], place[1, u], place[2, u] = a, d, k
+                            for j in range(3):
+                                rest[j, u] = there[j, i]
 
 
 @compiled
@@ -431,7 +489,7 @@ def _jam_slopes(
 ) -> None:
     """Adds to `total` the derivatives of sum(weight squeeze)."""
     many, zero, unity = cranks.shape[1], np.float32(0.0), np.float32(1.0)
-    q, by, work = np.empty((many, 2, 1), np.float32), np.empty((many, 3, 1), np.float32), np.empty((9, 1), np.float32)
+    q, by, work = np.empty((many, 3, 1), np.float32), np.empty((many, 3, 1), np.float32), np.empty((9, 1), np.float32)
     v, p = np.empty((3, 1), np.float32), np.empty((3, 1), np.float32)
     for u in range(weight.size):
         if weight[u] == 0.0:
@@ -445,7 +503,7 @@ def _jam_slopes(
         x, y, away = _stand_off(q, v, k, 0, lc, ls, unity)
         x, y = x / away, y / away
         p[0, 0], p[1, 0], p[2, 0] = ls * y - lc * x, -ls * x - lc * y, -y
-        _responses(q, one, lines, unity, v, p, by, work)
+        _responses(q, lines, unity, v, p, by, work)
         by[k, 0, 0] += x
         by[k, 1, 0] += y
         by[k, 2, 0] -= np.float32(0.5)
