@@ -41,7 +41,7 @@ OF_TAIL = 0.02
 farther."""
 HELD = 3e-5
 """Part of the range of an objective by which a point may lie beyond its level."""
-GROUP = 12
+GROUP = 18
 """Points that are solved again side by side, and stored together for a run that resumes."""
 MAX_RESTORATION_STEP = 0.5
 """Fraction of a limit by which it is moved at most."""

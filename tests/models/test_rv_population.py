@@ -390,6 +390,23 @@ def test_contacts_that_touch_are_those_of_the_gaps() -> None:
     np.testing.assert_allclose(reached / ARCMIN, forward.min(axis=2) / ARCMIN, atol=1e-3)
 
 
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_first_of_few_contacts_is_that_of_each_alone(count: int) -> None:
+    """Contacts are taken by twos, an odd one twice: the first is the least of those of one contact each."""
+    whole = Lattice.of(GEOMETRY, turn_lattice(7, 39))
+    sample = BaseSample.draw(GEOMETRY, 300, np.random.default_rng(5))
+
+    def first(skipped: int, taken: int) -> Touch:
+        begin = whole.start + skipped
+        return touching(replace(whole, start=begin, stop=begin + taken), sample, DOCUMENT)[1]
+
+    together, alone = first(0, count), [first(at, 1) for at in range(count)]
+    np.testing.assert_array_equal(together.high, np.min([one.high for one in alone], axis=0))
+    np.testing.assert_array_equal(together.low, np.max([one.low for one in alone], axis=0))
+    nearest = np.argmin([one.high for one in alone], axis=0)
+    np.testing.assert_array_equal(together.ahead, np.choose(nearest, [one.ahead for one in alone]))
+
+
 def test_units_are_the_same_however_many_are_drawn_at_once() -> None:
     """A part of the sample gives the same units."""
     lattice = Lattice.of(GEOMETRY, turn_lattice(7, 39))

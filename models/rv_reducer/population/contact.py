@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -129,6 +129,14 @@ class Slopes:
     of_discs: Single
     of_pins: Single
     of_cranks: Single | None = None
+    by_unit: tuple[Single, Single] = field(init=False)
+    """`of_discs` and `of_pins` with all errors of a unit side by side in memory: slopes weigh a part of the units, and
+    would wait for memory else.
+    """
+
+    def __post_init__(self) -> None:
+        by_unit = _by_unit(self.of_discs, (2, 0, 1)), _by_unit(self.of_pins, (2, 1, 0))
+        object.__setattr__(self, "by_unit", by_unit)
 
     @classmethod
     def of(cls, geometry: ContactGeometry, sample: BaseSample) -> Slopes:
@@ -201,6 +209,11 @@ def _real_parts(value: Array | Complex) -> tuple[Array, ...]:
     return (whole.real, whole.imag) if np.iscomplexobj(value) else (whole.real,)
 
 
+def _by_unit(values: Single, order: tuple[int, ...]) -> Single:
+    """A copy of values with the same axes, which lie in memory in this `order`."""
+    return np.ascontiguousarray(values.transpose(order)).transpose(np.argsort(order))
+
+
 def _single_precision(value: Array | Single) -> Single:
     return np.ascontiguousarray(value, dtype=np.float32)
 
@@ -223,7 +236,7 @@ def pull_back(
         tuple(_single_precision(of_flank[rows]) for of_flank in weights),
         (touch.ahead[rows], touch.behind[rows]),
         (table.values, lattice.pin, teeth_of(lattice, slopes.of_pins), lattice.disc, lattice.directions[rows]),
-        (slopes.of_unit, slopes.of_discs, slopes.of_pins),
+        (slopes.of_unit, *slopes.by_unit),
         total,
     )
     total /= lattice.geometry.output_ratio

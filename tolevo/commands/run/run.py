@@ -336,6 +336,7 @@ def _run(
     if len(search_result.failed):
         listed = designs_frame(plan.problem, plan.problem.complete(search_result.failed))
         write_text(out / FAILED, csv_text(listed))
+    plan.problem.release()  # figures and tables need memory as well
     write(result, out)
     if plan.workbook:
         _write_workbook(plan, result, out)
