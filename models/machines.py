@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -102,13 +101,8 @@ class Machine:
         """The machine at other prices."""
         stated = self.inspection
         if stated is not None:
-            reworked = stated.rework and replace(stated.rework, price=rework)
-            stated = replace(stated, price=inspection, rework=reworked)
+            stated = replace(stated, price=inspection, rework=stated.rework and replace(stated.rework, price=rework))
         return replace(self, price=price, inspection=stated)
-
-    def weighted(self, terms: Iterable[tuple[float, Machine]]) -> Machine:
-        """The machine whose good parts cost the weighted sum of what they cost at the prices of others."""
-        return self.with_prices(*np.sum([weight * np.array(other.prices) for weight, other in terms], axis=0).tolist())
 
     @property
     def natural(self) -> float:

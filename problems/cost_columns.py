@@ -89,8 +89,7 @@ def read_cost_columns(top: Section, declared: Declaration) -> tuple[CostColumn, 
             section.fault("unit", f'must be a unit, such as "kg", got "{unit}"')
         if ("weights" in section) == ("curves" in section):
             section.fault("curves", "give either curves by part or variable, or weights of other columns")
-        read = partial(_read_curve, unit=_known_unit(unit))
-        by_machine = partial(_read_machines, unit=_known_unit(unit))
+        read, by_machine = (partial(one, unit=_known_unit(unit)) for one in (_read_curve, _read_machines))
         curves = by_variable(section.section("curves"), declared, read, by_machine)
         weights = _read_weights(section.section("weights"), [COST, *(str(n) for n in summed)])
         section.finish()
@@ -128,8 +127,7 @@ def labels_of(declared: Declaration, variable: str) -> tuple[str, ...]:
 
 def choice_of(variable: str) -> str:
     """The variable that would choose the process or machine of a tolerance."""
-    stem = next((variable.removesuffix(end) for end in ("_t", "_um", "_mrad") if variable.endswith(end)), variable)
-    return f"{stem}_process"
+    return re.sub("_(t|um|mrad)$", "", variable) + "_process"
 
 
 def by_variable(
@@ -154,10 +152,6 @@ def by_variable(
         labels = labels[: len(labels) - len(ways_of(offers))]
         if "" in labels or (variable in declared.machines and by_machine and not offers):
             continue  # whose processes or machines have faults of their own
-        if offers and not isinstance(table, dict):
-            example = ", ".join([*(f"{label} = ..." for label in labels), *(f"{o.machine.name} = ..." for o in offers)])
-            section.fault(key, f"is made by machines: state it for each of them, {{ {example} }}")
-            continue
         if not (offers or (labels and isinstance(table, dict) and set(table) & set(labels))):
             values = [read(section, key)]
         else:
@@ -202,20 +196,17 @@ def _read_machines(section: Section, offers: Sequence[Offer], unit: str) -> list
             price = section.number(name, unit, NOT_NEGATIVE)
             prices = None if price is None else (price, 0.0, 0.0)
         else:
-            section.fault(name, "is missing: state it for each machine, 0 where there is none")
-        ways = ways_of([offer])
-        curves += [None if prices is None else GoodPartsByLimit(way.machine.with_prices(*prices)) for way in ways]
+            section.fault(name, "is missing: state it for each machine, or 0")
+        made = [way.machine for way in offer.ways()]
+        curves += [None if prices is None else GoodPartsByLimit(one.with_prices(*prices)) for one in made]
     return curves
 
 
 def _read_prices(table: Section, offer: Offer, unit: str) -> tuple[float, float, float] | None:
-    """Of a piece, its inspection and a rework: `price`, or `per_hour` and the `time` of a piece; with `setup`, that of
-    a set-up, `inspection` and `rework`, each 0 where it is left out.
-    """
+    """Of a piece (`price`, or `per_hour` and `time`, with its share of `setup`), its inspection and a rework."""
     inspection = offer.machine.inspection
     known = {"setup": offer.setup, "inspection": inspection, "rework": inspection and inspection.rework}
-    keys = ("price", *known)
-    value = {key: table.number(key, unit, NOT_NEGATIVE) for key in keys}
+    value = {key: table.number(key, unit, NOT_NEGATIVE) for key in ("price", *known)}
     per_hour, time = table.number("per_hour", unit and f"{unit}/h", NOT_NEGATIVE), table.number("time", "h", POSITIVE)
     if ("price" in table) == ("per_hour" in table):
         table.fault("price", "give either price, that of a piece, or per_hour and the time of a piece")
@@ -251,9 +242,8 @@ def _curve_tables(problem: ToleranceProblem, name: str, curves: Curves) -> dict[
         return dict(_by_process(problem, {name: tables})[name])
     stated = dict(zip(labels_of(problem.declaration, name), tables, strict=False))
     for machine in machines:
-        price, inspection, rework = machine.prices
-        more = {"inspection": inspection, "rework": rework}
-        stated[machine.name] = {"price": price} | {key: value for key, value in more.items() if value}
+        prices = zip(("price", "inspection", "rework"), machine.prices, strict=True)
+        stated[machine.name] = {key: value for key, value in prices if value or key == "price"}
     return stated
 
 
@@ -473,9 +463,9 @@ def _curve_by_machine(
     known = curve.machine if isinstance(curve, GoodPartsBySpread | GoodPartsByLimit) else None
     if known != made.machine and curve != made.curve:
         return None
-    others = [(weight, other.machine) for weight, other in more if isinstance(other, GoodPartsByLimit)]
-    machine = made.machine.weighted([(of_cost, made.machine), *others])
-    return at_prices(curve, machine, way.low, way.high)
+    others = [weight * np.array(other.machine.prices) for weight, other in more if isinstance(other, GoodPartsByLimit)]
+    prices = np.sum([of_cost * np.array(made.machine.prices), *others], axis=0)
+    return at_prices(curve, made.machine.with_prices(*prices.tolist()), way.low, way.high)
 
 
 def _with_curves(

@@ -244,8 +244,8 @@ def _bounds_within_costs(
     """Bounds (n,) at limits (n, r) and at most `most` (n, k) of some costs; None where these have no form.
 
     Few choices of ways are bounded apart, where nothing but their convexity is needed for the best weights to leave
-    no gap; the least of their bounds is that of all. `priced` is the form of the cost without the others, and a choice
-    that by it alone is no cheaper than the `cost` (n,) of a point is done with there.
+    no gap; the least of their bounds is that of all, so that one is done with at the `cost` (n,) of a point. `priced`
+    is the form of the cost without the others.
     """
     plain = problem.form()
     if plain is None or not _Weighted(problem, plain, names).known:

@@ -217,7 +217,7 @@ def test_the_resolved_configuration_states_the_same_columns() -> None:
     ("curves", "place", "message"),
     [
         ({"shaft": {"lathe": 0.4}}, "shaft.grinder", "is missing"),
-        ({"shaft": 0.4}, "shaft", "made by machines"),
+        ({"shaft": 0.4}, "shaft", "must be a table"),
         ({"bore": {"honed": 0.4}}, "bore.reamer", "is missing"),
         ({"shaft": {"lathe": "2 s", "grinder": 1.0}}, "shaft.lathe", "unit of kg"),
         (
