@@ -24,7 +24,7 @@ LATHE = {"name": "lathe", "sigma": 4.0, "price": 2.0, "inspection": {"price": 0.
 GRINDER = {"name": "grinder", "sigma": 1.3, "price": 6.5}
 REAMER = {"name": "reamer", "sigma": 3.0, "price": 1.5, "inspection": {"price": 0.2, "scrap": False}}
 HONED = {"name": "honed", "t_min": 2.0, "t_max": 12.0, "cost": {"model": "reciprocal", "a": 1.0, "b": 9.0}}
-CO2 = {
+CO2: dict[str, Any] = {
     "name": "co2_kg",
     "unit": "kg",
     "curves": {
@@ -53,7 +53,7 @@ def changed(**tables: Any) -> dict[str, Any]:
 
 
 def with_curves(**curves: Any) -> list[Any]:
-    return [CO2 | {"curves": {**CO2["curves"], **curves}}]  # type: ignore[dict-item]
+    return [CO2 | {"curves": {**CO2["curves"], **curves}}]
 
 
 def good_parts(t: Any, sigma: float, u: float) -> tuple[Any, Any, Any]:
@@ -198,7 +198,7 @@ def test_the_order_of_parts_and_machines_changes_nothing() -> None:
     parts = [part | {"machine": part["machine"][::-1]} for part in STACK["part"][::-1]]
     limits, objectives = {"variation": 12.0}, {"minimise": ["total"]}
     tables = changed(part=parts, limits=limits, objectives=objectives)
-    tables["cost"][0]["curves"] = dict(reversed(CO2["curves"].items()))  # type: ignore[attr-defined]
+    tables["cost"][0]["curves"] = dict(reversed(CO2["curves"].items()))
     one, other = (tolevo.run(t).front.iloc[0] for t in (tables, changed(limits=limits, objectives=objectives)))
     for name in ("total", "cost", "co2_kg", "bound"):
         assert one[name] == pytest.approx(other[name], rel=1e-9)
@@ -278,10 +278,11 @@ def test_a_form_of_another_problem_has_the_column_of_its_machines() -> None:
     assert weighted is not None
     at = next(at for at, feature in enumerate(form.features) if feature.variable == "pin_radius_um")
     for own, both in zip(form.features[at].ways, weighted.features[at].ways, strict=True):
+        made: Any = own.curve
         spread = np.linspace(own.low, own.high, 5)
         passed = 1.0
         if own.choice == 0.0:
-            t = np.interp(spread, GoodPartsBySpread(own.curve.machine, 0.75, 6.0, 3.0)._table[1],  # type: ignore[attr-defined]
+            t = np.interp(spread, GoodPartsBySpread(made.machine, 0.75, 6.0, 3.0)._table[1],
                           np.linspace(0.75, 6.0, 2049))  # fmt: skip
             passed = ndtr(t / 1.5) - ndtr(-t / 1.5)
         more = 3.0 * (3.5 / passed if own.choice == 0.0 else 4.0)
