@@ -89,8 +89,8 @@ def read_cost_columns(top: Section, declared: Declaration) -> tuple[CostColumn, 
             section.fault("unit", f'must be a unit, such as "kg", got "{unit}"')
         if ("weights" in section) == ("curves" in section):
             section.fault("curves", "give either curves by part or variable, or weights of other columns")
-        read, known = partial(_read_curve, unit=_known_unit(unit)), partial(_read_machines, unit=_known_unit(unit))
-        curves = by_variable(section.section("curves"), declared, read, known)
+        read, made = partial(_read_curve, unit=_known_unit(unit)), partial(_read_machines, unit=_known_unit(unit))
+        curves = by_variable(section.section("curves"), declared, read, made)
         weights = _read_weights(section.section("weights"), [COST, *(str(n) for n in summed)])
         section.finish()
         if name is not None:
