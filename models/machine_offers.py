@@ -86,6 +86,11 @@ class Offer:
         return stated | {"t_min": self.low, "t_max": self.high, "inspection": inspection}
 
 
+def ways_of(offers: Iterable[Offer]) -> tuple[Way, ...]:
+    """Each machine, with and without inspection, in the order of the choice."""
+    return tuple(way for offer in offers for way in offer.ways())
+
+
 def samples_of(offers: Iterable[Offer]) -> tuple[tuple[str, PartSample], ...]:
     """Names of machines with their measured parts, where there are any."""
     return tuple((offer.machine.name, offer.sample) for offer in offers if offer.sample is not None)

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from ..section import Array
-from .costs import CostCurve, Table
+from .costs import CostCurve, Reciprocal, Table
 from .inputs import density
 
-__all__ = ["GoodPartsBySpread", "Machine", "convex_cost"]
+__all__ = ["ConvexHull", "GoodPartsByLimit", "GoodPartsBySpread", "Machine", "at_prices", "convex_cost"]
 
 # The parts of a machine: scatter, mean, yield and cost of the good ones.
 #
@@ -90,6 +90,19 @@ class Machine:
     price: float
     mean: float = 0.0
     inspection: Inspection | None = None
+
+    @property
+    def prices(self) -> tuple[float, float, float]:
+        """Price of a part, its inspection and a rework, 0 where there is none; costs are linear in them."""
+        rework = self.inspection and self.inspection.rework
+        return self.price, self.inspection.price if self.inspection else 0.0, rework.price if rework else 0.0
+
+    def with_prices(self, price: float, inspection: float = 0.0, rework: float = 0.0) -> Machine:
+        """The machine at other prices."""
+        stated = self.inspection
+        if stated is not None:
+            stated = replace(stated, price=inspection, rework=stated.rework and replace(stated.rework, price=rework))
+        return replace(self, price=price, inspection=stated)
 
     @property
     def natural(self) -> float:
@@ -217,6 +230,12 @@ class GoodPartsBySpread(CostCurve):
         """The x at which cost and limit are tabulated, rising."""
         return self._slopes[0]
 
+    def at_prices_of(self, machine: Machine) -> GoodPartsBySpread:
+        """The same at the prices of another; limits by x do not depend on these, so that both have them in common."""
+        other = replace(self, machine=machine)
+        vars(other).update({name: getattr(self, name) for name in ("_table", "_rising", "_inverse")})
+        return other
+
     @property
     def ends(self) -> tuple[float, float]:
         """Least and largest x."""
@@ -286,6 +305,13 @@ class GoodPartsBySpread(CostCurve):
         return x[self._rising], np.maximum.accumulate(slope[self._rising])
 
 
+@dataclass(frozen=True, slots=True)
+class ConvexHull(Table):
+    """A convex table that is nowhere above the cost of good parts `of` a machine."""
+
+    of: CostCurve
+
+
 def convex_cost(curve: CostCurve, x: Array) -> tuple[CostCurve, bool]:
     """A convex curve that is nowhere above the cost from x[0] to x[-1], and whether it equals it.
 
@@ -298,11 +324,21 @@ def convex_cost(curve: CostCurve, x: Array) -> tuple[CostCurve, bool]:
         return curve, True
     cost = np.minimum.accumulate(curve.cost(x))
     hull = _hull(x, cost)
-    table = Table(tuple(x[hull].tolist()), tuple(cost[hull].tolist()))
+    table = ConvexHull(tuple(x[hull].tolist()), tuple(cost[hull].tolist()), curve)
     fine = np.interp(np.linspace(0, len(x) - 1, SAMPLES_PER_INTERVAL * len(x)), np.arange(len(x)), x)
     above = max(0.0, float(np.max(table.cost(fine) - curve.cost(fine))))
     lower = tuple((np.array(table.cost_at) - above * (1.0 + 1e-6)).tolist())
     return replace(table, cost_at=lower), False
+
+
+def at_prices(curve: CostCurve, machine: Machine, low: float, high: float) -> CostCurve:
+    """The curve at the prices of another machine, or its hull as by `convex_cost`, from `low` to `high`."""
+    if machine.inspection is None:
+        return Reciprocal(machine.price, 0.0)
+    if isinstance(curve, GoodPartsBySpread):
+        priced = curve.at_prices_of(machine)
+        return convex_cost(priced, priced.tabulated)[0]
+    return convex_cost(GoodPartsByLimit(machine), np.linspace(low, high, KNOTS))[0]
 
 
 def _hull(x: Array, y: Array) -> list[int]:

@@ -177,6 +177,7 @@ class InConditions(ToleranceProblem):
     zone = _of_plain("zone")
     drawn = _of_plain("drawn")
     curves_of = _of_plain("curves_of")
+    ranges_of = _of_plain("ranges_of")
     samples = _of_plain("samples")
     title = _of_plain("title")
     tables = _of_plain("tables")

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -17,7 +18,11 @@ import numpy as np
 from ..errors import Fault, nearest
 from ..models.cost_reading import curve_table, read_curve, weighted_sum
 from ..models.costs import CostCurve, Reciprocal
-from ..section import Array, Output, Range, Section
+from ..models.machine_offers import Offer, ways_of
+from ..models.machine_offers import Way as MadeWay
+from ..models.machines import ConvexHull, GoodPartsByLimit, GoodPartsBySpread, at_prices
+from ..section import POSITIVE, Array, Output, Range, Section
+from ..units import family
 from .declaration import Declaration, Interval
 from .forms import Feature, Form, Way
 
@@ -30,7 +35,10 @@ _UNIT = re.compile(r"[^\s,;]{1,16}( [^\s,;]{1,16})?")
 NOT_NEGATIVE = Range(low=0.0)
 T = TypeVar("T")
 Curves = tuple[CostCurve, ...]
-"""The curve of each way of making a variable, in the order of its choice; a single one is for all ways."""
+"""The curve of each way of making a variable, in the order of its choice; a single one is for all ways. That of a
+way by machine is `GoodPartsByLimit` of the machine with the column in the place of its prices."""
+POINTS = 257
+"""Tolerances at which a curve is evaluated for its least and largest value: that of a machine need not fall."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +89,8 @@ def read_cost_columns(top: Section, declared: Declaration) -> tuple[CostColumn, 
             section.fault("unit", f'must be a unit, such as "kg", got "{unit}"')
         if ("weights" in section) == ("curves" in section):
             section.fault("curves", "give either curves by part or variable, or weights of other columns")
-        curves = by_variable(section.section("curves"), declared, _read_curve)
+        read, made = partial(_read_curve, unit=_known_unit(unit)), partial(_read_machines, unit=_known_unit(unit))
+        curves = by_variable(section.section("curves"), declared, read, made)
         weights = _read_weights(section.section("weights"), [COST, *(str(n) for n in summed)])
         section.finish()
         if name is not None:
@@ -117,14 +126,20 @@ def labels_of(declared: Declaration, variable: str) -> tuple[str, ...]:
 
 
 def choice_of(variable: str) -> str:
-    """The variable that would choose the process of a tolerance."""
-    return f"{variable.removesuffix('_t')}_process"
+    """The variable that would choose the process or machine of a tolerance."""
+    return re.sub("_(t|um|mrad)$", "", variable) + "_process"
 
 
 def by_variable(
-    section: Section, declared: Declaration, read: Callable[[Section, str], T | None]
+    section: Section,
+    declared: Declaration,
+    read: Callable[[Section, str], T | None],
+    by_machine: Callable[[Section, Sequence[Offer]], list[T | None]] | None = None,
 ) -> dict[str, tuple[T, ...]]:
-    """What a table says of each variable, or of each process of it in a table of its own."""
+    """What a table says of each variable, or of each process of it in a table of its own.
+
+    `by_machine` reads from such a table what it says of each way of using machines.
+    """
     known, found = priceable(declared), {}
     for key in section.all_keys():
         variable = known.get(key) or (key if key in known.values() else None)
@@ -133,7 +148,11 @@ def by_variable(
             section.fault(key, f"is no part or variable with a cost{nearest(key, known)}; one of {', '.join(known)}")
             continue
         labels, table = labels_of(declared, variable), section.take(key)
-        if not (labels and isinstance(table, dict) and set(table) & set(labels)):
+        offers = declared.machines.get(variable, ()) if by_machine else ()
+        labels = labels[: len(labels) - len(ways_of(offers))]
+        if "" in labels or (variable in declared.machines and by_machine and not offers):
+            continue  # whose processes or machines have faults of their own
+        if not (offers or (labels and isinstance(table, dict) and set(table) & set(labels))):
             values = [read(section, key)]
         else:
             inner = section.section(key)
@@ -141,6 +160,7 @@ def by_variable(
             for label in labels:
                 if label not in inner:
                     inner.fault(label, f"is missing: state it for each process of {key}")
+            values += by_machine(inner, offers) if by_machine else []
             inner.finish()
         if all(value is not None for value in values):
             found[variable] = tuple(value for value in values if value is not None)
@@ -148,12 +168,59 @@ def by_variable(
     return found
 
 
-def _read_curve(section: Section, key: str) -> CostCurve | None:
+def _known_unit(unit: str) -> str:
+    """The unit of a column as far as values can be converted to it: empty for that of a currency."""
+    try:
+        family(unit)
+    except ValueError:
+        return ""
+    return unit
+
+
+def _read_curve(section: Section, key: str, unit: str) -> CostCurve | None:
     """A curve, or a number: the same at every tolerance."""
     if isinstance(section.take(key), dict):
         return read_curve(section.section(key))
-    constant = section.number(key, within=NOT_NEGATIVE)
+    constant = section.number(key, unit, NOT_NEGATIVE)
     return None if constant is None else Reciprocal(constant, 0.0)
+
+
+def _read_machines(section: Section, offers: Sequence[Offer], unit: str) -> list[CostCurve | None]:
+    """The curve of each way of using machines: `lathe = 0.4` of a piece, or a table as `_read_prices` takes it."""
+    curves: list[CostCurve | None] = []
+    for offer in offers:
+        name, prices = offer.machine.name, None
+        if isinstance(section.take(name), dict):
+            prices = _read_prices(section.section(name), offer, unit)
+        elif name in section:
+            price = section.number(name, unit, NOT_NEGATIVE)
+            prices = None if price is None else (price, 0.0, 0.0)
+        else:
+            section.fault(name, "is missing: state it for each machine, or 0")
+        made = [way.machine for way in offer.ways()]
+        curves += [None if prices is None else GoodPartsByLimit(one.with_prices(*prices)) for one in made]
+    return curves
+
+
+def _read_prices(table: Section, offer: Offer, unit: str) -> tuple[float, float, float] | None:
+    """Of a piece (`price`, or `per_hour` and `time`, with its share of `setup`), its inspection and a rework."""
+    inspection = offer.machine.inspection
+    known = {"setup": offer.setup, "inspection": inspection, "rework": inspection and inspection.rework}
+    value = {key: table.number(key, unit, NOT_NEGATIVE) for key in ("price", *known)}
+    per_hour, time = table.number("per_hour", unit and f"{unit}/h", NOT_NEGATIVE), table.number("time", "h", POSITIVE)
+    if ("price" in table) == ("per_hour" in table):
+        table.fault("price", "give either price, that of a piece, or per_hour and the time of a piece")
+    elif ("per_hour" in table) != ("time" in table):
+        table.fault("time", 'is the time of a piece at a price per_hour: state both, such as time = "5 min"')
+    for key, stated in known.items():
+        if key in table and stated is None:
+            table.fault(key, f"is what the machine does not have: leave it out, or state {key} with the machine")
+    table.finish()
+    if any(key in table and number is None for key, number in value.items()):
+        return None
+    price = per_hour * time if per_hour is not None and time is not None else value["price"]
+    share = (value["setup"] or 0.0) / offer.setup.lot if offer.setup else 0.0
+    return None if price is None else (price + share, value["inspection"] or 0.0, value["rework"] or 0.0)
 
 
 def column_tables(problem: ToleranceProblem) -> dict[str, Any]:
@@ -161,10 +228,23 @@ def column_tables(problem: ToleranceProblem) -> dict[str, Any]:
     tables = []
     for column in problem.settings.cost_columns:
         table: dict[str, Any] = {"name": column.name} | ({"unit": column.unit} if column.unit else {})
-        curves = {name: [curve_table(curve) for curve in ways] for name, ways in column.curves.items()}
-        stated = {"weights": dict(column.weights)} if column.weights else {"curves": _by_process(problem, curves)}
+        curves = {name: _curve_tables(problem, name, ways) for name, ways in column.curves.items()}
+        stated = {"weights": dict(column.weights)} if column.weights else {"curves": curves}
         tables.append(table | stated)
     return {COST: tables} if tables else {}
+
+
+def _curve_tables(problem: ToleranceProblem, name: str, curves: Curves) -> dict[str, Any]:
+    """The curve of a variable, or the table of what is stated of each process and machine of it."""
+    machines = [curve.machine for curve in curves if isinstance(curve, GoodPartsByLimit)]
+    tables = [curve_table(curve) for curve in curves[: len(curves) - len(machines)]]
+    if not machines:
+        return dict(_by_process(problem, {name: tables})[name])
+    stated = dict(zip(labels_of(problem.declaration, name), tables, strict=False))
+    for machine in machines:
+        prices = zip(("price", "inspection", "rework"), machine.prices, strict=True)
+        stated[machine.name] = {key: value for key, value in prices if value or key == "price"}
+    return stated
 
 
 def _by_process(problem: ToleranceProblem, values: Mapping[str, Sequence[Any]]) -> dict[str, Any]:
@@ -251,9 +331,12 @@ def _by_variable(
     values = {}
     for name, curves in column.curves.items():
         t, ways = problem.column(designs, name), _ways_of(problem, designs, name, len(curves))
-        with np.errstate(divide="ignore"):
-            each = np.stack([curve.slope(t) if slope else curve.cost(t) for curve in curves])
-        values[name] = problem.pieces_of(name) * each[ways, np.arange(len(designs))]
+        values[name] = np.zeros(len(designs))
+        for at, curve in enumerate(curves):
+            rows = ways == at
+            with np.errstate(divide="ignore"):
+                each = curve.slope(t[rows]) if slope else curve.cost(t[rows])
+            values[name][rows] = problem.pieces_of(name) * each
     return values
 
 
@@ -297,21 +380,19 @@ def column_interval(problem: ToleranceProblem, name: str, cost: Interval) -> Int
     for column in problem.settings.cost_columns:
         ends[column.name] = np.zeros(2)
         for variable, curves in column.curves.items():
-            whole = [curve.cost(np.array([high, low])) for _, low, high, curve in _ends(problem, variable, curves)]
+            ways = _ends(problem, variable, curves)
+            whole = [curve.cost(np.linspace(low, high, POINTS)) for _, low, high, curve in ways]
             ends[column.name] += problem.pieces_of(variable) * np.array([np.min(whole), np.max(whole)])
     low, high = (ends | _with_sums(problem.settings.cost_columns, ends))[name].tolist()
     return low, high
 
 
 def column_faults(problem: ToleranceProblem) -> list[Fault]:
-    """Curves of variables that machines make, and curves that are not finite in the range of theirs."""
+    """Curves that are not finite in the range of their variable."""
     faults = []
     for at, column in enumerate(problem.settings.cost_columns):
         for name, curves in column.curves.items():
             place = f"cost[{at}].curves.{name.removesuffix('_t')}"
-            if problem.made_by_machines(name):
-                faults.append(Fault(place, "is made by machines, which have no further costs: leave it out"))
-                continue
             for _, low, high, curve in _ends(problem, name, curves):
                 with np.errstate(all="ignore"):
                     finite = np.isfinite(curve.cost(np.array([low, high])))
@@ -325,7 +406,8 @@ def column_notes(problem: ToleranceProblem) -> tuple[str, ...]:
     """Which variables have a cost but no curve of a column."""
     notes = []
     for column in problem.settings.cost_columns:
-        missing = [v.name for v in problem.variables if problem.curves_of(v.name) and v.name not in column.curves]
+        made, names = problem.declaration.machines, [v.name for v in problem.variables]
+        missing = [n for n in names if (n in made or problem.curves_of(n)) and n not in column.curves]
         if column.curves and missing:
             notes.append(f"{column.name} counts nothing for {', '.join(missing)}: no curve of it is stated")
     return tuple(notes)
@@ -352,14 +434,38 @@ def weighted_form(problem: ToleranceProblem, form: Form, weights: Mapping[str, f
         if more and not feature.variable:
             value = np.array([way.choice])
             more = [(weight, Reciprocal(float(curve.cost(value)[0]), 0.0)) for weight, curve in more]
-        elif more:
+        elif more and feature.count != problem.pieces_of(name):
+            return None
+        elif more and (made := _made_by(problem, name, at)) is not None:
+            return _curve_by_machine(made, way, of_cost, more)
+        elif more and name not in problem.declaration.machines:  # whose processes a form has as they are stated
             known = problem.curves_of(name)
             same = known[at][0] == way.curve if len(known) > at else way.curve == Reciprocal(0.0, 0.0)
-            if not same or way.curve.priced or feature.count != problem.pieces_of(name):
+            if not same or way.curve.priced:
                 return None
         return weighted_sum([(of_cost, way.curve), *more])
 
     return _with_curves(problem, form, curve_of, of_cost, terms)
+
+
+def _made_by(problem: ToleranceProblem, variable: str, at: int) -> MadeWay | None:
+    """The way of using a machine that a value of the choice stands for, None where it is no machine."""
+    ways = ways_of(problem.declaration.machines.get(variable, ()))
+    number = at + len(ways) - len(labels_of(problem.declaration, variable))
+    return ways[number] if ways and number >= 0 else None
+
+
+def _curve_by_machine(
+    made: MadeWay, way: Way, of_cost: float, more: Sequence[tuple[float, CostCurve]]
+) -> CostCurve | None:
+    """That of the machine with its weighted prices, of which the cost of a good part is a linear function."""
+    curve = way.curve.of if isinstance(way.curve, ConvexHull) else way.curve
+    known = curve.machine if isinstance(curve, GoodPartsBySpread | GoodPartsByLimit) else None
+    if known != made.machine and curve != made.curve:
+        return None
+    others = [weight * np.array(other.machine.prices) for weight, other in more if isinstance(other, GoodPartsByLimit)]
+    prices = np.sum([of_cost * np.array(made.machine.prices), *others], axis=0)
+    return at_prices(curve, made.machine.with_prices(*prices.tolist()), way.low, way.high)
 
 
 def _with_curves(
@@ -388,4 +494,5 @@ def _with_curves(
     whole = tuple(other for other in also if other is not None)
     if len(whole) < len(also):
         return None
-    return replace(form, features=tuple(features), base=base, also=whole)
+    exact = form.exact and not any(isinstance(way.curve, ConvexHull) for feature in features for way in feature.ways)
+    return replace(form, features=tuple(features), base=base, also=whole, exact=exact)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..models.costs import CostCurve
+from ..models.machine_offers import Offer
 from ..section import Array, Output, Parameter, Value, Variable
 from .settings import Bound, Settings
 
@@ -62,8 +63,8 @@ class Declaration:
     """Variables without a cost at some parameters, though there are curves for them."""
     priceable: frozenset[str] = frozenset()
     """Variables that have no cost unless a configuration states one."""
-    machined: tuple[str, ...] = ()
-    """Variables whose tolerances are made by the machines of a configuration."""
+    machines: Mapping[str, tuple[Offer, ...]] = field(default_factory=dict)
+    """By variable, the machines of a configuration that make its tolerance."""
     conditions: tuple[str, ...] = ()
     """Names of the conditions of `[[condition]]`: outputs there are `<condition>.<output>`."""
     unconditional: frozenset[str] = frozenset(["cost"])

@@ -21,6 +21,7 @@ from ..models.machine_offers import PLUG_IN, Offer, Owner, Way, departures_from_
 from ..models.machines import GoodPartsBySpread
 from ..section import Array, Assumption, Flags, Integers, Kind, Section, Variable
 from ..units import split_unit
+from .cost_columns import choice_of
 from .declaration import ConfiguredProblem, Declaration, Interval, Response, evaluations
 from .deviations import Draws
 from .promise import WithPromise
@@ -44,7 +45,7 @@ class MachinedTolerance:
     @property
     def choice(self) -> str:
         """Name of the variable that chooses a way."""
-        return f"{self.name.removesuffix('_um').removesuffix('_mrad')}_process"
+        return choice_of(self.name)
 
     @cached_property
     def ways(self) -> tuple[Way, ...]:
@@ -137,13 +138,13 @@ def _choice(tolerance: MachinedTolerance) -> Variable:
 def _declare_machines(
     declaration: Declaration, machines: Mapping[str, tuple[Offer, ...]], stated: Sequence[str]
 ) -> Declaration:
-    """With the choices of machines; variables that are made by machines have no cost curve."""
+    """With the choices of machines; variables that are made by machines, faulty or not, have no cost curve."""
     by_problem = declaration.unpriced
     return replace(
         declaration,
         variables=add_machine_choices(declaration.variables, machines),
         unpriced=lambda parameters: by_problem(parameters) | set(stated),
-        machined=tuple(stated),
+        machines=dict.fromkeys(stated, ()) | dict(machines),
     )
 
 
@@ -161,7 +162,7 @@ class Machined(ToleranceProblem):
         self.machined_tolerances = {name: MachinedTolerance(name, offers) for name, offers in given.machines.items()}
         if self.machined_tolerances:
             variables = add_machine_choices(self.declaration.variables, given.machines)
-            self.declaration = replace(self.declaration, variables=variables)
+            self.declaration = replace(self.declaration, variables=variables, machines=given.machines)
         super().__init__(settings)
 
     @classmethod
@@ -311,6 +312,10 @@ class Machined(ToleranceProblem):
             for name, slope in slopes.items():
                 slope[:, at] = rise * slope[:, at] + moved * by_mean[name].get(tolerance.name, 0.0)
         return slopes
+
+    def ranges_of(self, name: str) -> tuple[Interval, ...]:
+        tolerance = self.machined_tolerances.get(name)
+        return super().ranges_of(name) if tolerance is None else tuple((way.low, way.high) for way in tolerance.ways)
 
     def room(self, name: str, design: Array) -> Interval:
         low, high = super().room(name, design)

@@ -425,10 +425,6 @@ class ToleranceProblem(Problem):
         ends = (setting.low, setting.high) if setting.value is None else (setting.value, setting.value)
         return ((float(ends[0] or 0.0), float(ends[1] or 0.0)),)
 
-    def made_by_machines(self, name: str) -> bool:
-        """Whether machines make the part of a tolerance."""
-        return name in self.settings.machines
-
     def priced_form(self) -> Form | None:
         """The convex form of the column that bounds are proven of."""
         form = self.form()

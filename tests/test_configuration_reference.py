@@ -54,6 +54,8 @@ def test_every_key_stands_on_the_page_with_its_type() -> None:
         ("limits.gap.variation.max", "limits.NAME.max"),
         ("joint[4].alpha_mrad.cost.a", "costs.NAME.a"),
         ("costs.assumed", "costs.assumed"),
+        ("cost[0].curves.b.a", "costs.NAME.a"),
+        ("cost[1].curves.b.lathe.setup", "cost[].curves.NAME.MACHINE.setup"),
     ],
 )
 def test_places_by_what_they_are(place: str, path: str) -> None:

@@ -74,7 +74,8 @@ PLAIN = frozenset({"costs.assumed", "costs.scale_assumed", "rounding.steps"})
 """Keys that stand beside such names."""
 SHARED = (
     (r"^(?:part\[\](?:\.process\[\])?|feature\[\]|joint\[\]\.ERROR)\.cost(?=\.|$)", f"costs.{NAME}"),
-    (r"^cost\[\]\.curves\.\w+(?=\.)", f"costs.{NAME}"),
+    (r"^(cost\[\]\.curves\.\w+)\.(?!(?:model|cost_at|[abckmt])$)\w+", r"\1.MACHINE"),
+    (r"^cost\[\]\.curves\.\w+(?=\.(?!MACHINE))", f"costs.{NAME}"),
     (r"^joint\[\]\.\w+_(?:mrad|um)(?=\.|$)", "joint[].ERROR"),
     (r"^joint\[\]\.ERROR\.cost(?=\.|$)", f"costs.{NAME}"),
     (r"^(?:part\[\]|variables\.NAME)\.(?=machine\[\]|machine$)", ""),

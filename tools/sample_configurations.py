@@ -24,6 +24,7 @@ MACHINES = [
                     "rework": {"price": 0.8, "success": 0.9, "side": "upper"}}},
     {"name": "mill", "measured": MEASURED, "price": 3.0},
 ]  # fmt: skip
+PRICES_OF_LATHE = {"per_hour": 3.0, "time": 0.1, "price": 0.3, "setup": 9.0, "inspection": 0.1, "rework": 0.1}
 PART = {"nominal": 10.0, "unit": "mm", "sensitivity": {"gap": 1.0, "tilt": 0.1}}
 PARTS = [
     {**PART, "name": "a", "t_min": 0.01, "t_max": 0.1, "cost": COST, "count": 2, "drawing": "1",
@@ -105,13 +106,14 @@ ONE = {
     "problem": "stack",
     "requirement": {"name": "gap", "unit": "mm", "formula": "u + rest", "lower": 0.0, "upper": 30.0},
     "let": [{"name": "rest", "formula": "b"}],
-    "cost": [{"name": "co2_kg", "unit": "kg", "curves": {"a": COST}}, {"name": "all", "weights": {"cost": 1.0}}],
+    "cost": [{"name": "co2_kg", "unit": "kg", "curves": {"a": COST, "c": {"lathe": PRICES_OF_LATHE, "mill": 1.0}}},
+             {"name": "all", "weights": {"cost": 1.0}}],
     "robust": {"factor": 1.5, "factors": {"a": 1.2}},
     "loop": [{"name": "triangle", "unknown": {"u": 14.0, "phi": "-45 deg"},
               "link": [{"length": "a", "angle": "45 deg"}, {"length": "b", "angle": "phi"},
                        {"length": "u", "direction": [-1, 0]}]}],
-    "part": [{"name": name, "nominal": 10.0, "t_min": 0.01, "t_max": 0.1, "cost": COST}
-             for name in "ab"],
+    "part": [*({"name": name, "nominal": 10.0, "t_min": 0.01, "t_max": 0.1, "cost": COST} for name in "ab"),
+             {"name": "c", "nominal": 10.0, "machine": MACHINES}],
 }  # fmt: skip
 JOINT = {
     "d_mm": 100.0, "a_mm": 100.0, "alpha_deg": 90.0, "offset_deg": 0.0, "mass_kg": 5.0,

@@ -199,7 +199,7 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
     statement, omitted = form.statement, form.relaxed
     if held := problem.held_costs:
         most = np.array([_most_of(problem, values, name, points) for name in held]).T
-        higher = _bounds_within_costs(problem, form, limits, held, most)
+        higher = _bounds_within_costs(problem, form, limits, held, most, cost)
         if higher is None:
             omitted, statement = (*omitted, *held), f"{statement}; {', '.join(held)} left out"
         else:
@@ -220,7 +220,7 @@ WEIGHTINGS = 40
 WEIGHTED_GAP = 1e-8
 """Relative gap between a bound and what better weights could add, at which a search ends."""
 APART = 16
-"""Choices of ways that are bounded apart at most."""
+"""Choices of ways that are bounded apart at most, where all points of a front are searched; more of fewer points."""
 LARGEST_WEIGHT, LARGER = 4.0, 30.0
 """Weights at most at first, in units of the ratio of the ranges of both costs, and how much larger they may be next."""
 
@@ -232,19 +232,20 @@ def _most_of(problem: ToleranceProblem, values: Mapping[str, Array], name: str, 
     return np.asarray(np.minimum(own + LOOSER * np.abs(own), limit))
 
 
-def apart(form: Form) -> list[Form]:
+def apart(form: Form, most: int = APART) -> list[Form]:
     """The form in each choice of ways by itself, where these are few: weighted costs leave gaps between choices."""
-    few = 1 < form.combinations <= APART and not form.also
+    few = 1 < form.combinations <= most and not form.also
     return [form.made_in(choice) for choice in form.choices()] if few else [form]
 
 
 def _bounds_within_costs(
-    problem: ToleranceProblem, priced: Form, limits: Array, names: tuple[str, ...], most: Array
+    problem: ToleranceProblem, priced: Form, limits: Array, names: tuple[str, ...], most: Array, cost: Array
 ) -> Array | None:
     """Bounds (n,) at limits (n, r) and at most `most` (n, k) of some costs; None where these have no form.
 
     Few choices of ways are bounded apart, where nothing but their convexity is needed for the best weights to leave
-    no gap; the least of their bounds is that of all. `priced` is the form of the cost without the others.
+    no gap; the least of their bounds is that of all, so that one is done with at the `cost` (n,) of a point. `priced`
+    is the form of the cost without the others.
     """
     plain = problem.form()
     if plain is None or not _Weighted(problem, plain, names).known:
@@ -253,13 +254,13 @@ def _bounds_within_costs(
     few = SOLVED_QUANTILES if plain.quantiles else SOLVED_WITHIN
     solved = np.unique(order[np.linspace(0, len(order) - 1, few).astype(int)])
     place, step = np.argsort(order), max(1, len(order) // few)
-    bounds = []
-    for form, alone in zip(apart(plain), apart(priced), strict=True):
+    bounds, choices = [], APART * SOLVED_WITHIN // len(solved)
+    for form, alone in zip(apart(plain, choices), apart(priced, choices), strict=True):
         weighted, bound = _Weighted(problem, form, names), _least_bound(alone, limits)
         best = bound.copy()
         for at in solved:
-            near = np.flatnonzero((np.abs(place - place[at]) <= step) & np.isfinite(best))
-            for weights in weighted.best_weights(limits[at], most[at], bound[at]):
+            near = np.flatnonzero((np.abs(place - place[at]) <= step) & (best < cost))
+            for weights in weighted.best_weights(limits[at], most[at], bound[at]) if len(near) else ():
                 best[near] = np.maximum(best[near], weighted.bounds(weights, limits[near], most[near]))
         bounds.append(best)
     return np.asarray(np.min(bounds, axis=0))

@@ -325,7 +325,7 @@ def out_of_process(part: Part, t: Array, chosen: Integers) -> dict[int, str]:
     return {
         row: f"process {process.name} holds {process.low:g} to {process.high:g} {part.unit}, got {t[row]:g}"
         for row, process in enumerate(processes)
-        if not process.low <= t[row] <= process.high
+        if not process.low * (1.0 - ROUNDING) <= t[row] <= process.high * (1.0 + ROUNDING)  # 3 sigma, written out
     }
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from ...models.capability import Knowledge, PartSample
 from ...models.costs import CostCurve
 from ...models.inputs import Distribution, Normal
-from ...models.machine_offers import Offer
+from ...models.machine_offers import Offer, ways_of
 from ...models.machines import GoodPartsBySpread, Machine
 from ...models.stack.mechanism import AsMade, Mechanism, Tolerances
 from ...section import Array, Integers
@@ -284,9 +284,7 @@ class Definition:
 
 def processes_of(offers: Sequence[Offer]) -> tuple[Process, ...]:
     """Each machine, with and without inspection, as a process."""
-    return tuple(
-        Process(way.low, way.high, way.curve, way.label, way.machine) for offer in offers for way in offer.ways()
-    )
+    return tuple(Process(way.low, way.high, way.curve, way.label, way.machine) for way in ways_of(offers))
 
 
 def scale_of(part: Part) -> float:

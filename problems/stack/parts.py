@@ -31,7 +31,7 @@ from ...models.iso286 import (
     pair_of_text,
     zone,
 )
-from ...models.machine_offers import Offer, Owner, read_offers
+from ...models.machine_offers import Offer, Owner, read_offers, ways_of
 from ...section import POSITIVE, Range, Section, is_forced, shown
 from ...units import family, fits
 from .definition import Part, Process, Requirement, natural_limit, processes_of
@@ -414,7 +414,7 @@ def _alternatives(section: Section, unit: str, nominal: float | None) -> Toleran
     offers = read_offers(section, Owner(unit, (ends[0], ends[1]), nominal))
     if processes is None or offers is None:
         return None
-    labels = {way.label for offer in offers for way in offer.ways()}
+    labels = {way.label for way in ways_of(offers)}
     both = labels & {process.name for process in processes}
     for name in sorted(both):
         section.fault("machine", f'"{name}" is the name of a process and of a machine')
@@ -496,9 +496,8 @@ def read_parts(top: Section, requirements: Sequence[Requirement], faults: list[F
 def placeholder_part(table: Mapping[str, Any], at: int) -> Part:
     """A part with the names of a faulty one, so that the other tables can be checked; of any tolerance."""
     name, processes = table.get("name"), (Process(0.0, np.inf),) * 2
-    return Part(
-        name if isinstance(name, str) else f"part_{at}", "", processes, Normal(), alternatives="process" in table
-    )
+    chosen = "process" in table or "machine" in table
+    return Part(name if isinstance(name, str) else f"part_{at}", "", processes, Normal(), alternatives=chosen)
 
 
 def _too_many(parts: Sequence[Part]) -> list[Fault]:

@@ -27,7 +27,7 @@ from ...models.stack.mechanism import (
     percent_of,
     yield_percent,
 )
-from ...section import Array, Assumption, Integers, Output, Section, Variable
+from ...section import Array, Assumption, Integers, Output, Section
 from ...units import family, unit_hint
 from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..forms import Form
@@ -294,7 +294,7 @@ class Stack(ToleranceProblem):
         self.definition = definition
         self.measured: tuple[Measured, ...] = measured(definition)
         self.declaration = _declare_stack(
-            variables_of(definition.parts),
+            definition.parts,
             outputs_of(
                 definition.requirements, definition.parts, self.measured, definition.promise, definition.sortings
             ),
@@ -329,7 +329,7 @@ class Stack(ToleranceProblem):
 
             every = outputs_of(requirements_at(conditions, requirements), known, mechanisms, promise, sortings)
             outputs = limitable(every, outputs, [condition.name for condition in conditions], top)
-        declaration = _declare_stack(variables_of(known), outputs)
+        declaration = _declare_stack(known, outputs)
         declaration = replace(declaration, conditions=tuple(condition.name for condition in conditions))
         return ConfiguredProblem(declaration, cls, {"definition": definition})
 
@@ -460,10 +460,6 @@ class Stack(ToleranceProblem):
     def ranges_of(self, name: str) -> tuple[Interval, ...]:
         part = self._part_of(name)
         return super().ranges_of(name) if part is None else tuple((p.low, p.high) for p in part.processes)
-
-    def made_by_machines(self, name: str) -> bool:
-        part = self._part_of(name)
-        return part is not None and part.by_machine
 
     def cost_of(self, designs: Array) -> Array:
         """Sum over parts of count times the cost of the chosen process, and the price of sorting (n,)."""
@@ -663,7 +659,10 @@ class Stack(ToleranceProblem):
         return warnings_of(self)
 
 
-def _declare_stack(variables: tuple[Variable, ...], outputs: tuple[Output, ...]) -> Declaration:
+def _declare_stack(parts: Sequence[Part], outputs: tuple[Output, ...]) -> Declaration:
     """Its objectives are those that it has: requirements in different units have no variation together."""
     own = tuple(name for name in OBJECTIVES if any(output.name == name for output in outputs))
-    return Declaration(variables, outputs, objectives=own, algorithm="exact", tables=("condition",))
+    machines = {f"{part.name}_t": part.machines for part in parts if part.machines}
+    return Declaration(
+        variables_of(parts), outputs, objectives=own, algorithm="exact", machines=machines, tables=("condition",)
+    )

@@ -425,7 +425,8 @@ def _variables(section: Section, declared: Declaration, parameters: dict[str, Va
     settings = {}
     for v in declared.variables:
         table = section.section(v.name)
-        table.accept(("machine",) if v.name in declared.machined else ())
+        # a part of a stack, for which no curve is declared, has its machines in a table of its own
+        table.accept(("machine",) if v.name in declared.machines and v.name in declared.costs else ())
         if (setting := read_variable(table, v, parameters)) is not None:
             settings[v.name] = setting
     section.finish()
