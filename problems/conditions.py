@@ -8,6 +8,7 @@ changes, as the cost, keep their names.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -294,6 +295,11 @@ class InConditions(ToleranceProblem):
     @cached_property
     def _finer(self) -> ToleranceProblem:
         return self._like(self.plain.finer(), self.plain)
+
+    def on_fresh_units(self) -> ToleranceProblem:
+        fresh = copy.copy(self)
+        fresh.alone = tuple(problem.on_fresh_units() for problem in self.alone)
+        return fresh
 
     def relaxed(self, limits: Mapping[str, Bound]) -> ToleranceProblem:
         same = self._like(self.plain.relaxed({}), self.plain)

@@ -468,6 +468,10 @@ class ToleranceProblem(Problem):
         """The same problem on a larger sample, on which the points of a search are solved again."""
         return self
 
+    def on_fresh_units(self) -> ToleranceProblem:
+        """The same problem whose searches see the units that reported points are tested on, itself without such."""
+        return self
+
     def smooth(self) -> ToleranceProblem:
         """The same problem whose values in a search are smooth, for searches by gradients."""
         return self

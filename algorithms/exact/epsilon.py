@@ -21,6 +21,7 @@ from ...section import Array, Flags
 from ..archive import nondominated
 from ..run import BudgetSpent, Run, recalled_results
 from ..settings import Budget
+from .descent import cheapest_descent
 from .local import NEARLY, Branch, joint_front, joint_front_points
 
 # The end of a search on a sample: its points are tested on fresh units, and solved again.
@@ -39,6 +40,9 @@ few rounds suffice."""
 OF_TAIL = 0.02
 """Fraction of the distance from a lower limit on a percentage to 100, by which it is moved
 farther."""
+SAME, CHEAPER = 1e-9, 3e-3
+"""Difference between two samples that is none, and the fraction by which the end of a search is cheaper than that of
+descents on fresh units, to be taken instead: it may hang on a last digit, which theirs does not."""
 HELD = 3e-5
 """Part of the range of an objective by which a point may lie beyond its level."""
 GROUP = 18
@@ -119,7 +123,9 @@ def feasible_afresh(run: Run, branch: Branch, y: Array, level: Array, search: bo
     With `search` it is solved again on the larger sample of the problem, with the other objectives at
     most at their `level` (m,), and these and every limit moved by the difference between fresh units and
     that sample, until little room is left. The best point accepted on fresh units is taken; where none holds
-    its level, the last one, moved inside its limits, if that is nearer.
+    its level, the last one, moved inside its limits, if that is nearer. A single objective is minimised on the
+    fresh units themselves where no point is accepted, or where SLSQP did not reach the limits that were moved: it
+    ended on a kink of the sample.
     """
 
     def above(fresh: Array) -> float:
@@ -127,7 +133,7 @@ def feasible_afresh(run: Run, branch: Branch, y: Array, level: Array, search: bo
         return float(np.delete((fresh - level) / branch.unit, objective).max(initial=0.0))
 
     accepted: list[tuple[float, float, Array]] = []
-    displacement, moved, target = _limit_displacement(run), np.zeros(0), level
+    displacement, moved, target, stuck = _limit_displacement(run), np.zeros(0), level, False
     if search and (finer := run.problem.finer()) is not run.problem:
         branch = branch.on(finer)
     rounds = ALONE if run.problem.n_obj == 1 else ROUNDS
@@ -142,11 +148,18 @@ def feasible_afresh(run: Run, branch: Branch, y: Array, level: Array, search: bo
         used_up = np.all(excess <= 0.0) and np.all(excess[binding] >= -2.0 * displacement[binding])
         if not left or (len(moved) and used_up and over <= HELD):
             break
-        moved = np.where(excess != violation, excess - violation + displacement, 0.0)
-        target = level - np.where(fresh != values, fresh - values + MARGIN * np.abs(values), 0.0)
+        moved = np.where(np.abs(excess - violation) > SAME, excess - violation + displacement, 0.0)
+        differs = np.abs(fresh - values) > SAME * np.abs(values)
+        target = level - np.where(differs, fresh - values + MARGIN * np.abs(values), 0.0)
         target[objective] = np.inf
         y = branch.solved(objective, branch.restored(y, moved, MAX_RESTORATION_STEP), target, moved)
+        stuck = stuck or bool(np.any(branch.smooth.values(y)[1] + moved > NEARLY))
     accepted.sort(key=lambda point: point[:2])
+    if search and run.problem.n_obj == 1 and (stuck or not accepted):
+        x = cheapest_descent(run.problem, integer_moves(run.problem, branch.smooth.x), branch.unit)
+        if x is not None:
+            least = run.problem.tested(x)[0].item()
+            return x if not accepted or least <= (1.0 + CHEAPER) * accepted[0][1] else accepted[0][2]
     if accepted and not (search and accepted[0][0]):
         return accepted[0][2]
     x = _push_inside_limits(run, branch, y)  # the last one, where none holds its level

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -433,6 +434,9 @@ class RvReducer(PromisingUnits, Machined):
     machinable = frozenset(TERMS)
     _drawn_again = frozenset(("_searched", "_reported", "_recent", "_verdicts", "_mixed", "_promised_units", "_finer"))
 
+    _fresh_alone = False
+    """Whether searches see the units that reported points are tested on."""
+
     def __init__(self, settings: Settings | None = None) -> None:
         self.declaration = with_thickness(type(self).declaration, settings.variables if settings else ())
         self.declaration = with_sorting(self.declaration, settings.parameters if settings else ())
@@ -517,6 +521,8 @@ class RvReducer(PromisingUnits, Machined):
 
     @cached_property
     def _searched(self) -> Populations:
+        if self._fresh_alone:
+            return self._reported
         positions = self.count("search_positions") or self.count("positions")
         return self._drawn(positions, self._search_units, SEARCH)
 
@@ -745,6 +751,11 @@ class RvReducer(PromisingUnits, Machined):
             return self
         large = {"search_units": max(units, self._search_units), "search_positions": 0}
         return type(self)(replace(self.given, parameters=dict(self.given.parameters) | large))
+
+    def on_fresh_units(self) -> RvReducer:
+        fresh = copy.copy(self)
+        fresh._fresh_alone = True
+        return fresh
 
     def interval(self, output: str) -> Interval:
         """Proven bounds: no unit has less backlash than its involute stage."""

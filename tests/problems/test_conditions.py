@@ -131,6 +131,17 @@ def test_other_accuracies_keep_the_conditions() -> None:
     assert problem.finer().settings.parameters["search_units"] == SMALL["report_units"]
 
 
+def test_searches_on_fresh_units_see_what_is_reported_in_all_conditions() -> None:
+    problem = problem_of(TWO)
+    x = designs(problem)[:, [problem.names.index(v.name) for v in problem.free]]
+    before, fresh = problem.searched(x), problem.on_fresh_units()
+    for seen, reported in zip(fresh.searched(x), problem.tested(x), strict=True):
+        np.testing.assert_array_equal(seen, reported)
+    for again, once in zip(problem.searched(x), before, strict=True):
+        np.testing.assert_array_equal(again, once)
+    assert np.any(before[1] != problem.tested(x)[1])
+
+
 def tolevo_bound(high: float) -> Any:
     from tolevo.problems.settings import Bound
 
