@@ -417,7 +417,9 @@ cost = { model = "reciprocal", a = 1, b = 1 }
 """,
         encoding="utf-8",
     )
-    (warning,) = (text for text in read(tmp_path / "c.toml").problem.warnings() if "misleads" in text)
+    problem = read(tmp_path / "c.toml").problem
+    assert problem is not None
+    (warning,) = (text for text in problem.warnings() if "misleads" in text)
     assert warning.startswith(
         "the normal distribution misleads at the loosest tolerances: outside 25000.0000 +- 0.2449 mm"
     )
