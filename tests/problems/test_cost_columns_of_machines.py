@@ -280,7 +280,7 @@ def test_a_form_of_another_problem_has_the_column_of_its_machines() -> None:
     for own, both in zip(form.features[at].ways, weighted.features[at].ways, strict=True):
         made: Any = own.curve
         spread = np.linspace(own.low, own.high, 5)
-        passed = 1.0
+        passed: Any = 1.0
         if own.choice == 0.0:
             t = np.interp(spread, GoodPartsBySpread(made.machine, 0.75, 6.0, 3.0)._table[1],
                           np.linspace(0.75, 6.0, 2049))  # fmt: skip
