@@ -82,7 +82,12 @@ class Delay(Effect):
 
     def shown(self, measured: Mapping[str, Array], target: Target) -> dict[str, float] | None:
         numbers = dict(zip((o.name for o in target.outputs), self.own_parameters(target), strict=True))
-        rough = [name for name in numbers if not _is_continuous(measured[name])]
+        driven = {Role.SPEED, Role.DIRECTION} <= target.roles()  # which tell where the channel may jump
+        rough = [
+            name
+            for name in numbers
+            if not _is_continuous(measured[name]) or (not driven and _moves_in_jumps(measured[name]))
+        ]
         if target.pace <= 0.0 or len(rough) == len(numbers):
             return None
         return {numbers[name].name: 0.0 for name in rough}
@@ -148,6 +153,18 @@ def _stretches(time: Array) -> list[slice]:
     ends = np.flatnonzero((steps <= 0.0) | (steps > BREAK * usual_step(time, inf))) + 1
     edges = [0, *ends.tolist(), len(time)]
     return [slice(a, b) for a, b in pairwise(edges)]
+
+
+FEW_STEPS = 20
+"""Part of the steps of a channel, as a divisor, that are few."""
+
+
+def _moves_in_jumps(values: Array) -> bool:
+    """Whether most of the squared movement of a channel (n,) is in few steps: what follows a jump within a row
+    is a delay as well as a fast memory.
+    """
+    squares = np.sort(np.diff(values) ** 2)
+    return float(squares[-max(len(squares) // FEW_STEPS, 1) :].sum()) > 0.5 * float(squares.sum())
 
 
 def _is_continuous(values: Array) -> bool:

@@ -19,7 +19,7 @@ from tolevo.commands.gap.noise import Noise
 from tolevo.commands.gap.plan import GapSettings
 from tolevo.commands.gap.scan import Dictionary, Remaining, Thresholds
 from tolevo.commands.gap.selection import Search
-from tolevo.models.effects import EffectParameter
+from tolevo.models.effects import Effect, EffectParameter
 from tolevo.models.effects.measurements import measurements_of, target_from
 from tolevo.models.effects.unresolved import Unresolved
 from tolevo.models.measurable import Column, Role
@@ -54,6 +54,9 @@ class Given:
         own = self.columns[candidate.name]
         found = own(*shape.values()) if callable(own) else own
         return np.asarray(found, dtype=float).reshape(N, -1)
+
+    def kinds_of_rows(self, effect: Effect) -> None:
+        """All rows are of one kind."""
 
 
 def toy(

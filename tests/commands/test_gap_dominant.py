@@ -11,12 +11,14 @@ import pytest
 import tolevo
 from tests.commands.gap_toy import N, directions, member, toy
 from tolevo.commands.gap import gap
+from tolevo.commands.gap.analysis import analysed as analysed_rows
 from tolevo.commands.gap.blocks import coarsest_split
 from tolevo.commands.gap.configuration import read_gap
 from tolevo.commands.gap.generic import generic
 from tolevo.commands.gap.library import candidates
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.records import GapResult
+from tolevo.commands.gap.setup import prepare_setup
 
 ROLES = {
     "v": '{ role = "speed", unit = "m/s" }', "d": '{ role = "direction" }', "t": '{ role = "time", unit = "s" }',
@@ -130,6 +132,28 @@ def test_an_effect_whose_size_is_no_coefficient_may_cancel_too(there: float, can
     search = toy([member("late", linear=0, shape={"delay": 1.0})], {"late": 10.0 * a}, there * a)
     fit = search.fitter.fit(search.dictionary.members)
     assert bool(search.fitter.cancelling(fit, search.thresholds.library)) == cancels
+    assert bool(search.cancelling(fit, True)) == cancels
+    assert not search.cancelling(fit)  # a set on the way, beside which its size is not yet the best
+
+
+def test_errors_elsewhere_hold_a_curve_at_the_ends_of_the_other_rows(tmp_path: Path) -> None:
+    """As `simulate` does: a friction that rises with the oil as no effect does, in sessions of one temperature each."""
+    session = np.repeat([1, 2, 3, 4, 5], 60)
+    oil = 15.0 + 10.0 * session + np.random.default_rng(7).uniform(-5.0, 5.0, 300)
+    drag = 0.4 * np.abs((oil - 42.0) / 10.0) ** 1.5 + np.random.default_rng(8).normal(0.0, 0.05, 300)
+    table = pd.DataFrame({"oil": oil, "M": drag, "M_sim": np.zeros(300), "session": session})
+    plan = read_gap((paths := files(tmp_path, table))[0])
+    analysis = analysed_rows(prepare_setup(plan, read_data(plan, paths[1])))
+    assert analysis.fit.terms and not analysis.fit.effects
+    tested, split = analysis.search.elsewhere.tested(analysis.fit), analysis.search.split
+    assert split is not None and split.by == "session"
+    for part in range(5):
+        rows, others = split.labels == part, split.labels != part
+        beyond = rows & ((oil > oil[others].max()) | (oil < oil[others].min()))
+        np.testing.assert_array_equal(tested.held_at_ends[rows & ~beyond], tested.fitted[rows & ~beyond])
+        if part in (0, 4):
+            assert beyond.sum() > 40
+            assert np.ptp(tested.held_at_ends[beyond]) < 1e-9 < 0.1 < np.ptp(tested.fitted[beyond])
 
 
 def test_a_gap_within_a_stated_floor_is_none(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 from tolevo import registry
 from tolevo.models.effects.effect import Effect, Target
+from tolevo.models.effects.instrument import Delay
 from tolevo.models.effects.measurements import measurements_of, target_from
 from tolevo.models.effects.unresolved import Term
 from tolevo.models.measurable import Column, Role
@@ -222,3 +223,15 @@ def test_plays_keep_the_order_of_time_and_begin_each_session_at_rest() -> None:
     np.testing.assert_array_equal(apart[:half], whole[:half])
     second = {name: values[half:] for name, values in table.items()}
     np.testing.assert_allclose(apart[half:], term.columns(measurements_of(columns, second)))
+
+
+@pytest.mark.parametrize(("driven", "shown"), [(False, False), (True, True)])
+def test_a_channel_that_moves_in_jumps_shows_no_delay(driven: bool, shown: bool) -> None:
+    """What comes a part of a row late after a jump may be a memory; with a direction it is known where it may jump."""
+    roles = [Role.TIME, *([Role.SPEED, Role.DIRECTION] if driven else [])]
+    columns = tuple(Column(str(role), "", "", role=role) for role in roles)
+    target = Target("table", (Output("y", "N", ""),), columns, pace=1.0)
+    jumps = np.repeat(np.random.default_rng(1).uniform(-1.0, 1.0, 12), 50)
+    assert (Delay().shown({"y": jumps}, target) is not None) == shown
+    wave = np.sin(np.linspace(0.0, 20.0, 600))
+    assert Delay().shown({"y": wave}, target) is not None

@@ -12,7 +12,8 @@ import scipy
 from numpy.typing import NDArray
 
 from ...journal import Arrays, recall_arrays
-from ...models.effects.measurements import SESSION
+from ...models.effects.measurements import SESSION, measurements_of
+from ...models.effects.unresolved import Unresolved
 from ...models.measurable import Role
 from ...section import Array
 from .data import GapData
@@ -122,6 +123,28 @@ class HeldOut:
             columns_of, base = self.fitter.columns.of, self.fitter.raw_base
             raw = [base, *(columns_of(member.candidate, member.shape) for member in fold.members)]
             predicted[fold.rows] = np.hstack([part[fold.rows] for part in raw]) @ fold.coefficients
+        return predicted
+
+    @property
+    def held_at_ends(self) -> Array:
+        """The same predictions (N,) as a corrected model makes them: in rows beyond the range of all others, terms
+        without a name stay as at the end of that range.
+        """
+        predicted, columns = self.fitted.copy(), self.fitter.columns
+        data = columns.data
+        table, places = data.measurements.table, np.arange(len(self.white)) % len(data)
+        for fold in self.folds:
+            others = np.setdiff1d(places, places[fold.rows])
+            ranges = {c.name: data.values(c.name)[others] for c in data.inputs}
+            held = {name: np.clip(data.values(name), x.min(), x.max()) for name, x in ranges.items()}
+            at_ends = measurements_of(data.target.columns, {**table, **held})
+            at = self.fitter.raw_base.shape[1]
+            for member in fold.members:
+                known = columns.of(member.candidate, member.shape)
+                if isinstance(member.candidate.effect, Unresolved):
+                    change = columns.of_term(member.candidate.effect, at_ends) - known
+                    predicted[fold.rows] += change[fold.rows] @ fold.coefficients[at : at + known.shape[1]]
+                at += known.shape[1]
         return predicted
 
     @property

@@ -359,9 +359,9 @@ def elsewhere(end: Ending) -> tuple[dict[str, float], dict[str, Any]]:
     split = end.analysis.search.split
     if split is None:
         return {}, {}
-    # the terms of the search: the form of a curve is that of all rows
+    # the terms of the search: the form of a curve is that of all rows, its values those of the others
     tested = end.analysis.search.elsewhere.tested(end.analysis.fit)
-    raw = end.setup.residual - tested.fitted
+    raw = end.setup.residual - tested.held_at_ends
     inside = ~np.isin(split.labels, split.ends) if split.ends else np.ones(len(split.labels), dtype=bool)
     parts = {"interpolation": inside, "extrapolation": ~inside} if split.ends else {}
     errors = {name: _by_output(end, raw, rows) for name, rows in parts.items() if rows.any()}

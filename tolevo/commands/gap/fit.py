@@ -234,7 +234,7 @@ class Fitter:
         """The whitened contribution (N,) of a member that the free parameters cannot explain."""
         return project_out(self.white(fit.members[at]) @ fit.coefficients[at], self.q)
 
-    def cancelling(self, fit: Fit, least: float) -> tuple[int, ...]:
+    def cancelling(self, fit: Fit, least: float, nonlinear: bool = True) -> tuple[int, ...]:
         """The indices of effects with a number whose contribution exceeds what it takes away, given all
         other numbers of the effects, by more than a factor: it cancels against others, and the record
         determines only their difference. Contributions with squares under `least` do not count.
@@ -252,7 +252,11 @@ class Fitter:
         inverse = np.linalg.inv(columns.T @ columns + GONE * np.eye(len(owners)))
         large = (numbers[numbers != 0.0][moving] * size[moving]) ** 2 > least
         bad = large & (np.diag(inverse) > MAX_CONTRIBUTION**2)
-        sized = [k for k in effects if fit.members[k].candidate.is_nonlinear and self._takes_too_little(fit, k, least)]
+        sized = [
+            k
+            for k in effects
+            if nonlinear and fit.members[k].candidate.is_nonlinear and self._takes_too_little(fit, k, least)
+        ]
         return tuple(dict.fromkeys([*(int(k) for k in owners[bad]), *sized]))
 
     def _takes_too_little(self, fit: Fit, at: int, least: float) -> bool:

@@ -270,7 +270,7 @@ class Columns:
         if candidate.is_nonlinear:
             return self.total(candidate, shape)[:, None]
         if isinstance(candidate.effect, Unresolved):
-            return self._of_term(candidate.effect)
+            return self.of_term(candidate.effect, self.data.measurements)
         if isinstance(candidate.effect, InsideSeveral):
             return self._by_rows(candidate.effect, shape)
         if isinstance(candidate.effect, Shape) and candidate.effect.plain(self.data.target):
@@ -289,9 +289,9 @@ class Columns:
         at = np.array([[float(o.name == name) for name in reached] for o in data.outputs])
         return np.asarray(np.kron(at, x), dtype=np.float64)
 
-    def _of_term(self, effect: Unresolved) -> Array:
+    def of_term(self, effect: Unresolved, measurements: Measurements) -> Array:
         """Columns of a generic term, which acts at one output."""
-        columns = effect.columns(self.data.measurements)
+        columns = effect.columns(measurements)
         parts = [columns if o.name == effect.term.output else np.zeros_like(columns) for o in self.data.outputs]
         return np.concatenate(parts)
 

@@ -199,7 +199,7 @@ def _weakest_effect(end: Ending, needed: Collection[str]) -> tuple[str, str] | N
     form.
     """
     search = end.analysis.search
-    if cancelling := search.cancelling(search.fitter.fit(end.fit.effects)):
+    if cancelling := search.cancelling(search.fitter.fit(end.fit.effects), True):
         alone = [search.fitter.fit([end.fit.effects[k]]).rss for k in cancelling]
         return end.fit.effects[cancelling[int(np.argmax(alone))]].name, ""
     for at in end.identified:

@@ -103,16 +103,17 @@ class Search:
         nearest = min(every, key=attrgetter("rss"), default=None)
         return every if nearest is None else sorted(every, key=lambda fit: self.worse(fit, nearest))
 
-    def cancelling(self, fit: Fit) -> tuple[int, ...]:
+    def cancelling(self, fit: Fit, nonlinear: bool = False) -> tuple[int, ...]:
         """The indices of the effects of a fit that cancel against others, or in themselves, or whose size is not one
-        number, or that have no memory left.
+        number, or that have no memory left. `nonlinear`: those as well whose size is no coefficient; beside the
+        others of a set on the way it is not the best one yet.
         """
         together = {
             k: fit.coefficients[k].reshape(-1, fit.members[k].candidate.effect.together) for k in fit.identified
         }
         opposed = (k for k, sizes in together.items() if (sizes.min(axis=1) * sizes.max(axis=1) < 0.0).any())
         forgetful = (k for k in fit.identified if fit.members[k].forgets)
-        others = self.fitter.cancelling(fit, self.thresholds.library), self.fitter.disagreeing(fit)
+        others = self.fitter.cancelling(fit, self.thresholds.library, nonlinear), self.fitter.disagreeing(fit)
         return (*others[0], *opposed, *others[1], *forgetful)
 
     def _reached(self, members: Sequence[Member], candidates: Sequence[ScanResult]) -> float:
