@@ -412,8 +412,9 @@ def upper_limit(problem: ToleranceProblem, name: str) -> float:
 
 
 def row_limits(problem: ToleranceProblem, form: Form) -> Array:
-    """The upper limits (r,) that the problem sets to the requirements of its form."""
-    return np.minimum([upper_limit(problem, name) for name in form.outputs], form.own_limits)
+    """The upper limits (r,) that the problem sets to the requirements of its form; own ones are in place of them."""
+    own = form.own_limits
+    return np.where(np.isfinite(own), own, [upper_limit(problem, name) for name in form.outputs])
 
 
 def _values_if_required(

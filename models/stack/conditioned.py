@@ -112,7 +112,7 @@ class Conditioned:
         for mechanism in self.mechanisms:
             if not _depends_on_piece(mechanism, at):
                 y = mechanism.values(t, z)[0]
-                high = np.where((y >= mechanism.lower) & (y <= mechanism.upper), high, 0.0)
+                high = np.where(mechanism.conforms(y), high, 0.0)
                 continue
             course = Course.of(mechanism, t, z, at, cells)
             if course is None:

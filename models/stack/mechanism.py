@@ -153,6 +153,11 @@ class Mechanism:
             points = disc.rounded(points, used, self.sensitivities)
         return points
 
+    def conforms(self, y: Array) -> NDArray[np.bool_]:
+        """Whether values of any shape keep the limits, to their rounding; NaN does not."""
+        room = [ROUNDING * abs(limit) if np.isfinite(limit) else 0.0 for limit in (self.lower, self.upper)]
+        return np.asarray((y >= self.lower - room[0]) & (y <= self.upper + room[1]))
+
     @property
     def bounded(self) -> bool:
         """Whether the requirement has a limit, so that it has a yield."""
@@ -617,10 +622,7 @@ def joint_yield_percent(mechanisms: Sequence[Mechanism], t: Tolerances, sample: 
     for blocks in zip(*(sample.blocks(mechanism, t) for mechanism in mechanisms), strict=True):
         rows = blocks[0][0]
         with np.errstate(invalid="ignore"):
-            within = [
-                (y >= mechanism.lower) & (y <= mechanism.upper)
-                for mechanism, (_, y) in zip(mechanisms, blocks, strict=True)
-            ]
+            within = [mechanism.conforms(y) for mechanism, (_, y) in zip(mechanisms, blocks, strict=True)]
         yields[rows], error[rows] = percent_of(np.logical_and.reduce(within))
     return yields, error
 

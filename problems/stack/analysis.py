@@ -24,6 +24,8 @@ from .promises import WINDOW, Measured
 
 ROUNDED = 1e-12
 """Ends of the worst case, mean and nominal that are so much smaller than the larger end are 0, as they are rounded."""
+ROUNDED_STD = 1e-7
+"""Fraction of the worst case up to which a standard deviation is 0, as the root of rounded squares that cancel."""
 BINS = 40
 """Bars of a histogram of units."""
 PER_MILLION = 1e4
@@ -107,11 +109,11 @@ def _requirement_row(
     least, greatest, kind = _worst_ends(measured, made)
     small, nominal = ROUNDED * max(abs(least), abs(greatest)), _nominal(measured)
     least, greatest, mean, nominal = (0.0 if abs(end) <= small else end for end in (least, greatest, mean, nominal))
+    std = 0.0 if std <= max(small, ROUNDED_STD * (greatest - least)) else std
     rss = (mean - SIGMAS * std, mean + SIGMAS * std)
     lower, upper = mechanism.lower, mechanism.upper
-    ends = ((upper - mean, keeps(mean, upper)), (mean - lower, keeps(-mean, -lower)))
-    above, below = (end / (SIGMAS * std) if std > 0.0 else np.inf if kept else -np.inf for end, kept in ends)
-    capable = mechanism.bounded and np.isfinite(std)
+    above, below = (end / (SIGMAS * std) if std > 0.0 else np.nan for end in (upper - mean, mean - lower))
+    capable = mechanism.bounded and np.isfinite(std)  # without scatter there is no Cp and no Cpk
     two_sided = bool(np.isfinite(lower) and np.isfinite(upper))
     outside = PER_MILLION * (100.0 - percent[0])
     return {
@@ -127,7 +129,7 @@ def _requirement_row(
         "rss_greatest": rss[1],
         "lower": lower if np.isfinite(lower) else np.nan,
         "upper": upper if np.isfinite(upper) else np.nan,
-        "cp": (0.5 * (above + below) if std > 0.0 else np.inf) if capable and two_sided else np.nan,
+        "cp": 0.5 * (above + below) if capable and two_sided else np.nan,
         "cpk": min(above, below) if capable else np.nan,
         "yield_percent": percent[0],
         "ppm": outside,
@@ -210,7 +212,7 @@ def _contributions(stack: Stack, measured: Measured, made: Tolerances) -> pd.Dat
 def _histogram(label: str, sample: Array) -> pd.DataFrame:
     """Per cent of the units in bars of equal width between the least and the greatest unit."""
     known = sample[np.isfinite(sample)]
-    if not known.size or float(np.ptp(known)) == 0.0:
+    if not known.size or float(np.ptp(known)) <= ROUNDED * float(np.abs(known).max()):
         return pd.DataFrame(columns=list(HISTOGRAM_COLUMNS))
     counts, edges = np.histogram(known, bins=BINS)
     percent = 100.0 * counts / sample.size

@@ -281,7 +281,7 @@ def _linear_outputs(stack: Stack, designs: Array) -> dict[str, Array]:
     t, coverage = stack.parts_as_made(designs), stack.settings.propagation.coverage
     outputs: dict[str, Array] = {}
     for measured in stack.measured:
-        outputs |= measured.variations(t) | measured.margin(t)
+        outputs |= measured.variations(t) | measured.margin(t) | measured.window(t, asked=True)
         if (distribution := measured.distribution) is not None:
             outputs[measured.name("yield_percent")] = distribution.yield_percent(t)[0]
             if measured.requirement.method == "monte_carlo":

@@ -285,7 +285,7 @@ class Measured:
     def off_nominal(self) -> str:
         """In words where the value at the nominal sizes lies outside of the limits; else empty."""
         mechanism, unit = self.mechanism, f" {self.requirement.unit}".rstrip()
-        if mechanism.lower <= mechanism.centre <= mechanism.upper:
+        if keeps(mechanism.centre, mechanism.upper) and keeps(-mechanism.centre, -mechanism.lower):
             return ""
         above = mechanism.centre > mechanism.upper
         limit = f"above upper = {mechanism.upper:.10g}" if above else f"below lower = {mechanism.lower:.10g}"

@@ -525,12 +525,38 @@ def gap(formula: str, t: float, **limits: float) -> dict[str, Any]:
     return {"problem": "stack", "requirement": {"unit": "mm", "formula": formula} | limits, "part": parts}
 
 
-@pytest.mark.parametrize(("lower", "percent", "cpk"), [(0.9, 100.0, np.inf), (1.0, 100.0, np.inf), (1.1, 0.0, -np.inf)])
-def test_a_stack_without_tolerances_is_within_its_limits_or_beyond(lower: float, percent: float, cpk: float) -> None:
-    """Every unit is 1 mm, which may just be the limit."""
-    row = only(gap("a - b", 0.0, lower=lower, upper=1.2))
-    assert (row["yield_percent"], row["cpk"], row["cp"]) == (percent, cpk, np.inf)
+@pytest.mark.parametrize(
+    ("formula", "limits", "percent"),
+    [
+        ("a - b", {"lower": 0.9, "upper": 1.2}, 100.0),
+        ("a - b", {"lower": 1.0, "upper": 1.2}, 100.0),
+        ("a - b", {"lower": 1.1, "upper": 1.2}, 0.0),
+        ("0.11*a*(b - 7.9)", {"lower": 0.0, "upper": 1.21}, 100.0),  # rounded: 1.2100000000000002
+        ("0.11*a*(b - 7.9)", {"lower": 0.0, "upper": 1.2}, 0.0),
+    ],
+)
+def test_a_stack_without_tolerances_is_within_its_limits_or_beyond(
+    formula: str, limits: dict[str, float], percent: float
+) -> None:
+    """Every unit has the nominal value, which may just be the limit; without scatter there is no Cp."""
+    row = only(gap(formula, 0.0, **limits))
+    assert row["yield_percent"] == percent and np.isnan([row["cp"], row["cpk"]]).all()
     assert row["kept_worst_case"] == row["kept_statistical"] == (percent == 100.0)
+    source = gap(formula, 0.0, **limits)
+    easy = {"name": "easy", "unit": "mm", "formula": "a + b", "upper": 30.0}
+    source["requirement"] = [source["requirement"] | {"name": "hard"}, easy]
+    both = tolevo.analyse(source)
+    assert both.summary["joint_yield_percent"] == percent
+    assert ("at the nominal values" in str(tolevo.check(source))) == (percent == 0.0)
+
+
+def test_scatter_that_cancels_is_none(tmp_path: Path) -> None:
+    """3 a - b where b follows a three times as far: what is left of the variance is its rounding."""
+    source = gap("3*a - b", 0.1, lower=20.0)
+    source["part"][1]["tolerance"] = 0.3
+    source["correlation"] = [{"parts": ["a", "b"], "coefficient": 1.0}]
+    row = only(source)
+    assert row["std"] == 0.0 and np.isnan(row["cpk"]) and row["kept_statistical"]
 
 
 def test_the_smaller_of_two_like_sizes_has_equal_shares_in_the_worst_case() -> None:
@@ -552,5 +578,9 @@ def test_the_terminal_has_at_most_ten_lines_before_the_table(tmp_path: Path) -> 
     before = lines[: next(at for at, line in enumerate(lines) if "ppm outside" in line)]
     assert len(before) <= 10
     assert "1 of 13 requirements: kept in the worst case and by mean +- 3 sigma" in before
-    assert before[-1] == "and 6 more that are not kept in both ways"
+    assert before[-1] == "and 6 more that are not kept in at least one way"
     assert sum(line.startswith("g") for line in before) == 6
+    for one in source["requirement"][5:]:
+        del one["lower"]
+    lines = output_of("analyse", str(write(tmp_path, source)), "--out", tmp_path / "p").splitlines()
+    assert "1 of 5 requirements with limits: kept in the worst case and by mean +- 3 sigma; 8 have no limits" in lines

@@ -245,6 +245,23 @@ def test_a_guaranteed_window_off_centre(least: float, greatest: float, room: flo
     assert row["worst_case_least"] >= least - 1e-8 and row["worst_case_greatest"] <= greatest + 1e-8
 
 
+@pytest.mark.parametrize(("middle", "greatest"), [(-0.15, 0.1), (-0.15, -0.02), (-40.0, -39.7), (0.0, 0.2), (0.1, 0.4)])
+def test_a_window_about_a_middle_of_either_sign(middle: float, greatest: float) -> None:
+    """Two like parts share what the greatest value lies above the middle; from below it is the same turned round."""
+    parts = [
+        part(name, nominal, sense, cost={"model": "reciprocal", "a": 1.0, "b": 0.05}, **SPREAD)
+        for name, nominal, sense in (("a", 60.0, 1.0), ("b", 60.0 - middle, -1.0))
+    ]
+    row = optimum(stack(*parts, limits={"worst_case_greatest": greatest}))
+    assert row["cost"] == pytest.approx(2.0 + 4.0 * 0.05 / (greatest - middle), rel=1e-6)
+    assert row["worst_case_greatest"] == pytest.approx(greatest, abs=1e-8)
+    assert 0.0 <= row["gap_percent"] < 1e-3
+    turned = [one | {"sensitivity": -one["sensitivity"]} for one in parts]
+    assert optimum(stack(*turned, limits={"worst_case_least": -greatest}))["cost"] == pytest.approx(
+        row["cost"], rel=1e-6
+    )
+
+
 def test_the_window_is_about_the_middles_of_the_zones() -> None:
     """Neither a measured mean nor a shift moves what no part within its limits exceeds."""
     measured = {"n": 30, "mean": 10.02, "s": 0.01}
@@ -264,13 +281,21 @@ def test_the_window_of_a_formula_by_its_corners() -> None:
     np.testing.assert_allclose(slopes, wanted, rtol=1e-5)
     found = optimum(_of_formula())
     assert found["worst_case_greatest"] == pytest.approx(5.1, abs=1e-4)
+    machine = {"name": "lathe", "sigma": 0.02, "price": 2.0, "inspection": {"price": 0.5, "required": True}}
+    made = built(_of_formula(machine=[machine]))  # derivatives by differences, where a machine makes a part
+    design = np.array([[0.05 if name.endswith("_t") else 0.0 for name in made.names]])
+    slopes = made.gradient(design)["worst_case_greatest"][0, [made.names.index("a_t"), made.names.index("b_t")]]
+    np.testing.assert_allclose(slopes, np.array([3.05, 4.05]) / np.hypot(3.05, 4.05), rtol=1e-5)
 
 
-def _of_formula() -> dict[str, Any]:
+def _of_formula(**made: Any) -> dict[str, Any]:
+    """`made`: how the first part is made instead."""
     parts = [
         {key: value for key, value in part(name, nominal).items() if key != "sensitivity"}
         for name, nominal in (("a", 3.0), ("b", 4.0))
     ]
+    if made:
+        parts[0] = {key: parts[0][key] for key in ("name", "unit", "nominal")} | made
     return stack(*parts, formula="sqrt(a**2 + b**2)", limits={"worst_case_greatest": 5.1})
 
 

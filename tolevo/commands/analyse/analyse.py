@@ -18,7 +18,7 @@ from ...files import WORKBOOK, write_bytes, write_text
 from ...page_data import as_json
 from ...problems.stack import Stack
 from ...problems.stack.definition import Part
-from ...records import AnalysisResult, range_text
+from ...records import AnalysisResult, limits_text, range_text
 from ...section import Array, Assumption, Variable
 from ...units import plain_number
 from ..run.tolerances import grades_of, notation
@@ -147,9 +147,12 @@ def _verdicts(rows: Sequence[dict[str, Any]]) -> list[str]:
     """The verdict on each requirement; of more than `LINES` in how many words, and on those that are not kept."""
     if len(rows) <= LINES:
         return [verdict_of(row) for row in rows]
-    broken = [row for row in rows if not (row["kept_worst_case"] and row["kept_statistical"])]
-    whole = f"{len(rows) - len(broken)} of {len(rows)} requirements: kept in the worst case and by mean +- 3 sigma"
-    more = [f"and {len(broken) - LINES + 2} more that are not kept in both ways"] if len(broken) >= LINES else []
+    limited = [row for row in rows if limits_text(row["lower"], row["upper"])]
+    broken = [row for row in limited if not (row["kept_worst_case"] and row["kept_statistical"])]
+    which = f"{len(limited)} requirements" + (" with limits" if len(limited) < len(rows) else "")
+    whole = f"{len(limited) - len(broken)} of {which}: kept in the worst case and by mean +- 3 sigma"
+    whole += f"; {len(rows) - len(limited)} have no limits" if len(limited) < len(rows) else ""
+    more = [f"and {len(broken) - LINES + 2} more that are not kept in at least one way"] if len(broken) >= LINES else []
     return [whole, *(verdict_of(row) for row in broken[: LINES - 1 - len(more)]), *more]
 
 
