@@ -10,7 +10,7 @@ import numpy as np
 from ..section import INDIVIDUALS, POINTS, Array
 from .archive import nondominated
 from .engine import GDE3Engine, Space
-from .exact.bounds import convex_pieces, restrict_form, upper_limit
+from .exact.bounds import convex_pieces, restrict_form, row_limits
 from .exact.choices import search_vectors
 from .exact.corrected import corrected_vectors, is_corrected
 from .exact.epsilon import integer_moves, scale_of
@@ -133,8 +133,8 @@ def seed_vectors(run: Run, count: int) -> Array:
         return corrected_vectors(run, closed, min(count, RELAXED))
     if closed is not None:
         return exact_vectors(problem, closed, count)
+    upper = row_limits(problem, form)[:1]
     form = convex_pieces(restrict_form(form, np.arange(len(form.outputs)) == 0))
-    upper = np.array([upper_limit(problem, name) for name in form.outputs])
     seeds = search_vectors(problem, form, front(form, min(count, RELAXED), upper))
     settled = np.array([v.name in form.settled for v in problem.free])
     drawn = problem.xl + (problem.xu - problem.xl) * run.rng.random(seeds.shape)
