@@ -544,6 +544,19 @@ def test_the_smaller_of_two_like_sizes_has_equal_shares_in_the_worst_case() -> N
     assert result.contributions["worst_case_percent"].tolist() == pytest.approx([50.0, 50.0])
 
 
+@pytest.mark.parametrize("nominal", [0.0, 10.0, 25_000.0])
+def test_a_uniform_part_never_exceeds_limits_at_its_own_ends(nominal: float) -> None:
+    """10.1 - 10 is not the 0.1 of the tolerance in its last digits; limits 1 % nearer are exceeded by 1 %."""
+    part = {"name": "a", "nominal": nominal, "tolerance": 0.1, "distribution": "uniform"}
+    requirement = {"unit": "mm", "formula": "a", "lower": nominal - 0.1, "upper": nominal + 0.1}
+    row = only({"problem": "stack", "requirement": requirement, "part": [part]})
+    assert row["ppm"] == 0.0
+    assert row["ppm_error"] <= 1e-3
+    nearer = requirement | {"lower": nominal - 0.099, "upper": nominal + 0.099}
+    row = only({"problem": "stack", "requirement": nearer, "part": [part]})
+    assert row["ppm"] == pytest.approx(10_000.0, abs=row["ppm_error"])
+
+
 def test_worst_case_shares_of_a_design_do_not_depend_on_the_others() -> None:
     """min(a, b + 1) at (0.1, 0.1) alone and beside (0.1, 0.2), where the least of b alone decides."""
     source = gap("min(a, b + 1)", 0.1, lower=9.9)

@@ -429,11 +429,7 @@ cost = { model = "reciprocal", a = 1, b = 1 }
 
 @pytest.mark.parametrize(
     ("formula", "nominal", "curved"),
-    [
-        ("sqrt(a**2 + c**2) - b", 1000.0, False),
-        ("", 1000.0, False),
-        ("a**3/c**2 + b/100", 0.1, True),
-    ],
+    [("sqrt(a**2 + c**2) - b", 1000.0, False), ("", 1000.0, False), ("a**3/c**2 + b/100", 0.1, True)],
 )
 def test_the_normal_distribution_misleads_where_the_slopes_do_not(formula: str, nominal: float, curved: bool) -> None:
     """Uniform parts +-0.1: none is beyond 0.2449 while the formula is straight; (0.1 +- 0.1)^3 is not."""
