@@ -619,6 +619,8 @@ def _in_si(unit: Unit) -> str:
 
 DRAWN_DIGITS = 10
 """Digits of a number on a drawing at most: the last ones of a sum are left out."""
+NO_ZONE = "\N{EN DASH}"
+"""What stands for the zone of a feature that has none: it starts no formula of a spreadsheet, as a hyphen would."""
 
 
 def drawing_number(value: float) -> str:

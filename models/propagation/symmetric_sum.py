@@ -193,6 +193,9 @@ SURE, STEP = 1e-7, (1e-6, 1e-2)
 scale by which it is changed to bound its slope from values."""
 LARGE = 3
 """Index in `TERMS` up to which a sum remembers how many terms it needs."""
+EDGE = 1e-10
+"""Fraction of the end of a sum within which a limit is at the end: a difference of sizes has lost such digits. The
+density falls from the middle, so that at most half as much of the units lies there."""
 BLOCK = 1 << 21
 """Numbers that are held at once."""
 
@@ -205,6 +208,11 @@ class Tangent:
     gradient: Array
     value_error: Array
     gradient_error: Array
+
+
+def _edge_error(y: Array, end: Array) -> Array:
+    """The bound of the error (n,) of no units beyond y, at the end or farther."""
+    return np.where(np.abs(y) >= end, 2e-17, 0.5 * EDGE)
 
 
 @dataclass(eq=False)
@@ -265,10 +273,10 @@ class SymmetricSum:
         most = np.minimum(np.abs(y), end)
         series = self._series(s, end, most)
         probability = 0.5 + 0.5 * np.sign(y) * (2.0 * series.below(most) - 1.0)
-        beyond = np.abs(y) >= end
+        beyond = np.abs(y) >= end * (1.0 - EDGE)
         probability = np.where(beyond, 0.5 + 0.5 * np.sign(y), probability)
         slopes = np.sign(y)[:, None] * series.slopes(most)
-        error = np.where(beyond, 2e-17, series.missing + ROUNDING)
+        error = np.where(beyond, _edge_error(y, end), series.missing + ROUNDING)
         flat = std <= 0.0
         probability, error = (np.where(flat, (y >= 0.0).astype(float), probability), np.where(flat, 0.0, error))
         return (np.clip(probability, 0.0, 1.0), np.where((beyond | flat)[:, None], 0.0, slopes), error)
@@ -284,10 +292,10 @@ class SymmetricSum:
         series = self._series(s, end, np.asarray(np.maximum(*ends), dtype=float), Series.of_values)
         probability, error = np.zeros(len(s)), np.zeros(len(s))
         for side, y, most in ((-1.0, low, ends[0]), (1.0, high, ends[1])):
-            beyond = np.abs(y) >= end
+            beyond = np.abs(y) >= end * (1.0 - EDGE)
             mass_within = np.where(beyond, 1.0, 2.0 * series.below(most) - 1.0)
             below = np.where(std > 0.0, 0.5 + 0.5 * np.sign(y) * mass_within, (y >= 0.0).astype(float))
-            doubt = np.where(beyond, 2e-17, series.missing + ROUNDING)
+            doubt = np.where(beyond, _edge_error(y, end), series.missing + ROUNDING)
             probability += side * np.clip(below, 0.0, 1.0)
             error += np.where((std > 0.0) & np.isfinite(y), doubt, 0.0)
         return probability, error

@@ -23,7 +23,7 @@ from ...models.expressions import Formula, Let
 from ...models.iso286 import SYMBOLS, Fit
 from ...models.stack.features import PLANE, Disc, component
 from ...section import POSITIVE, Range, Section
-from ...units import family
+from ...units import NO_ZONE, family
 from .definition import Part, Process, Requirement
 from .formulas import name_complaint
 from .parts import drawing_number, length_unit_of, read_process
@@ -160,7 +160,8 @@ def _read(
         text = f"{2.0 * arm / height!r}*{text}"
     if section.faults or name is None or process is None or any(part is None for _, part in (*of, *size)):
         return None
-    names, pieces, quantities = _quantities(name, law, text, law in PLANE and key != "profile")
+    plane = law in PLANE and key != "profile"
+    names, pieces, quantities = _quantities(name, law, text, plane)
     half = process.high > 0.0  # else the place is in units of half the clearance or bonus
     return Part(
         name=name,
@@ -172,7 +173,7 @@ def _read(
         drawing=drawing,
         characteristic=characteristic,
         geometry=kind.symbol,
-        drawn_as=_drawn(kind.symbol, law in PLANE and key != "runout", material) if kind.symbol or half else "-",
+        drawn_as=_drawn(kind.symbol, plane and key != "runout", material) if kind.symbol or half else NO_ZONE,
         feature=Feature(law, names, pieces, quantities, stated, section.place(), unit, lengths),
     )
 

@@ -23,8 +23,10 @@ from ...models.stack.mechanism import (
     Sample,
     Tolerances,
     interpolate_designs,
+    limit_of,
     mean_of,
     percent_of,
+    spread_of,
     yield_percent,
 )
 from ...section import Array, Assumption, Integers, Output, Section
@@ -73,6 +75,8 @@ RELATIVE = 0.2
 """Fraction of the promise below which a difference does not matter."""
 ERRORS = 3.0
 """Standard errors of the sample below which a difference is not detected."""
+ROUNDING = 1e-9
+"""Fraction of a tolerance up to which a mean is off its mid-limit by rounding alone."""
 DIGITS = 4
 """Significant digits of a root sum square in a warning; its mean has as many decimals."""
 
@@ -83,34 +87,36 @@ def linearity_warnings(
     """The errors of the linear model, in a sentence, at one design (1, p).
 
     The limits are those of the requirement, where there are some, and the linear mean +- the root
-    sum square, beyond which 0.27 % are promised. Of a linear formula only the normal distribution of
-    the sum can err.
+    sum square, beyond which 0.27 % are promised. What the same units differ by with the slopes in the place
+    of the formula is the linear model's error, and the rest that of the normal distribution: the larger is named.
     """
     mean = mechanism.centre + float(linear.mean_shift(design)[0])
     rss = float(linear.rss(design)[0])
     if rss == 0.0:
         return ()
-    model, truth = "linear model", "formula itself gives"
-    if mechanism.formula is None or mechanism.formula.linear:
-        model, truth = "normal distribution", "parts' distributions give"
     places = max(DIGITS - 1 - floor(log10(rss)), 0)
     limits = {f"{mean:.{places}f} +- {rss:.{places}f}{unit} (root sum square)": (mean - rss, mean + rss)}
     if mechanism.bounded:
         limits["the limits of the requirement"] = (mechanism.lower, mechanism.upper)
-    sentences = []
+    sentences: dict[str, list[str]] = {}
     ((_, y),) = sample.blocks(mechanism, design)
+    ((_, straight),) = sample.blocks(replace(mechanism, formula=None), design)
     for name, (lower, upper) in limits.items():
         low, high = ((bound - mean) / (rss / SIGMAS) for bound in (lower, upper))
         promised = 100.0 * float(ndtr(low) + ndtr(-high))
         with np.errstate(invalid="ignore"):
             within, error = percent_of((y >= lower) & (y <= upper))
         actual, doubt = 100.0 - float(within[0]), float(error[0])
+        by_slopes = 100.0 - float(percent_of((straight >= lower) & (straight <= upper))[0][0])
         if abs(actual - promised) > max(MIN_YIELD_DIFFERENCE, ERRORS * doubt, RELATIVE * promised):
-            sentences.append(
+            model, truth = "normal distribution", "parts' distributions give"
+            if abs(actual - by_slopes) > abs(by_slopes - promised):
+                model, truth = "linear model", "formula itself gives"
+            sentences.setdefault(model, []).append(
                 f"outside {name} it promises {promised:.2g} %, but the {truth} {actual:.3g} % (standard error "
                 f"{doubt:.1g} %)"
             )
-    return (f"the {model} misleads {where}: {'; '.join(sentences)}",) if sentences else ()
+    return tuple(f"the {model} misleads {where}: {'; '.join(texts)}" for model, texts in sentences.items())
 
 
 # Warnings to the user of a stack before a run.
@@ -167,7 +173,7 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
             )
         sentences += [_domain(values)] if values.partial else []
         sentences += [_nonlinearity_warning(stack, values)] if values.mechanism.rough else []
-        if values.mechanism.formula is not None and not values.rough:
+        if not values.rough and not values.normal:
             unit = f" {values.requirement.unit}".rstrip()
             sample = stack.yields.drawn(WARNING_SAMPLES)
             warnings = linearity_warnings(
@@ -196,9 +202,9 @@ def _ignored_means_note(stack: Stack, measured: Measured) -> str:
     """What a variation that is asked for leaves out of means that are off the middles of their zones."""
     method, linear, (_, loosest) = measured.requirement.method, measured.linear, stack.ends_as_made
     asked = {measured.name(name) for name in VARIED} | {"variation", "rss"}
-    off = linear.shift + np.abs(mean_of(loosest)[0]) * linear.worst
+    off = spread_of(loosest)[0] * linear.shift + np.abs(mean_of(loosest)[0]) * linear.worst
     off += [abs(part.mean - part.mid) for part in measured.parts] * linear.worst
-    moved = [measured.parts[at].name for at in np.flatnonzero(off)]
+    moved = [measured.parts[at].name for at in np.flatnonzero(off > ROUNDING * limit_of(loosest)[0] * linear.worst)]
     if measured.rough or method == "shifted_rss" or not moved or not asked & stack.required_outputs:
         return ""
     about = "is by the limits of the parts" if method == "worst_case" else "is a width about the mean"

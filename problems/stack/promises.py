@@ -76,6 +76,11 @@ class Measured:
         """The law of a linear requirement of even deviations, or why there is none."""
         return law_of(self.mechanism, self.linear.covariance)
 
+    @property
+    def normal(self) -> bool:
+        """Whether the requirement is exactly normal: linear, of normal parts."""
+        return isinstance(self.law, Law) and self.law.covariance is not None
+
     @cached_property
     def distribution(self) -> Law | LinearSum | None:
         """The distribution of the requirement where it is known without a sample."""
@@ -185,10 +190,12 @@ class Measured:
         """Contributions [%] of its parts (n,)."""
         worst = self.requirement.method == "worst_case"
         if self.rough and worst and not self.straight:
-            shares = fractions(limit_of(t) * self._towards_tighter(worst_by_corners, limit_of(t)))
-            if not np.any(shares):  # as of min(a, b): no part by itself makes less of it
-                alone = [limit_of(t) * row for row in np.eye(len(self.parts))]
-                shares = fractions(np.stack([worst_by_corners(self.mechanism, row) for row in alone], axis=1))
+            limits = limit_of(t)
+            shares = fractions(limits * self._towards_tighter(worst_by_corners, limits))
+            tied = ~np.any(shares, axis=1)  # as of min(a, b): no part by itself makes less of it
+            if np.any(tied):
+                alone = [worst_by_corners(self.mechanism, limits[tied] * row) for row in np.eye(len(self.parts))]
+                shares[tied] = fractions(np.stack(alone, axis=1))
         else:
             shares = self.linear.worst_shares(t) if worst else self.linear.variance_shares(t)
         return {self.contribution(at): 100.0 * shares[:, at] for at in self.shown}

@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 import tolevo
 from tests.small_jobs import output_of, written
 from tolevo.cli import app
+from tolevo.configuration.reader import read
 
 _minimize: Any = minimize  # its stubs know arrays of one fixed dimension only
 
@@ -567,6 +568,28 @@ def test_the_smaller_of_two_like_sizes_has_equal_shares_in_the_worst_case() -> N
     assert (row["worst_case_least"], row["worst_case_greatest"]) == pytest.approx((9.9, 10.1), abs=1e-12)
     assert row["mean"] == pytest.approx(10.0 - 0.1 / 3.0 / np.sqrt(np.pi), abs=2e-4)  # of two normal sizes
     assert result.contributions["worst_case_percent"].tolist() == pytest.approx([50.0, 50.0])
+
+
+@pytest.mark.parametrize("nominal", [0.0, 10.0, 25_000.0])
+def test_a_uniform_part_never_exceeds_limits_at_its_own_ends(nominal: float) -> None:
+    """10.1 - 10 is not the 0.1 of the tolerance in its last digits; limits 1 % nearer are exceeded by 1 %."""
+    part = {"name": "a", "nominal": nominal, "tolerance": 0.1, "distribution": "uniform"}
+    requirement = {"unit": "mm", "formula": "a", "lower": nominal - 0.1, "upper": nominal + 0.1}
+    row = only({"problem": "stack", "requirement": requirement, "part": [part]})
+    assert row["ppm"] == 0.0
+    assert row["ppm_error"] <= 1e-3
+    nearer = requirement | {"lower": nominal - 0.099, "upper": nominal + 0.099}
+    row = only({"problem": "stack", "requirement": nearer, "part": [part]})
+    assert row["ppm"] == pytest.approx(10_000.0, abs=row["ppm_error"])
+
+
+def test_worst_case_shares_of_a_design_do_not_depend_on_the_others() -> None:
+    """min(a, b + 1) at (0.1, 0.1) alone and beside (0.1, 0.2), where the least of b alone decides."""
+    source = gap("min(a, b + 1)", 0.1, lower=9.9)
+    source["requirement"]["method"] = "worst_case"
+    (measured,) = read(source).problem.measured  # type: ignore[union-attr]
+    both = measured.shares(np.array([[0.1, 0.1], [0.1, 0.2]]))
+    assert [shares.tolist() for shares in both.values()] == [pytest.approx(x) for x in ([50.0, 0.0], [50.0, 100.0])]
 
 
 def test_the_terminal_has_at_most_ten_lines_before_the_table(tmp_path: Path) -> None:

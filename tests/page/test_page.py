@@ -155,6 +155,12 @@ def test_nothing_found(result: RunResult) -> None:
     parsed(page(empty))
 
 
+def test_the_only_point_is_not_in_the_plural(result: RunResult) -> None:
+    assert "All 2 points." in page(result)
+    alone = page(replace(result, front=result.front.iloc[:1]))
+    assert "The only point." in alone and "1 points" not in alone
+
+
 def test_references_alone(result: RunResult) -> None:
     assert "document B" in page(replace(result, front=result.front.iloc[:0]))
 

@@ -425,3 +425,24 @@ cost = { model = "reciprocal", a = 1, b = 1 }
     )
     assert "promises 0.27 %, but the parts' distributions give 0 %" in warning
     assert "linear model" not in warning and "formula itself" not in warning
+
+
+@pytest.mark.parametrize(
+    ("formula", "nominal", "curved"),
+    [("sqrt(a**2 + c**2) - b", 1000.0, False), ("", 1000.0, False), ("a**3/c**2 + b/100", 0.1, True)],
+)
+def test_the_normal_distribution_misleads_where_the_slopes_do_not(formula: str, nominal: float, curved: bool) -> None:
+    """Uniform parts +-0.1: none is beyond 0.2449 while the formula is straight; (0.1 +- 0.1)^3 is not."""
+    law = {"unit": "mm", "distribution": "uniform"}
+    parts = [{"name": name, "nominal": nominal, "tolerance": 0.1} | law for name in "ab"]
+    if "c**2" in formula:
+        parts.append({"name": "c", "nominal": 1.0, "tolerance": 1e-6} | law)
+    if not formula:
+        parts = [table | {"sensitivity": slope} for table, slope in zip(parts, (1.0, -1.0), strict=True)]
+    keys = {"formula": formula} if formula else {}
+    source = {"problem": "stack", "requirement": {"unit": "mm"} | keys, "part": parts}
+    problem = read(source).problem
+    assert problem is not None
+    (warning,) = (text for text in problem.warnings() if "misleads" in text)
+    assert ("the linear model misleads" in warning) == curved
+    assert ("the normal distribution misleads" in warning and "parts' distributions give 0 %" in warning) != curved

@@ -13,8 +13,10 @@ import tomli_w
 import tolevo
 from tolevo.algorithms.exact.bounds import proof
 from tolevo.algorithms.exact.solver import closed_form, exact_vectors
+from tolevo.commands.run.tolerances import allocation
 from tolevo.configuration.reader import read
 from tolevo.errors import Fault, InputError
+from tolevo.files import csv_text
 from tolevo.problems.stack import Stack
 
 UNITS = 1_000_000
@@ -568,6 +570,7 @@ def test_features_that_do_not_act_are_faults(tmp_path: Path) -> None:
         ("zone = 0.44\nsize = 'hole'\nmaterial = 'mmc'\ninternal = true", "⌖ ⌀0.44 mm Ⓜ"),
         ("zone = 0\nsize = 'hole'\nmaterial = 'lmc'\ninternal = true", "⌖ ⌀0 Ⓛ"),
         ("zone = 0.44\ndistribution = 'uniform'", "⌖ 0.44 mm"),
+        ("zone = 300\nunit = 'um'", "⌖ ⌀0.3 mm"),
     ],
 )
 def test_a_position_is_on_the_drawing_with_its_whole_zone(more: str, written: str, tmp_path: Path) -> None:
@@ -576,3 +579,38 @@ def test_a_position_is_on_the_drawing_with_its_whole_zone(more: str, written: st
     (tmp_path / "c.toml").write_text(text, encoding="utf-8")
     table = tolevo.analyse(tmp_path / "c.toml").record.tolerances.set_index("part")
     assert table["on_the_drawing"].to_dict() == {"hole": "6.5 ±0.1 mm", "bolt": "6 ±0.1 mm", "at": written}
+
+
+@pytest.mark.parametrize("law", ["uniform", "normal"])
+def test_a_profile_has_a_width_whatever_its_distribution(law: str, tmp_path: Path) -> None:
+    text = requirement("a + face", "lower = 0.0") + part("a", 6.5, "tolerance = 0.1")
+    text += feature("face", "profile", f"zone = 0.2\ndistribution = '{law}'")
+    (tmp_path / "c.toml").write_text(f"problem = 'stack'\n{text}", encoding="utf-8")
+    table = tolevo.analyse(tmp_path / "c.toml").record.tolerances.set_index("part")
+    assert table["on_the_drawing"]["face"] == "⌓ 0.2 mm"
+
+
+def test_features_have_no_deviations_and_start_no_formula_of_a_spreadsheet(tmp_path: Path) -> None:
+    """A zone of 0.3 mm has no limits of +-0.15 mm, and a shift without a zone has nothing to inspect."""
+    text = requirement("hole - bolt + at_x + shift_x", "lower = 0.0") + part("hole", 6.5, "tolerance = 0.1")
+    text += part("bolt", 6.0, "tolerance = 0.1")
+    text += feature("at", "position", "zone = 0.3\nof = 'hole'\nmaterial = 'mmc'\ninternal = true")
+    text += feature("shift", "datum_shift", "of = 'hole'\nmaterial = 'mmc'\ninternal = true")
+    stack = problem_of(text, tmp_path)
+    design = stack.complete(stack.xl[None])[0]
+    rows = allocation(stack, {0: "only"}, {0: (design, design)}, {}, {}).set_index("variable")
+    ends = ["mid", "lower_limit", "upper_limit", "lower_deviation", "upper_deviation"]
+    assert rows.loc[["at_t", "shift_t"], ends].isna().all(axis=None)
+    assert [rows[end]["bolt_t"] for end in ends[1:]] == pytest.approx([5.9, 6.1, -0.1, 0.1])
+    assert rows["notation"][["at_t", "shift_t"]].tolist() == ["⌖ ⌀0.3 mm Ⓜ", "\N{EN DASH}"]
+    assert rows["inspection"]["shift_t"] == "" != rows["inspection"]["at_t"]
+    assert ",'" not in csv_text(rows)
+
+
+def test_an_assumption_on_a_feature_is_named_as_one(tmp_path: Path) -> None:
+    promise = "[promise]\nstatement = 'assured'\nyield_percent = 99.0\n"
+    text = requirement("a + face", "lower = 6.0") + part("a", 6.5, "tolerance = 0.1")
+    text += feature("face", "profile", "zone = 0.2\ndistribution = 'uniform'")
+    names = [assumption.name for assumption in problem_of(promise + text, tmp_path).assumptions()]
+    assert "feature.face.process" in names
+    assert not [name for name in names if name.startswith("part.face")]

@@ -324,6 +324,16 @@ def test_a_method_that_leaves_out_means_is_said_to(method: str) -> None:
     assert not problem(*parts, method=method, limits={"yield_percent": 99.0}, lower=-1.0, upper=1.0).warnings()
 
 
+def test_rounding_of_the_mean_of_a_skewed_part_is_no_shift() -> None:
+    """The mean of a skewed law is at the mid-limit, to the last digits of its moments."""
+    skews = zip("abcd", (1.0, 3.0, -7.0, 40.0), strict=True)
+    parts = [part(name, distribution="skew_normal", skew=skew) for name, skew in skews]
+    assert not [text for text in problem(*parts).warnings() if "off the mid-limits" in text]
+    shifted = part("e", distribution="skew_normal", skew=3.0, shift=1e-3)
+    (note,) = (text for text in problem(*parts, shifted).warnings() if "off the mid-limits" in text)
+    assert "leaves out that e is off the mid-limits" in note
+
+
 # ---------------------------------------------------------------- sources, and keys by name
 
 

@@ -246,7 +246,7 @@ def explorer(result: RunResult) -> str:
         content = content_of(result, max(1, int(len(content["rows"]) * MAX_CONTENT_CHARACTERS / len(text))))
         text = data(content)
     count, whole = len(content["rows"]), len(result.front)
-    rule = f"All {whole} points."
+    rule = f"All {whole} points." if whole > 1 else "The only point."
     if count != whole:
         rule = (
             f"{count} of {whole} points: every choice, and others evenly along the front "

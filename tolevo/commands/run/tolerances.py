@@ -14,7 +14,7 @@ from ...models.iso286 import GRADES, MAX_SIZE_MM, grade_um
 from ...problems.cost_columns import COST, costs_by_variable
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Assumption, Kind, Variable
-from ...units import converted, drawing_number, fits, split_unit, to_unit
+from ...units import NO_ZONE, converted, drawing_number, fits, split_unit, to_unit
 from .choice import ALL, IT_GRADES, PREFERRED, R20, ChoiceSettings, Step
 
 if TYPE_CHECKING:
@@ -191,15 +191,16 @@ def notation(
 ) -> str:
     """Like "36.05 +0.012/-0.013 mm", "⌀25 ±0.0065 mm (IT6)", "-3 to 1 um" where no nominal size is known,
     "R3 0/-0.002 mm (⌀6 0/-0.004 mm)", "0 to 5 um", "±1.5 mrad (±309.4″)", "±1.5 mrad (±309.4″, ±2 um at R1.3 mm)"
-    of an angle that is drawn "at 1.3 mm", "⌖ ⌀0.3 mm" of a feature, "grade 5". None begins with + or a
-    hyphen (a minus sign is another character), which a spreadsheet would compute.
+    of an angle that is drawn "at 1.3 mm", "⌖ ⌀0.3 mm" of a feature, a dash of one without a zone, "grade 5".
+    None begins with + or a hyphen (minus sign and dash are other characters), which a spreadsheet would compute.
 
     `nominal` is the nominal size, None where it is not known, `mid` the middle of the zone as a
     deviation from it and t the tolerance, all in the unit of the variable.
     """
     unit = f" {variable.unit}".rstrip()
-    if "{}" in drawn_as or drawn_as == "-":  # a feature, of whose zone t is half: 0 where t is in units of a bonus
-        return drawn_as.format(f"{drawing_number(2.0 * t if unit else 0.0)}{unit}")
+    if is_feature(drawn_as):  # t is half of its zone, which is 0 where t is in units of a bonus
+        zone, unit = (2e-3 * t, " mm") if variable.unit == "um" else (2.0 * t if unit else 0.0, unit)
+        return drawn_as.format(f"{drawing_number(zone)}{unit}")
     more = f" ({grade})" if grade and variable.kind is Kind.HALF_WIDTH else ""
     if variable.labels:
         return variable.labels[int(t)]
@@ -225,6 +226,11 @@ def notation(
         angles.append(f"±{float(f'{length:.4g}'):g} um at R{drawing_number(radius)} mm")
     angle = f" ({', '.join(angles)})" if angles else ""
     return f"{'⌀' if drawn_as == 'diameter' else ''}{_zone(nominal, mid, t)}{unit}{more}{angle}"
+
+
+def is_feature(drawn_as: str) -> bool:
+    """Whether a drawing states the zone of a feature, which has no limits, or that it has none."""
+    return "{}" in drawn_as or drawn_as == NO_ZONE
 
 
 def _zone(nominal: float | None, mid: float, t: float) -> str:
@@ -421,9 +427,9 @@ def allocation(
     `choices` names the rules that choose a row of the front, `designs` its unrounded and rounded
     full design, `grades` what a value of a variable is called, and `rules` how it is rounded.
     Limits are those of the zone around nominal and mid, deviations where no nominal is known; the
-    deviations of a zone are from the nominal. `grade` is the tolerance class where one is stated,
-    `symbol` that of a geometrical characteristic. `notation` is what to write on the drawing,
-    `process` how the part is made where that is chosen, `roughness_Ra_um` what that implies for the
+    deviations of a zone are from the nominal; features have neither. `grade` is the tolerance class where
+    one is stated, `symbol` that of a geometrical characteristic. `notation` is what to write on the
+    drawing, `process` how the part is made where that is chosen, `roughness_Ra_um` what that implies for the
     surface (at most a `roughness_share` of its zone), `cpk_wanted` the capability that the model
     counts on, and `inspection` what an inspector needs to know of it. Where there are further costs, a column
     of each, the first one included, has what the variable costs as rounded. Where a problem is one of
@@ -469,8 +475,10 @@ def _models(problem: ToleranceProblem, rounded: Mapping[int, Array]) -> dict[int
 
 def _row(problem: ToleranceProblem, variable: Variable, old: float, new: float, grade: str) -> dict[str, Any]:
     nominal, mid = nominal_and_mid(problem, variable)
-    lower, upper = _limits(variable, nominal, mid, new)
-    half, drawn = variable.kind is Kind.HALF_WIDTH, problem.drawn(variable.name)
+    drawn = problem.drawn(variable.name)
+    feature = is_feature(drawn.get("drawn_as", ""))
+    lower, upper = (None, None) if feature else _limits(variable, nominal, mid, new)
+    half = variable.kind is Kind.HALF_WIDTH and not feature
     if variable.kind is Kind.GRADE:
         grade = f"grade {new:g}"
     return {
@@ -501,7 +509,7 @@ def _drawing_notes(
     drawn = problem.drawn(variable.name)
     nominal, mid = nominal_and_mid(problem, variable)
     law = problem.settings.variables[variable.name].distribution
-    stated = drawn.get("cpk")
+    stated, mean = drawn.get("cpk"), drawn.get("mean", MIDDLE)
     cpk = float(stated) if stated else _capability(law)
     process, half = process_of(problem, variable, design), variable.kind is Kind.HALF_WIDTH
     rough = roughness(process, 2.0 * new, variable.unit, roughness_share) if half else None
@@ -511,7 +519,7 @@ def _drawing_notes(
         "process": process,
         "roughness_Ra_um": rough,
         "cpk_wanted": cpk,
-        "inspection": drawn.get("inspection") or inspection(variable, new, cpk, drawn.get("mean", MIDDLE)),
+        "inspection": "" if written == NO_ZONE else drawn.get("inspection") or inspection(variable, new, cpk, mean),
     }
 
 
