@@ -607,3 +607,24 @@ def test_the_terminal_has_at_most_ten_lines_before_the_table(tmp_path: Path) -> 
         del one["lower"]
     lines = output_of("analyse", str(write(tmp_path, source)), "--out", tmp_path / "p").splitlines()
     assert "1 of 5 requirements with limits: kept in the worst case and by mean +- 3 sigma; 8 have no limits" in lines
+
+
+def test_a_feature_that_is_searched_is_assumed_at_its_loosest_zone() -> None:
+    source = gap("a - b + square", 0.1, lower=0.5)
+    cost = {"model": "reciprocal", "a": 1.0, "b": 0.05}
+    feature = {
+        "name": "square",
+        "kind": "perpendicularity",
+        "unit": "mm",
+        "height": 10.0,
+        "arm": 10.0,
+        "t_min": 0.02,
+        "t_max": 0.1,
+        "cost": cost,
+    }
+    assumed = {
+        one["name"]: one["value"] for one in tolevo.analyse(source | {"feature": [feature]}).summary["assumptions"]
+    }
+    assert "part.square.tolerance" not in assumed
+    (drawn,) = (one for name, one in assumed.items() if name == "feature.square.zone")
+    assert drawn == 0.2

@@ -52,7 +52,9 @@ def analysis_of(configuration: Configuration) -> AnalysisResult:
     parts, variables = stack.definition.parts, {variable.name: variable for variable in stack.variables}
     at_loosest = [part for part in parts if part.name in loosest]
     assumed = [*stack.assumptions()]
-    assumed += [Assumption(f"part.{part.name}.tolerance", part.high, part.unit, OPEN) for part in at_loosest]
+    for part in at_loosest:
+        key, width = ("tolerance", part.high) if part.feature is None else ("zone", 2.0 * part.high)
+        assumed.append(Assumption(f"{part.label.replace(' ', '.')}.{key}", width, part.unit, OPEN))
     summary = {
         "command": "analyse",
         "name": stack.title(),
