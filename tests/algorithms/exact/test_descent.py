@@ -12,6 +12,8 @@ import scipy
 from numpy.typing import NDArray
 
 from tolevo.algorithms.exact.descent import GAIN, LATTICE, Descents, Point, descended
+from tolevo.algorithms.exact.epsilon import feasible_afresh, scale_of
+from tolevo.algorithms.exact.local import Branch
 from tolevo.algorithms.exact.multistart import MultiStart
 from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.run import Run
@@ -184,6 +186,37 @@ def test_exact_alone_descends(solver: Any, descends: bool, monkeypatch: pytest.M
     monkeypatch.setattr(Descents, "cheapest", lambda *given: asked.append(given))
     assert len(search(reducer(1.2, VariableSetting(value=4.0), 5), solver, Budget(), 1).chosen) == 1
     assert bool(asked) == descends
+
+
+class OneDescent:
+    """Descents that lead to a search vector, among few units or many."""
+
+    def __init__(self, few_units: bool, x: Array) -> None:
+        self.few_units, self.x, self.asked = few_units, x, 0
+
+    def cheapest(self, sets: list[Array], unit: Array) -> Array:
+        self.asked += 1
+        return self.x
+
+
+def test_accepted_ends_are_compared_with_descents_on_few_units() -> None:
+    problem = reducer(3.0, VariableSetting(value=4.0), 5)
+    run = Run(problem, Budget(), 1)
+    branch, none = Branch(run, problem.xl, scale_of(problem)), np.full(1, np.inf)
+    y = branch.solved(0, branch.starts(run)[0], none, np.zeros(1))
+
+    def end(descents: Any) -> Array:
+        return feasible_afresh(run, branch, y, none, search=True, descents=descents)
+
+    accepted = end(None)
+    near = np.maximum(problem.xl, accepted * np.where(accepted > 0.0, 1.0 - 1e-5, 1.0))
+    (least, dearer), kept = (problem.tested(np.vstack([x, problem.xl]))[i] for x, i in ((near, 0), (near, 1)))
+    assert np.all(kept[0] <= 0.0)
+    assert least < 1.003 * problem.tested(accepted)[0].item() < dearer
+    for few, given, taken in ((False, near, accepted), (True, near, near), (True, problem.xl[None, :], accepted)):
+        descents = OneDescent(few, given)
+        np.testing.assert_array_equal(end(descents), taken)
+        assert descents.asked == few
 
 
 def test_searches_on_fresh_units_see_what_is_reported() -> None:
