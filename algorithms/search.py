@@ -289,7 +289,7 @@ def drive(run: Run, settings: AlgorithmSettings, seed: int, engine: str, keeper:
     run.problem = problem
     polish = bool(getattr(settings, "polish", False)) and not isinstance(settings, Solver)
     if (run.problem.declaration.sampled and not len(run.chosen)) or polish:
-        finish_front(run, polish, getattr(settings, "restarts", True))
+        finish_front(run, polish, getattr(settings, "restarts", True), getattr(settings, "descends", False))
     elif run.problem.limits:
         replace_violating_points(run)
 

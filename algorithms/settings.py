@@ -112,6 +112,8 @@ class Solver(AlgorithmSettings):
 
     restarts: ClassVar[bool] = True
     """Whether the starts of the problem are tried where it keeps the limits nowhere."""
+    descends: ClassVar[bool] = False
+    """Whether descents on fresh units are tried there as well, for one objective."""
 
     @abstractmethod
     def solve(self, run: Run) -> None:

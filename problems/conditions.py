@@ -296,6 +296,10 @@ class InConditions(ToleranceProblem):
     def _finer(self) -> ToleranceProblem:
         return self._like(self.plain.finer(), self.plain)
 
+    @property
+    def fresh_units(self) -> int:
+        return self.plain.fresh_units
+
     def on_fresh_units(self) -> ToleranceProblem:
         fresh = copy.copy(self)
         fresh.alone = tuple(problem.on_fresh_units() for problem in self.alone)

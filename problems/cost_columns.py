@@ -21,7 +21,7 @@ from ..models.costs import CostCurve, Reciprocal
 from ..models.machine_offers import Offer, ways_of
 from ..models.machine_offers import Way as MadeWay
 from ..models.machines import ConvexHull, GoodPartsByLimit, GoodPartsBySpread, at_prices
-from ..section import POSITIVE, Array, Output, Range, Section
+from ..section import POSITIVE, Array, Output, Range, Section, shown
 from ..units import family
 from .declaration import Declaration, Interval
 from .forms import Feature, Form, Way
@@ -33,12 +33,11 @@ COST = "cost"
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 _UNIT = re.compile(r"[^\s,;]{1,16}( [^\s,;]{1,16})?")
 NOT_NEGATIVE = Range(low=0.0)
+NO_CURVE = "whose scatter does not depend on t: state price"
 T = TypeVar("T")
 Curves = tuple[CostCurve, ...]
 """The curve of each way of making a variable, in the order of its choice; a single one is for all ways. That of a
-way by machine is `GoodPartsByLimit` of the machine with the column in the place of its prices."""
-POINTS = 257
-"""Tolerances at which a curve is evaluated for its least and largest value: that of a machine need not fall."""
+way by machine is `GoodPartsByLimit` of the machine with the column in the place of its prices, which falls as well."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,8 +149,12 @@ def by_variable(
         labels, table = labels_of(declared, variable), section.take(key)
         offers = declared.machines.get(variable, ()) if by_machine else ()
         labels = labels[: len(labels) - len(ways_of(offers))]
-        if "" in labels or (variable in declared.machines and by_machine and not offers):
+        names = [*labels, *(offer.machine.name for offer in offers)]
+        if not _are_names(names) or (variable in declared.machines and by_machine and not offers):
             continue  # whose processes or machines have faults of their own
+        if offers and (fault := _is_no_table_of(table, names[len(labels) :], labels)):
+            section.fault(key, fault)
+            continue
         if not (offers or (labels and isinstance(table, dict) and set(table) & set(labels))):
             values = [read(section, key)]
         else:
@@ -166,6 +169,21 @@ def by_variable(
             found[variable] = tuple(value for value in values if value is not None)
     section.finish()
     return found
+
+
+def _are_names(names: Sequence[str]) -> bool:
+    """Whether each of them is stated, and once."""
+    return "" not in names and len(set(names)) == len(names)
+
+
+def _is_no_table_of(table: object, machines: Sequence[str], processes: Sequence[str]) -> str:
+    """What is wrong where a single number or curve is stated for several ways; empty for a table by machine."""
+    if not isinstance(table, dict):
+        return f"must be a table with a value for each of {', '.join([*processes, *machines])}, got {shown(table)}"
+    if "model" not in table or "model" in machines or "model" in processes:
+        return ""
+    curves = f", and a curve of each of {', '.join(processes)}" if processes else ""
+    return f"has machines, {NO_CURVE} of each of {', '.join(machines)}{curves}"
 
 
 def _known_unit(unit: str) -> str:
@@ -190,7 +208,10 @@ def _read_machines(section: Section, offers: Sequence[Offer], unit: str) -> list
     curves: list[CostCurve | None] = []
     for offer in offers:
         name, prices = offer.machine.name, None
-        if isinstance(section.take(name), dict):
+        stated = section.take(name)
+        if isinstance(stated, dict) and "model" in stated:
+            section.fault(name, f"is a machine, {NO_CURVE}")
+        elif isinstance(stated, dict):
             prices = _read_prices(section.section(name), offer, unit)
         elif name in section:
             price = section.number(name, unit, NOT_NEGATIVE)
@@ -381,7 +402,7 @@ def column_interval(problem: ToleranceProblem, name: str, cost: Interval) -> Int
         ends[column.name] = np.zeros(2)
         for variable, curves in column.curves.items():
             ways = _ends(problem, variable, curves)
-            whole = [curve.cost(np.linspace(low, high, POINTS)) for _, low, high, curve in ways]
+            whole = [curve.cost(np.array([high, low])) for _, low, high, curve in ways]
             ends[column.name] += problem.pieces_of(variable) * np.array([np.min(whole), np.max(whole)])
     low, high = (ends | _with_sums(problem.settings.cost_columns, ends))[name].tolist()
     return low, high

@@ -468,6 +468,11 @@ class ToleranceProblem(Problem):
         """The same problem on a larger sample, on which the points of a search are solved again."""
         return self
 
+    @property
+    def fresh_units(self) -> int:
+        """Number of units that reported points are tested on, others than those of a search; 0 without such."""
+        return 0
+
     def on_fresh_units(self) -> ToleranceProblem:
         """The same problem whose searches see the units that reported points are tested on, itself without such."""
         return self

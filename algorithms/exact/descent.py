@@ -8,13 +8,12 @@ a trust distance).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import scipy
 
-from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array
 from ..run import Run
 from ..settings import Budget
@@ -22,6 +21,8 @@ from .local import Branch
 
 STARTS = 4
 """Starts of a problem from which descents begin at most."""
+FEW_UNITS = 256
+"""Fresh units up to which descents are quick, and are compared with accepted ends of SLSQP: these may be kinks."""
 
 LATTICE = 1e-4
 """Distance of the points of a descent in scaled coordinates."""
@@ -54,37 +55,80 @@ class Point(NamedTuple):
     def improves(self, other: Point) -> bool:
         """Whether it keeps the limits better than another point, or is cheaper and keeps them as well."""
         if other.violation > 0.0:
-            return self.violation < other.violation - GAIN
+            return self.violation <= 0.0 or self.violation < other.violation - GAIN
         return self.violation <= 0.0 and self.f < other.f - GAIN * abs(other.f)
 
 
-def cheapest_descent(problem: ToleranceProblem, sets: Sequence[Array], unit: Array) -> Array | None:
-    """The search vector (1, variables) of the least objective that descents on fresh units lead to, None where none of
-    them keeps the limits; `sets` are search vectors with the integers to try, `unit` is the scale of the objective.
+class End(NamedTuple):
+    """The objective, as scaled, and the search vector (1, variables) where a descent ended within the limits."""
 
-    They begin from the first start of the problem in every set, and from the others in the set that comes out
-    cheapest; never from where a search stopped, so that the end does not depend on it.
-    """
-    ends: list[tuple[float, Array, Array]] = []
-    fresh = problem.on_fresh_units()
+    f: float
+    x: Array
 
-    def descend(integers: Array, which: slice) -> None:
-        branch = Branch(Run(fresh, Budget(), seed=0), integers, unit)
-        for start in branch.starts(Run(problem, Budget(), seed=0))[which]:
-            end = descended(branch, start)
+
+class Descents:
+    """The descents of a search on the fresh units of its problem, each done once and within the budget of its `run`."""
+
+    def __init__(self, run: Run) -> None:
+        self._run, self._problem, self._fresh = run, run.problem, run.problem.on_fresh_units()
+        self._ends: dict[tuple[int, ...], End | None] = {}
+
+    @staticmethod
+    def of(run: Run) -> Descents | None:
+        """Those of a search for the least of one objective; None where there are more, or no fresh units."""
+        return Descents(run) if run.problem.n_obj == 1 and run.problem.fresh_units else None
+
+    @property
+    def few_units(self) -> bool:
+        """Whether so few units decide that any end of SLSQP may lie on a kink."""
+        return self._problem.fresh_units <= FEW_UNITS
+
+    def cheapest(self, sets: Sequence[Array], unit: Array) -> Array | None:
+        """The search vector (1, variables) of the least objective that descents lead to, None where none of them keeps
+        the limits; `sets` are search vectors with the integers to try, `unit` is the scale of the objective.
+
+        They begin from the first start of the problem in every set, and from the others in the set that comes out
+        cheapest; never from where a search stopped, so that the end does not depend on it. Once the budget is spent,
+        none begins, and one in progress ends where it is.
+        """
+        best: End | None = None
+        nearest = sets[0]
+        for integers in sets:
+            end = self._end(integers, 0, unit)
+            if end and (not best or end.f < best.f - GAIN * abs(best.f)):
+                best, nearest = end, integers
+        for start in range(1, STARTS if best else 1):
+            end = self._end(nearest, start, unit)
+            if end and best and end.f < best.f - GAIN * abs(best.f):
+                best = end
+        return None if best is None else best.x
+
+    def _end(self, integers: Array, start: int, unit: Array) -> End | None:
+        """Where the descent from a start of the problem ends, None without such a start, or beyond the limits."""
+        branch = Branch(Run(self._fresh, Budget(), seed=0), integers, unit)
+        key = *np.rint(integers[~branch.smooth.moving]).astype(int).tolist(), start
+        if key in self._ends or self._run.spent:
+            return self._ends.get(key)
+        starts = branch.starts(Run(self._problem, Budget(), seed=0))
+        self._ends[key] = None
+        if start < len(starts):
+            end = descended(branch, starts[start], self._goes_on)
             x = branch.smooth.vectors(end.y[None, :])
-            if np.all(problem.tested(x)[1] <= 0.0) and (not ends or end.f < ends[0][0] * (1.0 - GAIN)):
-                ends.insert(0, (end.f, integers, x))
+            if np.all(self._problem.tested(x)[1] <= 0.0):
+                self._ends[key] = End(end.f, x)
+        return self._ends[key]
 
-    for integers in sets:
-        descend(integers, slice(1))
-    if ends:
-        descend(ends[0][1], slice(1, STARTS))
-    return ends[0][2] if ends else None
+    def _goes_on(self) -> bool:
+        """Whether budget is left, after the progress has been reported."""
+        self._run.phase("descents on fresh units")
+        self._run.pulse()
+        return not self._run.spent
 
 
-def descended(branch: Branch, start: Array) -> Point:
-    """Where a descent from a point (size,) ends, on the units that the branch searches."""
+def descended(branch: Branch, start: Array, goes_on: Callable[[], bool] = lambda: True) -> Point:
+    """Where a descent from a point (size,) ends on the units that the branch searches; its best point so far once it
+    no longer `goes_on`.
+    """
 
     def point(y: Array) -> Point:
         f, g = branch.smooth.values(y)
@@ -93,7 +137,7 @@ def descended(branch: Branch, start: Array) -> Point:
 
     best = point(_on_lattice(start))
     points, trust, failed = [best], WIDEST, 0
-    while trust >= NARROWEST and len(points) < POINTS:
+    while trust >= NARROWEST and len(points) < POINTS and goes_on():
         y = _on_lattice(_step(best, points, trust))
         known = any(np.array_equal(y, other.y) for other in points)
         if not known:

@@ -21,7 +21,7 @@ from ...section import Array, Flags
 from ..archive import nondominated
 from ..run import BudgetSpent, Run, recalled_results
 from ..settings import Budget
-from .descent import cheapest_descent
+from .descent import Descents
 from .local import NEARLY, Branch, joint_front, joint_front_points
 
 # The end of a search on a sample: its points are tested on fresh units, and solved again.
@@ -52,7 +52,10 @@ MAX_RESTORATION_STEP = 0.5
 
 
 def submit_retested_points(
-    run: Run, points: Sequence[Sequence[tuple[Branch, int]]], levels: Sequence[float] = ()
+    run: Run,
+    points: Sequence[Sequence[tuple[Branch, int]]],
+    levels: Sequence[float] = (),
+    descents: Descents | None = None,
 ) -> None:
     """Hand the best of each of the `points`, candidates by branch and index, to the run as its result, at the levels
     of the second objective where there are some.
@@ -72,7 +75,7 @@ def submit_retested_points(
             solved.extend(_solved_apart(run, candidates[len(solved) :][:GROUP]))
         else:
             branch, y, level = candidates[len(solved)]
-            solved.append(feasible_afresh(run, branch, y, level, search=not run.spent))
+            solved.append(feasible_afresh(run, branch, y, level, search=not run.spent, descents=descents))
     for place, alike in enumerate(points):
         found, solved = solved[: len(alike)], solved[len(alike) :]
         run.choose(found[0] if len(found) == 1 else _cheapest(run, np.vstack(found), levels[place]))
@@ -117,15 +120,18 @@ def _cheapest(run: Run, x: Array, level: float) -> Array:
     return x[np.lexsort([f[:, 0], beyond])[:1]]
 
 
-def feasible_afresh(run: Run, branch: Branch, y: Array, level: Array, search: bool, objective: int = 0) -> Array:
+def feasible_afresh(
+    run: Run, branch: Branch, y: Array, level: Array, search: bool, objective: int = 0, descents: Descents | None = None
+) -> Array:
     """The search vector (1, variables) of a point, after its limits hold on fresh units.
 
     With `search` it is solved again on the larger sample of the problem, with the other objectives at
     most at their `level` (m,), and these and every limit moved by the difference between fresh units and
     that sample, until little room is left. The best point accepted on fresh units is taken; where none holds
-    its level, the last one, moved inside its limits, if that is nearer. A single objective is minimised on the
-    fresh units themselves where no point is accepted, or where SLSQP did not reach the limits that were moved: it
-    ended on a kink of the sample.
+    its level, the last one, moved inside its limits, if that is nearer. With `descents` a single objective is
+    minimised on the fresh units themselves as well, from other starts, where no point is accepted, where SLSQP did
+    not reach the limits that were moved, or where few units decide: it may have ended on a kink of a sample. Their
+    point is taken unless the accepted one is cheaper by more than `CHEAPER`.
     """
 
     def above(fresh: Array) -> float:
@@ -155,11 +161,11 @@ def feasible_afresh(run: Run, branch: Branch, y: Array, level: Array, search: bo
         y = branch.solved(objective, branch.restored(y, moved, MAX_RESTORATION_STEP), target, moved)
         stuck = stuck or bool(np.any(branch.smooth.values(y)[1] + moved > NEARLY))
     accepted.sort(key=lambda point: point[:2])
-    if search and run.problem.n_obj == 1 and (stuck or not accepted):
-        x = cheapest_descent(run.problem, integer_moves(run.problem, branch.smooth.x), branch.unit)
+    if search and descents is not None and (stuck or not accepted or descents.few_units):
+        x = descents.cheapest(integer_moves(run.problem, branch.smooth.x), branch.unit)
         if x is not None:
-            least = run.problem.tested(x)[0].item()
-            return x if not accepted or least <= (1.0 + CHEAPER) * accepted[0][1] else accepted[0][2]
+            own, least = accepted[0][1] if accepted else np.inf, run.problem.tested(x)[0].item()
+            return x if least <= own + CHEAPER * abs(own) else accepted[0][2]
     if accepted and not (search and accepted[0][0]):
         return accepted[0][2]
     x = _push_inside_limits(run, branch, y)  # the last one, where none holds its level
@@ -228,7 +234,7 @@ def sampled_front(run: Run, branches: list[Branch], points: int) -> None:
             run.phase("least value", 0.8 * at / len(branches))
             branch.begin(run)
         alive = [branch for branch in branches if branch.f]
-        submit_retested_points(run, [joint_front_points(alive)[:1]] if alive else [])
+        submit_retested_points(run, [joint_front_points(alive)[:1]] if alive else [], descents=Descents.of(run))
     else:
         levels = _fill_between_levels(run, branches, points)
         submit_retested_points(run, [_best_branch_points(branches, level) for level in sorted(levels)], sorted(levels))
@@ -498,13 +504,13 @@ CANDIDATES = 500
 """Designs of the archive that take the place of a result of which no point keeps its limits."""
 
 
-def finish_front(run: Run, polish: bool, restarts: bool = True) -> None:
+def finish_front(run: Run, polish: bool, restarts: bool = True, descends: bool = False) -> None:
     """Make the front of the run its result, after its limits hold on fresh units.
 
     With `polish` every point is first improved by SLSQP at its own value of the other objectives,
     within the budget of evaluations. Where no design kept the limits, that of the least violation and, with
-    `restarts`, the starts of the problem are solved instead, until one keeps them. Tests on fresh units, and the
-    moves that they require, do not count as evaluations.
+    `restarts`, the starts of the problem are solved instead, until one keeps them; where a search `descends`, by
+    descents on fresh units as well. Tests on fresh units, and the moves that they require, do not count as evaluations.
     """
     x = _select_along_front(run)
     aside = Run(run.problem, Budget(evaluations=run.evaluations_left), seed=0)
@@ -516,10 +522,12 @@ def finish_front(run: Run, polish: bool, restarts: bool = True) -> None:
         branch = Branch(free, vector, unit)
         y = branch.smooth.scaled(vector[None, :])[0]
         run.choose(feasible_afresh(free, branch, y, branch.smooth.values(y)[0], search=polish))
+    descents = Descents.of(run) if descends else None
     for vector in run.archive.miss if not len(x) else x[:0]:
         branch, none = Branch(free, vector, unit), np.full(len(unit), np.inf)
         for y in np.vstack([branch.smooth.scaled(vector[None, :]), branch.starts(free)[: STARTS if restarts else 0]]):
-            run.choose(feasible_afresh(free, branch, branch.solved(0, y, none, np.zeros(1)), none, search=True))
+            y = branch.solved(0, y, none, np.zeros(1))
+            run.choose(feasible_afresh(free, branch, y, none, search=True, descents=descents))
             if np.any(np.all(run.problem.tested(run.chosen)[1] <= 0.0, axis=1)):
                 break
     if polish:

@@ -58,6 +58,7 @@ class Exact(Solver):
 
     many_objectives: ClassVar[bool] = True
     one_objective: ClassVar[bool] = True
+    descends: ClassVar[bool] = True
     points: int = field(default=POINTS_BY_DEFAULT, metadata={"low": 2, "need": POINTS})
 
     def solve(self, run: Run) -> None:

@@ -752,6 +752,10 @@ class RvReducer(PromisingUnits, Machined):
         large = {"search_units": max(units, self._search_units), "search_positions": 0}
         return type(self)(replace(self.given, parameters=dict(self.given.parameters) | large))
 
+    @property
+    def fresh_units(self) -> int:
+        return self.count("report_units")
+
     def on_fresh_units(self) -> RvReducer:
         fresh = copy.copy(self)
         fresh._fresh_alone = True

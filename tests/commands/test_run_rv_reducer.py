@@ -118,7 +118,8 @@ def test_another_solver_that_finds_nothing_is_not_begun_from_the_starts_of_the_p
     """Where none of its own starts keeps the limits, the least violation alone is solved again."""
     begun: list[object] = []
 
-    def afresh(run: Run, branch: Branch, y: Array, level: Array, search: bool) -> Array:
+    def afresh(run: Run, branch: Branch, y: Array, level: Array, search: bool, descents: None) -> Array:
+        assert descents is None
         begun.append(y)
         return branch.smooth.vectors(y[None, :])
 

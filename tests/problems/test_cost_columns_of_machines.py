@@ -16,7 +16,16 @@ from scipy.special import ndtr
 import tolevo
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
-from tolevo.models.machines import ConvexHull, GoodPartsBySpread, Inspection, Machine, Rework, at_prices, convex_cost
+from tolevo.models.machines import (
+    ConvexHull,
+    GoodPartsByLimit,
+    GoodPartsBySpread,
+    Inspection,
+    Machine,
+    Rework,
+    at_prices,
+    convex_cost,
+)
 from tolevo.problems.cost_columns import column_values
 
 REWORK = {"price": 0.8, "success": 0.9, "side": "upper"}
@@ -245,6 +254,59 @@ def test_faulty_machines_raise_no_faults_of_their_further_costs() -> None:
     with pytest.raises(InputError) as error:
         read(tables)
     assert [fault.place for fault in error.value.faults] == ["part[0].machine[0].sigma"]
+
+
+CURVE = {"model": "reciprocal", "a": 1.0, "b": 2.0}
+PRICES = "whose scatter does not depend on t: state price"
+
+
+@pytest.mark.parametrize(
+    ("curves", "place", "message"),
+    [
+        ({"shaft": 1.0}, "shaft", "must be a table with a value for each of lathe, grinder, got 1.0"),
+        ({"shaft": "x"}, "shaft", 'must be a table with a value for each of lathe, grinder, got "x"'),
+        ({"bore": [1]}, "bore", "must be a table with a value for each of honed, reamer, got [1]"),
+        ({"shaft": CURVE}, "shaft", f"has machines, {PRICES} of each of lathe, grinder"),
+        ({"bore": CURVE}, "bore", f"has machines, {PRICES} of each of reamer, and a curve of each of honed"),
+        ({"shaft": {"lathe": CURVE, "grinder": 1.0}}, "shaft.lathe", f"is a machine, {PRICES}"),
+    ],
+)
+def test_what_machines_cannot_have_is_one_fault(curves: dict[str, Any], place: str, message: str) -> None:
+    with pytest.raises(InputError) as error:
+        read(changed(cost=with_curves(**curves)))
+    assert [(f.place, f.message) for f in error.value.faults] == [(f"cost[0].curves.{place}", message)]
+
+
+@pytest.mark.parametrize("name", [None, "", 3, "grinder"])
+@pytest.mark.parametrize("inspected", [False, True])
+def test_machines_without_a_name_of_their_own_raise_no_faults_of_their_further_costs(
+    name: object, inspected: bool
+) -> None:
+    tables = changed()
+    machine = tables["part"][0]["machine"][0]
+    machine["name"] = name
+    if name is None:
+        del machine["name"]
+    if not inspected:
+        del machine["inspection"]
+    with pytest.raises(InputError) as error:
+        read(tables)
+    place = f"part[0].machine[{1 if name == 'grinder' else 0}].name"
+    assert {fault.place for fault in error.value.faults} == {place}
+
+
+def test_curves_of_machines_fall_so_that_the_ends_are_the_least_and_the_largest() -> None:
+    """Yields and rejects of a normal scatter off centre, on a grid and reworked on any side."""
+    t = np.linspace(0.5, 12.0, 2001)
+    for side in ("upper", "lower", "both"):
+        for price, inspection, rework in product((0.0, 2.0), (0.0, 0.3), (0.0, 9.0)):
+            low, high = ndtr((-t - 0.7) / 1.5), ndtr(-(t - 0.7) / 1.5)
+            again = {"upper": high, "lower": low, "both": low + high}[side]
+            good = 1.0 - low - high + 0.9 * again
+            cost = (price + inspection + again * (rework + inspection)) / good
+            machine = Machine("m", 1.5, price, 0.7, Inspection(inspection, 0.0, rework=Rework(rework, 0.9, side)))
+            np.testing.assert_allclose(GoodPartsByLimit(machine).cost(t), cost, rtol=1e-9)
+            assert np.all(np.diff(cost) <= 1e-12 * cost[:-1])
 
 
 def test_a_hull_at_other_prices_lies_below_the_cost_there() -> None:

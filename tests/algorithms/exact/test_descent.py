@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,12 @@ import pytest
 import scipy
 from numpy.typing import NDArray
 
-from tolevo.algorithms.exact.descent import LATTICE, descended
+from tolevo.algorithms.exact.descent import GAIN, LATTICE, Descents, Point, descended
+from tolevo.algorithms.exact.epsilon import feasible_afresh, scale_of
+from tolevo.algorithms.exact.local import Branch
+from tolevo.algorithms.exact.multistart import MultiStart
 from tolevo.algorithms.exact.solver import Exact
+from tolevo.algorithms.run import Run
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.problems.rv_reducer import RvReducer
@@ -66,6 +71,28 @@ def test_ends_at_optimum_with_kinks_whatever_the_last_digits(seed: int, start: f
     assert exact.f == pytest.approx(least_of_planes(rise, at), rel=2e-3)
 
 
+def test_a_descent_that_may_not_go_on_ends_at_its_best_point() -> None:
+    rng = np.random.default_rng(0)
+    rise, at, left = rng.uniform(0.1, 1.0, (12, 6)), rng.uniform(0.9, 1.1, 12), iter([True] * 4)
+    ends = [
+        descended(Kinked(rise, at, 0.0), np.full(6, 0.5), go)  # type: ignore[arg-type]
+        for go in (lambda: False, lambda: next(left, False), lambda: True)
+    ]
+    np.testing.assert_array_equal(ends[0].y, np.full(6, 0.5))
+    assert ends[1].improves(ends[0])
+    assert ends[2].improves(ends[1])
+
+
+def test_a_point_that_keeps_the_limits_improves_on_any_that_does_not() -> None:
+    def point(f: float, violation: float) -> Point:
+        return Point(np.zeros(1), f, np.array([violation]), np.zeros(1), np.zeros((1, 1)))
+
+    assert point(2.0, 0.0).improves(point(1.0, 0.5 * GAIN))
+    assert not point(1.0, 0.4 * GAIN).improves(point(1.0, 0.5 * GAIN))
+    assert point(-1.1, 0.0).improves(point(-1.0, 0.0))
+    assert not point(-1.0, 0.0).improves(point(-1.0, 0.0))
+
+
 def reducer(limit: float, grade: VariableSetting, positions: int = 13) -> RvReducer:
     """The least cost of a reducer on so few units that one of them is the quantile."""
     sizes = {"search_units": 32, "report_units": 64, "elastic_units": 32, "positions": positions, "te_positions": 61}
@@ -118,6 +145,78 @@ def test_least_cost_on_few_units_does_not_hang_on_the_last_digit(
     costs = [least_cost(reducer(limit, grade), seed, monkeypatch) for seed in range(2)]
     np.testing.assert_allclose(costs, costs[0], rtol=5e-3)
     assert max(costs) <= 1.005 * before
+
+
+def least_of_descents(run: Run) -> list[Array | None]:
+    """What descents of a run lead to in two sets of integers, asked twice."""
+    sets = [np.where([v.integer for v in run.problem.free], grade, run.problem.xl) for grade in (4.0, 5.0)]
+    descents = Descents.of(run)
+    assert descents is not None
+    return [descents.cheapest(sets, np.ones(1)) for _ in range(2)]
+
+
+def test_descents_are_done_once_and_within_the_time_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    begun, phases = [], set()
+
+    def stub(branch: Any, start: Array, goes_on: Any) -> Point:
+        begun.append(start)
+        goes_on()
+        return Point(start, float(len(begun)), np.zeros(1), start, start)
+
+    monkeypatch.setattr("tolevo.algorithms.exact.descent.descended", stub)
+    problem = reducer(1.2, ANY_GRADE)
+    monkeypatch.setattr(problem, "tested", lambda x: (np.zeros((1, 1)), np.zeros((1, 2))))
+    spent = Run(problem, Budget(time_limit_s=0.0), 1)
+    assert least_of_descents(spent) == [None, None]
+    assert not begun
+    first, again = least_of_descents(Run(problem, Budget(), 1, lambda progress: phases.add(progress.phase)))
+    assert first is not None
+    np.testing.assert_array_equal(first, again)
+    assert 2 < len(begun) <= 5  # of both sets, and the other starts of the cheaper one
+    assert phases == {"descents on fresh units"}
+    assert (
+        Descents.of(Run(RvReducer(replace(problem.given, objectives=("cost", "backlash_max_arcmin"))), Budget(), 1))
+        is None
+    )
+
+
+@pytest.mark.parametrize(("solver", "descends"), [(MultiStart(starts=1), False), (Exact(), True)])
+def test_exact_alone_descends(solver: Any, descends: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+    monkeypatch.setattr(Descents, "cheapest", lambda *given: asked.append(given))
+    assert len(search(reducer(1.2, VariableSetting(value=4.0), 5), solver, Budget(), 1).chosen) == 1
+    assert bool(asked) == descends
+
+
+class OneDescent:
+    """Descents that lead to a search vector, among few units or many."""
+
+    def __init__(self, few_units: bool, x: Array) -> None:
+        self.few_units, self.x, self.asked = few_units, x, 0
+
+    def cheapest(self, sets: list[Array], unit: Array) -> Array:
+        self.asked += 1
+        return self.x
+
+
+def test_accepted_ends_are_compared_with_descents_on_few_units() -> None:
+    problem = reducer(3.0, VariableSetting(value=4.0), 5)
+    run = Run(problem, Budget(), 1)
+    branch, none = Branch(run, problem.xl, scale_of(problem)), np.full(1, np.inf)
+    y = branch.solved(0, branch.starts(run)[0], none, np.zeros(1))
+
+    def end(descents: Any) -> Array:
+        return feasible_afresh(run, branch, y, none, search=True, descents=descents)
+
+    accepted = end(None)
+    near = np.maximum(problem.xl, accepted * np.where(accepted > 0.0, 1.0 - 1e-5, 1.0))
+    (least, dearer), kept = (problem.tested(np.vstack([x, problem.xl]))[i] for x, i in ((near, 0), (near, 1)))
+    assert np.all(kept[0] <= 0.0)
+    assert least < 1.003 * problem.tested(accepted)[0].item() < dearer
+    for few, given, taken in ((False, near, accepted), (True, near, near), (True, problem.xl[None, :], accepted)):
+        descents = OneDescent(few, given)
+        np.testing.assert_array_equal(end(descents), taken)
+        assert descents.asked == few
 
 
 def test_searches_on_fresh_units_see_what_is_reported() -> None:
