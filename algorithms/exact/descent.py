@@ -158,7 +158,7 @@ def _step(best: Point, points: list[Point], trust: float) -> Array:
     for point in near:
         to_best = best.y - point.y
         rows.append(np.concatenate([point.df, [-1.0, 0.0]]))
-        ends.append(-min(point.f + point.df @ to_best, best.f))
+        ends.append(-min(float(point.f + point.df @ to_best), best.f))
         for g, slope, own in zip(point.g, point.dg, best.g, strict=True):
             rows.append(np.concatenate([slope, [0.0, -1.0]]))
             ends.append(-min(g + slope @ to_best, own) - ROOM)

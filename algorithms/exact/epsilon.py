@@ -162,10 +162,10 @@ def feasible_afresh(
         stuck = stuck or bool(np.any(branch.smooth.values(y)[1] + moved > NEARLY))
     accepted.sort(key=lambda point: point[:2])
     if search and descents is not None and (stuck or not accepted or descents.few_units):
-        x = descents.cheapest(integer_moves(run.problem, branch.smooth.x), branch.unit)
-        if x is not None:
-            own, least = accepted[0][1] if accepted else np.inf, run.problem.tested(x)[0].item()
-            return x if least <= own + CHEAPER * abs(own) else accepted[0][2]
+        found = descents.cheapest(integer_moves(run.problem, branch.smooth.x), branch.unit)
+        if found is not None:
+            own, least = accepted[0][1] if accepted else np.inf, run.problem.tested(found)[0].item()
+            return found if least <= own + CHEAPER * abs(own) else accepted[0][2]
     if accepted and not (search and accepted[0][0]):
         return accepted[0][2]
     x = _push_inside_limits(run, branch, y)  # the last one, where none holds its level
