@@ -599,14 +599,16 @@ def _least_costs(form: Form, limits: Array, watch: Watch) -> Optimum:
     if form.quantiles and sum(len(feature.ways) > 1 for feature in form.features) >= MIXED:
         return _solve_limits_in_turn(form, limits, watch, lambda limit, _: _least_cost_by_master(form, limit))
     if is_enumerable_root_form(form):
-        return _solve_all_limits(form, limits, watch, lambda: cheapest_choice_within_limits(form, limits))
+        return _solve_all_limits(form, limits, watch, partial(cheapest_choice_within_limits, form, limits))
     if is_separable_without_doubt(form) and not _has_point_alternatives(form):
-        return _solve_all_limits(form, limits, watch, lambda: least_cost_under_doubt(form, limits, cost_range(form)[0]))
+        return _solve_all_limits(
+            form, limits, watch, partial(least_cost_under_doubt, form, limits, cost_range(form)[0])
+        )
     several = len(form.outputs) > 1
     if (several or form.combinations > MAX_UNPRICED_COMBINATIONS) and _has_priced_curves(form):
         return _least_cost_by_squares(form, limits, watch)
     if form.combinations == 1 or form.separable or len(limits) < 2:
-        return _solve_all_limits(form, limits, watch, lambda: _least_cost(form, limits, None))
+        return _solve_all_limits(form, limits, watch, partial(_least_cost, form, limits, None))
     # multipliers of several requirements are improved for each alone
     return _solve_limits_in_turn(form, limits, watch, lambda limit, previous: _least_cost(form, limit, previous))
 
