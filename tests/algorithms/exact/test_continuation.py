@@ -93,7 +93,9 @@ def test_front_falls(grades: int) -> None:
 
 @GRADES
 def test_least_cost_is_that_of_the_front(grades: int) -> None:
-    """One objective with a limit and the front beside it are two ways to the same designs."""
+    """One objective with a limit and the front beside it are two ways to the same designs; of few units descents on
+    the fresh ones make the one cheaper.
+    """
     level = 1.2
     tried = problem(grades, backlash_max_arcmin=Bound(high=level))
     alone = search(tried, Exact(), Budget(), seed=0)
@@ -103,7 +105,7 @@ def test_least_cost_is_that_of_the_front(grades: int) -> None:
     front = front[np.argsort(front[:, 1])]
     along = np.exp(np.interp(level, front[:, 1], np.log(front[:, 0])))
     # points are 20 % apart in cost, and samples of 48 units differ by some per cent
-    np.testing.assert_allclose(cost, along, rtol=0.08)
+    assert 0.85 * along < cost < 1.08 * along
 
 
 @pytest.mark.parametrize("at", [0, 1])
