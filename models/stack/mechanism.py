@@ -156,7 +156,8 @@ class Mechanism:
     def conforms(self, y: Array) -> NDArray[np.bool_]:
         """Whether values of any shape keep the limits, to their rounding; NaN does not."""
         room = [ROUNDING * abs(limit) if np.isfinite(limit) else 0.0 for limit in (self.lower, self.upper)]
-        return np.asarray((y >= self.lower - room[0]) & (y <= self.upper + room[1]))
+        with np.errstate(invalid="ignore"):
+            return np.asarray((y >= self.lower - room[0]) & (y <= self.upper + room[1]))
 
     @property
     def bounded(self) -> bool:
@@ -621,8 +622,7 @@ def joint_yield_percent(mechanisms: Sequence[Mechanism], t: Tolerances, sample: 
     yields, error = np.empty(len(t)), np.empty(len(t))
     for blocks in zip(*(sample.blocks(mechanism, t) for mechanism in mechanisms), strict=True):
         rows = blocks[0][0]
-        with np.errstate(invalid="ignore"):
-            within = [mechanism.conforms(y) for mechanism, (_, y) in zip(mechanisms, blocks, strict=True)]
+        within = [mechanism.conforms(y) for mechanism, (_, y) in zip(mechanisms, blocks, strict=True)]
         yields[rows], error[rows] = percent_of(np.logical_and.reduce(within))
     return yields, error
 

@@ -14,7 +14,7 @@ from ...models.costs import Reciprocal
 from ...models.machines import GoodPartsBySpread, convex_cost
 from ...section import Array, Flags, Integers
 from ..forms import Feature, Form, Way
-from ..limits import Limit, narrow_range, overlap
+from ..limits import Limit, keeps, narrow_range, overlap
 from ..settings import YIELD
 from .definition import Part, Process, limits_of, process_by_spread, spread_and_mean
 from .promises import LEAST
@@ -325,7 +325,7 @@ def out_of_process(part: Part, t: Array, chosen: Integers) -> dict[int, str]:
     return {
         row: f"process {process.name} holds {process.low:g} to {process.high:g} {part.unit}, got {t[row]:g}"
         for row, process in enumerate(processes)
-        if not process.low * (1.0 - ROUNDING) <= t[row] <= process.high * (1.0 + ROUNDING)  # 3 sigma, written out
+        if not (keeps(t[row], process.high) and keeps(-t[row], -process.low))
     }
 
 

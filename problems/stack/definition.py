@@ -206,6 +206,11 @@ class Part:
         return f"{'part' if self.feature is None else 'feature'} {self.name}"
 
     @property
+    def place(self) -> str:
+        """Where the configuration states it, as assumptions name it."""
+        return self.label.replace(" ", ".")
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Every name that is taken by the part."""
         return tuple(dict.fromkeys((self.name, *self.pieces, *self.written)))

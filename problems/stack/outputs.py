@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -248,7 +248,7 @@ def slopes_by_limit(stack: Stack, designs: Array, slopes: dict[str, Array]) -> d
         for side in (1.0, -1.0):
             moved = designs.copy()
             moved[:, column] += side * step
-            ends.append(_linear_outputs(stack, moved))
+            ends.append(_linear_outputs(stack, moved, derivatives.keys()))
         for name in derivatives:
             derivatives[name][:, at] = (ends[0][name] - ends[1][name]) / (2.0 * step)
     return derivatives
@@ -276,12 +276,13 @@ def slopes_by_count(stack: Stack, designs: Array) -> dict[str, Array]:
     return derivatives
 
 
-def _linear_outputs(stack: Stack, designs: Array) -> dict[str, Array]:
-    """The outputs (n,) that have derivatives, yields and half-widths by their laws."""
+def _linear_outputs(stack: Stack, designs: Array, wanted: Collection[str]) -> dict[str, Array]:
+    """The outputs (n,) that have derivatives, yields and half-widths by their laws; ends by corners where `wanted`."""
     t, coverage = stack.parts_as_made(designs), stack.settings.propagation.coverage
     outputs: dict[str, Array] = {}
     for measured in stack.measured:
-        outputs |= measured.variations(t) | measured.margin(t) | measured.window(t, asked=True)
+        outputs |= measured.variations(t) | measured.margin(t)
+        outputs |= measured.window(t, asked=any(measured.name(end) in wanted for end in WINDOW))
         if (distribution := measured.distribution) is not None:
             outputs[measured.name("yield_percent")] = distribution.yield_percent(t)[0]
             if measured.requirement.method == "monte_carlo":

@@ -104,10 +104,10 @@ def linearity_warnings(
     for name, (lower, upper) in limits.items():
         low, high = ((bound - mean) / (rss / SIGMAS) for bound in (lower, upper))
         promised = 100.0 * float(ndtr(low) + ndtr(-high))
-        with np.errstate(invalid="ignore"):
-            within, error = percent_of((y >= lower) & (y <= upper))
+        between = replace(mechanism, lower=lower, upper=upper)
+        within, error = percent_of(between.conforms(y))
         actual, doubt = 100.0 - float(within[0]), float(error[0])
-        by_slopes = 100.0 - float(percent_of((straight >= lower) & (straight <= upper))[0][0])
+        by_slopes = 100.0 - float(percent_of(between.conforms(straight))[0][0])
         if abs(actual - promised) > max(MIN_YIELD_DIFFERENCE, ERRORS * doubt, RELATIVE * promised):
             model, truth = "normal distribution", "parts' distributions give"
             if abs(actual - by_slopes) > abs(by_slopes - promised):

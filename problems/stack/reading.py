@@ -340,9 +340,7 @@ def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
             known = part.sample.statement(part.unit)
             assumptions.append(Assumption(f"part.{part.name}.measured", known, "", process))
         elif not part.sampled and process == SAMPLED:
-            assumptions.append(
-                Assumption(f"{part.label.replace(' ', '.')}.process", values["distribution"], "", UNMEASURED)
-            )
+            assumptions.append(Assumption(f"{part.place}.process", values["distribution"], "", UNMEASURED))
         for machine, sample in samples_of(part.machines):
             place = f"part.{part.name}.machine.{machine}.measured"
             assumptions.append(Assumption(place, sample.statement(part.unit), "", process))

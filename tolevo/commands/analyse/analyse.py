@@ -54,7 +54,7 @@ def analysis_of(configuration: Configuration) -> AnalysisResult:
     assumed = [*stack.assumptions()]
     for part in at_loosest:
         key, width = ("tolerance", part.high) if part.feature is None else ("zone", 2.0 * part.high)
-        assumed.append(Assumption(f"{part.label.replace(' ', '.')}.{key}", width, part.unit, OPEN))
+        assumed.append(Assumption(f"{part.place}.{key}", width, part.unit, OPEN))
     summary = {
         "command": "analyse",
         "name": stack.title(),
