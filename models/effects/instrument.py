@@ -155,16 +155,17 @@ def _stretches(time: Array) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(edges)]
 
 
-FEW_STEPS = 20
-"""Part of the steps of a channel, as a divisor, that are few."""
+JUMP = 3.0
+"""A step of a channel that is so many times its neighbours happens within a row."""
 
 
 def _moves_in_jumps(values: Array) -> bool:
-    """Whether most of the squared movement of a channel (n,) is in few steps: what follows a jump within a row
-    is a delay as well as a fast memory.
+    """Whether most of the squared movement of a channel (n,) is in steps within a row: what follows a jump a part of a
+    row late is a delay as well as a fast memory.
     """
-    squares = np.sort(np.diff(values) ** 2)
-    return float(squares[-max(len(squares) // FEW_STEPS, 1) :].sum()) > 0.5 * float(squares.sum())
+    steps = np.abs(np.diff(values, prepend=values[0], append=values[-1]))
+    jumps = steps[1:-1] > JUMP * np.maximum(steps[:-2], steps[2:])
+    return float((steps[1:-1][jumps] ** 2).sum()) > 0.5 * float((steps**2).sum())
 
 
 def _is_continuous(values: Array) -> bool:
