@@ -22,7 +22,7 @@ from .local import Branch
 STARTS = 4
 """Starts of a problem from which descents begin at most."""
 FEW_UNITS = 256
-"""Fresh units up to which descents are quick, and are compared with accepted ends of SLSQP: these may be kinks."""
+"""Units up to which any end of SLSQP on a sample may be a kink: descents, quick there, are compared with its ends."""
 
 LATTICE = 1e-4
 """Distance of the points of a descent in scaled coordinates."""

@@ -92,7 +92,7 @@ def test_outputs_are_those_of_the_loaded_contact(design: UnitDesign) -> None:
 
     What is left, 0.0004' and 0.06 %, is the gaps' second order in the errors.
     """
-    case = Case(design, units=48)
+    case = Case(design, units=16)
     contact, errors, angles = case.contact(), case.errors(), case.lattice.angles
     found = case.elastic().values
     lost = performance.lost_motion(contact, errors, angles) / ARCMIN
@@ -190,7 +190,7 @@ BY_TOOTH = replace(DOCUMENT, stagger=0.0)
 def test_kernel_and_reference_agree(design: UnitDesign, series: float, discs: int) -> None:
     """Single precision against double: 1e-6' of some 20 arc minutes of turn and gap."""
     laws = Hierarchy(pitch_spectrum={"one_wave": 0.5, "white": 0.5}) if design is BY_TOOTH else None
-    case = Case(design, units=130, positions=17, geometry=replace(GEOMETRY, discs=discs), laws=laws)
+    case = Case(design, units=130, positions=7, geometry=replace(GEOMETRY, discs=discs), laws=laws)
     loading = Loading(series_stiffness=series)
     compiled = case.elastic(loading)
     with by_arrays():

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ...algorithms.exact.bounds import Proof
+from ...algorithms.exact.descent import FEW_UNITS
 from ...algorithms.exact.local import NEARLY, Branch
 from ...algorithms.exact.solver import closed_form
 from ...algorithms.run import Progress, Run, Shared, recalled_results
@@ -18,7 +19,7 @@ from ...problems.limits import Limit
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem, designs_of
 from ...records import FORMAT, Axis, RunResult
-from ...section import Array, Kind
+from ...section import Array, Kind, number
 from ...units import drawing_number, plain_number
 from .changes import step_words, words
 from .choice import ALL
@@ -638,15 +639,17 @@ def _level(branch: Branch, x: Array) -> Array:
 
 
 def _least(branch: Branch, x: Array, limit: Array) -> float:
-    """Least cost within the limits, begun at `x` or else at the problem's own starts; or NaN."""
+    """Least cost within the limits, begun at `x`, and at the problem's own starts where that keeps them not, or where
+    the sample has so few units that SLSQP may end on a kink, at which of them the last digit decides; or NaN.
+    """
     run = branch.smooth.run
     cost = run.problem.objectives.index("cost")
-    scaled = branch.smooth.scaled(x[None, :])[0]
-    least = _least_value(branch, cost, scaled, limit)
-    if not np.isnan(least):
+    least = _least_value(branch, cost, branch.smooth.scaled(x[None, :])[0], limit)
+    few_units = any(number(size) <= FEW_UNITS for size in run.problem.sample_sizes().values())
+    if not (few_units or np.isnan(least)):
         return least
-    starts = (_least_value(branch, cost, start, limit) for start in branch.starts(run))
-    return next((value for value in starts if not np.isnan(value)), np.nan)
+    ends = [least, *(_least_value(branch, cost, start, limit) for start in branch.starts(run))]
+    return min((value for value in ends if not np.isnan(value)), default=np.nan)
 
 
 def _least_value(branch: Branch, cost: int, start: Array, limit: Array) -> float:
