@@ -807,7 +807,8 @@ class RvReducer(PromisingUnits, Machined):
     def faults(self) -> list[Fault]:
         ends = {name: super(RvReducer, self).interval(name) for name in ("dr_rp_mm", "dr_p_mm")}
         shape = declared.faults(self.model.geometry, self.given, ends)
-        beyond = size_faults(self.count, MAX_CACHED_EVALUATIONS) or super().faults()
+        size = size_faults(self.count, MAX_CACHED_EVALUATIONS)
+        beyond = size or super().faults()
         if shape:  # a profile that cannot be breaks the limits on it as well
             beyond = [fault for fault in beyond if fault.place.removeprefix("limits.") not in DEFAULT_LIMITS]
         faults = [
@@ -820,7 +821,9 @@ class RvReducer(PromisingUnits, Machined):
         if self.model.sorting is not None:
             asked = (*self.objectives, *(limit.name for limit in self.limits if limit.count))
             faults = [*faults, *declared.sorting_faults(self.given, asked)]
-        faults = faults or [*self._idle_hours(), *jam_faults(self, self.settings.effects)]
+        faults += self._idle_hours()
+        if not shape and not size:
+            faults += jam_faults(self, self.settings.effects)
         return faults or self.cost_bound().faults()
 
     def _idle_hours(self) -> list[Fault]:

@@ -207,6 +207,19 @@ def test_conditions_without_a_limit_and_contradictory_limits_are_faults() -> Non
     assert "contradict" in faults[0]
 
 
+def test_faults_of_the_whole_show_beside_those_of_conditions() -> None:
+    """Temperature, contradiction, hours, jam and classes in one file, each once."""
+    hot = {"name": "hot", "temperature_difference_K": 60.0, "limits": {"backlash_max_arcmin": {"min": 2.0, "max": 1.0}}}
+    idle = {"name": "idle", "temperature_C": -300.0, "hours": 10.0}
+    fixed = {"dr_rp_mm": {"value": -0.04}, "dr_p_mm": {"value": -0.07}, "crank_bearing_um": {"value": 2.0}}
+    classes = {**SMALL, "pin_classes": 9, "pin_class_um": 0.5, "pin_match_um": 0.3}
+    faults = faults_of({**TWO, "condition": [COLD, hot, idle], "variables": fixed, "parameters": classes})
+    assert {fault.split(": ")[0] for fault in faults} == {
+        "condition[1].limits.backlash_max_arcmin.min", "condition[1]", "condition[2].temperature_C", "condition[2]",
+        "condition[2].hours", "parameters.pin_class_um", "parameters.pin_classes",
+    }  # fmt: skip
+
+
 def test_an_output_of_conditions_needs_one_of_them_as_an_objective() -> None:
     faults = faults_of({**TWO, "objectives": {"minimise": ["cost", "backlash_max_arcmin"]}})
     assert "like cold.backlash_max_arcmin" in faults[0]
