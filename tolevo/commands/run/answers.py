@@ -20,7 +20,7 @@ from ...problems.tolerance_problem import ToleranceProblem, designs_of
 from ...records import FORMAT, Axis, RunResult
 from ...section import Array, Kind
 from ...units import drawing_number, plain_number
-from .changes import step_words, words
+from .changes import step_words, value_against_limit, words
 from .choice import ALL
 from .decide import Decisions
 from .plan import MAX_LIMIT_DISTANCE, RunPlan, chosen_point, shown_point
@@ -210,10 +210,7 @@ class Sentences:
         label, broken = str(row["label"]), str(row["violated_limits"]).split()
         published = f"The published allocation ({label}) has {self.row(row)}"
         if broken:
-            values = ", ".join(
-                f"{self.value(n, float(row[n]))} instead of {self.limit(self._limit(n)).removeprefix(words(n)).strip()}"
-                for n in broken
-            )
+            values = ", ".join(f"{words(n)} {value_against_limit(float(row[n]), self._limit(n))}" for n in broken)
             gains = self._gains(row, "relaxed_")
             if not gains:
                 return f"{published}, but breaks the limits ({values}): it cannot be compared."
