@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import tolevo
+from tolevo.commands.run.answers import _applies
 from tolevo.commands.run.run import drawn
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
@@ -241,6 +242,16 @@ def test_an_effect_without_a_counterpart_and_a_promise_are_refused() -> None:
     nothing = {**WARM, "effect": [{"name": "differential_thermal_expansion", "parameters": {"temperature_K": 1.0}}]}
     faults = faults_of({**TWO, "condition": [COLD, nothing]})
     assert faults and faults[0].startswith("condition[1].effect[0]")
+
+
+@pytest.mark.parametrize("minimise", [["cost"], ["cost", "cold.backlash_max_arcmin"]])
+def test_runs_in_conditions_have_a_table_of_assumptions(minimise: list[str]) -> None:
+    """With the row of a condition that only limits the run, which is left out there."""
+    cold = {**COLD, "limits": {"backlash_max_arcmin": 1.0, "interference_probability": 0.05}}
+    problem = problem_of({**TWO, "objectives": {"minimise": minimise}, "condition": [cold, WARM]})
+    assert _applies(problem)
+    rows = {(one.assumption, one.value) for one in problem.variants()}
+    assert ("as it is", "") in rows and ("conditions", "without warm") in rows
 
 
 def test_a_robot_with_two_payloads() -> None:

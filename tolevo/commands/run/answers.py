@@ -473,6 +473,11 @@ RIGID = "backlash_"
 """Prefix of the outputs that are searched within a fraction of a second."""
 
 
+def _is_rigid(name: str) -> bool:
+    """Whether an output, in a condition or not, is one of these."""
+    return name.rpartition(".")[2].startswith(RIGID)
+
+
 def add_assumptions(
     result: RunResult,
     problem: ToleranceProblem,
@@ -517,9 +522,7 @@ def _held_outputs(point: pd.DataFrame, problem: ToleranceProblem, level: tuple[s
     outputs = {name: float(point[name].iloc[0]) for name in held}
     if not held:
         outputs = {
-            limit.name: problem.settings.limits[limit.name].high
-            for limit in problem.limits
-            if limit.name.startswith(RIGID)
+            limit.name: problem.settings.limits[limit.name].high for limit in problem.limits if _is_rigid(limit.name)
         }
     return {name: level[1] if level and level[0] == name and held else value for name, value in outputs.items()}
 
@@ -595,8 +598,8 @@ def _applies(problem: ToleranceProblem) -> bool:
     if len(problem.objectives) != len(others) + 1 or not problem.declaration.sampled:
         return False
     if others:
-        return len(others) == 1 and others[0].startswith(RIGID)
-    return any(limit.name.startswith(RIGID) for limit in problem.limits)
+        return len(others) == 1 and _is_rigid(others[0])
+    return any(_is_rigid(limit.name) for limit in problem.limits)
 
 
 class Assumed(NamedTuple):
