@@ -60,10 +60,10 @@ def limits_in_all(conditions: Iterable[str], limits: Mapping[str, Bound], output
     return spread
 
 
-THERMAL = "differential_thermal_expansion"
+THERMAL, WEAR = "differential_thermal_expansion", "wear"
 DISC, HOUSING, APART = "disc_temperature_C", "housing_temperature_C", "temperature_difference_K"
 TEMPERATURES = ("temperature_C", DISC, HOUSING, APART)
-"""Keys of a condition, and the effect by which they act."""
+"""Keys of a condition and the effect by which they act; its hours act by that of wear."""
 
 
 def contradictory(bounds: Mapping[str, Bound], place: str = "limits") -> list[Fault]:
@@ -82,10 +82,11 @@ def contradictory(bounds: Mapping[str, Bound], place: str = "limits") -> list[Fa
 @dataclass(frozen=True, slots=True)
 class Condition:
     """A state in the life of a unit: `effects` that act in it and operating `parameters`; `stated` is
-    its table as the configuration has it, without limits and objectives.
+    its table as the configuration has it at `place`, without limits and objectives.
     """
 
     name: str
+    place: str
     effects: tuple[Active, ...] = ()
     parameters: Mapping[str, Value] = field(default_factory=dict)
     hours: float = 0.0
@@ -367,8 +368,7 @@ class InConditions(ToleranceProblem):
     # ---------------------------------------------------------------- faults, and what a reader is told
 
     def faults(self) -> list[Fault]:
-        faults = [*contradictory(self.settings.limits), *self._idle(), *self._without_counterpart()]
-        if faults:
+        if faults := [*self._without_counterpart(), *self._idle_hours()]:
             return faults
         for name, problem in zip(self.operating.names, self.alone, strict=True):
             faults += [replace(fault, place=self._place(fault.place, name)) for fault in problem.faults()]
@@ -377,34 +377,32 @@ class InConditions(ToleranceProblem):
     def _place(self, place: str, condition: str) -> str:
         """The place of a fault that the problem of one condition has."""
         table, _, name = place.partition(".")
-        at = self.operating.names.index(condition)
-        if table == "parameters" and name in self.operating.conditions[at].parameters:
-            return f"condition[{at}].{name}"
+        of = self.operating.conditions[self.operating.names.index(condition)]
+        if table == "parameters" and name in of.parameters:
+            return f"{of.place}.{name}"
         if table.startswith("effect["):
-            return f"condition[{at}]"
+            return of.place
         own = table == "limits" and f"{condition}.{name}" in self.settings.limits
         return f"limits.{condition}.{name}" if own else place
 
-    def _idle(self) -> list[Fault]:
-        """A fault for every condition that no limit and no objective belongs to."""
-        held = {name.partition(".")[0] for name in (*self.settings.limits, *self.objectives) if "." in name}
-        text = "has no limit and no objective: state limits or minimise in it, or a limit that holds in all conditions"
-        return [
-            Fault(f"condition[{at}]", f"{name} {text}")
-            for at, name in enumerate(self.operating.names)
-            if name not in held
-        ]
-
     def _without_counterpart(self) -> Iterator[Fault]:
         """A fault for every effect of a condition that changes nothing in this problem."""
-        for at, (condition, problem) in enumerate(zip(self.operating.conditions, self.alone, strict=True)):
+        for condition, problem in zip(self.operating.conditions, self.alone, strict=True):
             does = problem.counterparts()[len(self.given.effects) :]
             for effect, words in zip(condition.effects, does, strict=True):
                 if not words:
                     text = (
                         f"{effect.effect.name} has no counterpart in this problem, or does nothing here: leave it out"
                     )
-                    yield Fault(f"condition[{at}]", text)
+                    yield Fault(condition.place, text)
+
+    def _idle_hours(self) -> Iterator[Fault]:
+        """A fault for hours of a condition where nothing in this problem wears; a unit that may wear says so itself."""
+        for condition in self.operating.conditions:
+            wears = any(active.effect.name == WEAR for active in condition.effects_with(self.given.effects))
+            if condition.hours and "hours" not in condition.parameters and not wears:
+                text = f"{condition.hours:g} h change nothing: nothing wears in this problem; leave them out"
+                yield Fault(f"{condition.place}.hours", text)
 
     def search_faults(self) -> list[Fault]:
         """Those that every condition has: what one of them limits is limited."""

@@ -71,6 +71,13 @@ def refuse_alone(parameters: Section, names: Collection[str]) -> None:
             parameters.fault(name, f"changes nothing: state parameters.{CLASSES}, or leave it out")
 
 
+def refuse_rotation(variables: Section) -> None:
+    """A fault of the third modification of document B, which is known where flanks alone are designed."""
+    if "rotation_arcmin" in variables:
+        text = "is of a second pass, which no units are drawn with: search it with tooth_modification, or leave it out"
+        variables.fault("rotation_arcmin", text)
+
+
 @dataclass(frozen=True, slots=True)
 class ClassCentres(Distribution):
     """The centre of one of `classes` equal classes of the zone, each as frequent as the others."""

@@ -37,6 +37,7 @@ from .matching import (
     PinMatching,
     matching_faults,
     refuse_alone,
+    refuse_rotation,
     with_matching,
 )
 from .quantile_form import quantile_form, shortfalls
@@ -331,6 +332,7 @@ class RvBacklash(Promising, Machined):
         configured, parameters = super().configured(top), top.section("parameters")
         if configured is None:
             return None
+        refuse_rotation(top.section("variables"))
         refuse_alone(parameters, [parameter.name for parameter in SORTING[1:]])
         return replace(configured, declaration=with_matching(configured.declaration, parameters.all_keys()))
 

@@ -380,13 +380,27 @@ def sorting_faults(given: Settings, asked: Iterable[str]) -> Iterator[Fault]:
     if given.effects or number(given.parameters.get("hours", 0.0)) > 0.0:
         text = "pins are fitted to new units at 20 degC: what effects or wear do to such units is not known here"
         yield Fault("parameters.pin_classes", text)
+    text = "is evaluated where pins are fitted to units, but its derivatives are not known: limit the backlash"
+    yield from _faults_of_asked(given, asked, SAMPLED_UNDER_LOAD, text)
+    text = "is counted on reported units alone: minimise the cost, and read it there"
+    yield from _faults_of_asked(given, asked, [output.name for output in OF_SORTING], text)
+
+
+def _faults_of_asked(given: Settings, asked: Iterable[str], of: Collection[str], text: str) -> Iterator[Fault]:
+    """A fault of every limit or objective that is one `of` these outputs."""
     for name in dict.fromkeys(asked):
-        place = f"limits.{name}" if name in given.limits else "objectives.minimise"
-        if name in SAMPLED_UNDER_LOAD:
-            text = "is evaluated where pins are fitted to units, but its derivatives are not known: limit the backlash"
-            yield Fault(place, f"{name} {text}")
-        if name in {output.name for output in OF_SORTING}:
-            yield Fault(place, f"{name} is counted on reported units alone: minimise the cost, and read it there")
+        if name in of:
+            yield Fault(f"limits.{name}" if name in given.limits else "objectives.minimise", f"{name} {text}")
+
+
+def distance_faults(given: Settings, asked: Iterable[str]) -> Iterator[Fault]:
+    """Faults of what is asked for under load where cranks have wrong distances, which do not act on it."""
+    text = "is known of cranks at true distances alone: limit backlash_max_arcmin or jam_force_N instead, or set "
+    text += "parameters.over_constraint = false"
+    yield from _faults_of_asked(given, asked, SAMPLED_UNDER_LOAD, text)
+    if given.parameters.get("interference") == "preload":
+        remedy = 'set parameters.interference = "turn_mean", or parameters.over_constraint = false'
+        yield Fault("parameters.interference", f"preload is known of cranks at true distances alone: {remedy}")
 
 
 def with_thickness(plain: Declaration, stated: Collection[str]) -> Declaration:

@@ -27,7 +27,7 @@ from ...section import Array, Assumption, Section, Value, Variable, number
 from ...units import ARCMIN, MM, UM
 from ..declaration import ConfiguredProblem, Declaration, Interval
 from ..machined import Machined
-from ..rv_backlash.matching import refuse_alone
+from ..rv_backlash.matching import refuse_alone, refuse_rotation
 from ..rv_backlash.problem import DEFAULT_COSTS
 from ..rv_backlash.shift import TERMS
 from ..settings import Bound, Settings, VariableSetting
@@ -315,7 +315,9 @@ def _further(problem: RvReducer) -> Iterator[Variant]:
     if not settings.parameters["over_constraint"]:
         text = f"counted, crank holes of the carrier within +-{UNLISTED['crank_hole_um']:g} um"
         wrong = _with_parameters(problem, over_constraint=True, planet_coupling=False)
-        if not any(declared.coupling_faults(wrong.model.geometry, wrong.model.coupling)):
+        asked = (*wrong.objectives, *(limit.name for limit in wrong.limits))
+        unknown = declared.distance_faults(wrong.given, asked)
+        if not any((*declared.coupling_faults(wrong.model.geometry, wrong.model.coupling), *unknown)):
             yield Variant("distances of cranks", text, wrong, UNITS_MEASURED)
     if settings.parameters["bearing_play_factor"] == 1.0:
         along = _with_parameters(problem, bearing_play_factor=ALONG_ITS_LOAD)
@@ -472,6 +474,7 @@ class RvReducer(PromisingUnits, Machined):
                 )
         if configured is None:
             return None
+        refuse_rotation(top.section("variables"))
         refuse_alone(parameters, [parameter.name for parameter in SORTING[1:]])
         declaration = with_sorting(with_thickness(configured.declaration, stated), parameters.all_keys())
         coupled = parameters.take("over_constraint") is True
@@ -807,7 +810,8 @@ class RvReducer(PromisingUnits, Machined):
     def faults(self) -> list[Fault]:
         ends = {name: super(RvReducer, self).interval(name) for name in ("dr_rp_mm", "dr_p_mm")}
         shape = declared.faults(self.model.geometry, self.given, ends)
-        beyond = size_faults(self.count, MAX_CACHED_EVALUATIONS) or super().faults()
+        size = size_faults(self.count, MAX_CACHED_EVALUATIONS)
+        beyond = size or super().faults()
         if shape:  # a profile that cannot be breaks the limits on it as well
             beyond = [fault for fault in beyond if fault.place.removeprefix("limits.") not in DEFAULT_LIMITS]
         faults = [
@@ -817,10 +821,14 @@ class RvReducer(PromisingUnits, Machined):
             *unpriced_error_faults({variable.name for variable in self.free}, self.settings.costs),
             *beyond,
         ]
+        asked = (*self.objectives, *(limit.name for limit in self.limits if limit.count))
         if self.model.sorting is not None:
-            asked = (*self.objectives, *(limit.name for limit in self.limits if limit.count))
-            faults = [*faults, *declared.sorting_faults(self.given, asked)]
-        faults = faults or [*self._idle_hours(), *jam_faults(self, self.settings.effects)]
+            faults += declared.sorting_faults(self.given, asked)
+        if self.model.coupling is not None:
+            faults += declared.distance_faults(self.given, asked)
+        faults += self._idle_hours()
+        if not shape and not size:
+            faults += jam_faults(self, self.settings.effects)
         return faults or self.cost_bound().faults()
 
     def _idle_hours(self) -> list[Fault]:

@@ -61,8 +61,8 @@ def read_conditions(top: Section, requirements: Sequence[Requirement], faults: l
             why = why or f"{name} is the name of a requirement or condition; choose another name"
         if why:
             section.fault("name", why)
-        elif name is not None and temperature is not None:
-            conditions.append(Condition(name, temperature))
+        elif name is not None:  # limits of one whose temperature is faulty are read as well
+            conditions.append(Condition(name, REFERENCE_C if temperature is None else temperature))
             taken.add(name)
     return tuple(conditions)
 

@@ -245,14 +245,15 @@ class Correlation:
 @dataclass(frozen=True, slots=True)
 class Sorting:
     """Two parts that are measured with a standard deviation of `u_um`, sorted into `classes` and matched, at a
-    `price` a unit; `stated` is what the configuration says.
+    `price` a unit; `stated` is what the configuration says at `place`.
     """
 
     parts: tuple[str, str]
     classes: int
     u_um: float
     price: float
-    stated: Mapping[str, Any] = field(default_factory=dict)
+    place: str
+    stated: Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

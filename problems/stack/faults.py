@@ -1,4 +1,4 @@
-"""Faults of a stack as a whole: samples, units of objectives, contradictory limits."""
+"""Faults of a stack as a whole: samples, units of objectives, yields and tolerances that limits rule out."""
 
 from __future__ import annotations
 
@@ -30,10 +30,6 @@ DEVIATIONS = Need("deviation", bytes=16.0)
 def faults_of(stack: Stack, inherited: Callable[[], list[Fault]]) -> list[Fault]:
     """Every fault; where the sample is too large, faults of any problem are not sought."""
     faults = promise_faults(stack.definition, stack.given.limits)
-    if stack.definition.conditions:
-        from ..conditions import contradictory
-
-        faults += contradictory(stack.settings.limits)
     faults += size_faults(stack) or inherited()
     faults += [*yield_faults(stack), *first_order_faults(stack), *range_faults(stack)]
     return faults or domain_faults(stack)

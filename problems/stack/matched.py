@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -46,12 +47,13 @@ def read_sortings(top: Section, parts: Sequence[Part] | None, faults: list[Fault
         obstacles += [why for name in names if parts is not None and (why := _obstacle(name, parts))]
         for why in obstacles:
             section.fault("parts", why)
-        if not complete or obstacles or classes is None:
+        if not complete or obstacles:
             continue
-        stated = {"parts": names, "classes": classes}
+        stated: dict[str, Any] = {"parts": names, "classes": classes}
         stated |= {key: value for key, value in (("u_um", u_um), ("price", price)) if value is not None}
-        sorting = Sorting((names[0], names[1]), classes, u_um or 0.0, price or 0.0, stated)
-        if parts is not None and (why := _too_narrow(sorting, parts)):
+        pair, number = (names[0], names[1]), int(CLASSES.low) if classes is None else classes
+        sorting = Sorting(pair, number, u_um or 0.0, price or 0.0, section.place(), stated)
+        if classes is not None and parts is not None and (why := _too_narrow(sorting, parts)):
             section.fault("classes", why)
         sortings.append(sorting)
     return tuple(sortings)
@@ -97,7 +99,7 @@ def matched_mechanisms(
         return tuple(mechanisms)
     by_name = {part.name: part for part in parts}
     pairs = []
-    for at, sorting in enumerate(sortings):
+    for sorting in sortings:
         one, other = (mechanisms[0].names.index(name) for name in sorting.parts)
         effects = [float(m.sensitivities[one] * m.sensitivities[other]) for m in mechanisms]
         correlation = mechanisms[0].correlation
@@ -110,7 +112,7 @@ def matched_mechanisms(
         elif correlation is not None and any(np.count_nonzero(correlation[piece]) > 1 for piece in (one, other)):
             text = f"{' and '.join(sorting.parts)}: parts that are correlated cannot be matched as well"
         if text:
-            faults.append(Fault(f"matched[{at}].parts" if len(sortings) > 1 else "matched.parts", text))
+            faults.append(Fault(f"{sorting.place}.parts", text))
             continue
         units = [by_name[name].unit for name in sorting.parts]
         laws = [by_name[name].distribution for name in sorting.parts]

@@ -158,14 +158,14 @@ def read_definition(
         faults += sensitivity_faults(requirements, top.tables("part"))
     else:
         faults += _check_formula_or_sensitivities(requirements[0], top, parts)
-    if faults or not parts:
+    if not parts or any(not fault.place.startswith(("condition[", "matched")) for fault in faults):
         known = {fault.place for fault in faults}
         faults += [fault for fault in _name_faults(top, requirements, whole) if fault.place not in known]
         return parts, requirements, conditions, None
     mechanisms, stated = mechanisms_of(requirements, whole, correlations, steps, faults), requirements
     if len(mechanisms) == len(requirements):
         mechanisms = matched_mechanisms(mechanisms, whole, sortings, faults)
-    if conditions and not faults:
+    if conditions and len(mechanisms) == len(requirements):
         from .conditions import stack_at
 
         requirements, mechanisms = stack_at(conditions, stated, whole, mechanisms, faults)

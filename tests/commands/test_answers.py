@@ -110,6 +110,17 @@ def test_a_least_cost_lies_above_or_below_a_published_one() -> None:
     assert told == "the least backlash that was found is 387 % more at equal peak mesh force"
 
 
+def test_a_published_allocation_that_breaks_a_limit_is_told_with_digits_that_show_it() -> None:
+    """3.11843 breaks 3.118: with four digits both read alike."""
+    limit = Limit("kc_sum_std_mrad", -np.inf, 3.118, 1.0, "mrad")
+    one: Any = SimpleNamespace(names=["cost"], row=lambda _: "cost 14.54", _limit=lambda _: limit, _gains=lambda *_: "")
+    row = {"label": "document A", "violated_limits": "kc_sum_std_mrad", "kc_sum_std_mrad": 3.11843}
+    assert Sentences._comparison(one, row) == (
+        "The published allocation (document A) has cost 14.54, but breaks the limits (kc sum std 3.1184 instead of at "
+        "most 3.118 mrad): it cannot be compared."
+    )
+
+
 CASES = Path(__file__).parents[1] / "cases"
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import tolevo
+from tolevo.commands.run.answers import _applies
 from tolevo.commands.run.run import drawn
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
@@ -207,6 +208,19 @@ def test_conditions_without_a_limit_and_contradictory_limits_are_faults() -> Non
     assert "contradict" in faults[0]
 
 
+def test_faults_of_the_whole_show_beside_those_of_conditions() -> None:
+    """Temperature, contradiction, hours, jam and classes in one file, each once."""
+    hot = {"name": "hot", "temperature_difference_K": 60.0, "limits": {"backlash_max_arcmin": {"min": 2.0, "max": 1.0}}}
+    idle = {"name": "idle", "temperature_C": -300.0, "hours": 10.0}
+    fixed = {"dr_rp_mm": {"value": -0.04}, "dr_p_mm": {"value": -0.07}, "crank_bearing_um": {"value": 2.0}}
+    classes = {**SMALL, "pin_classes": 9, "pin_class_um": 0.5, "pin_match_um": 0.3}
+    faults = faults_of({**TWO, "condition": [COLD, hot, idle], "variables": fixed, "parameters": classes})
+    assert {fault.split(": ")[0] for fault in faults} == {
+        "condition[1].limits.backlash_max_arcmin.min", "condition[1]", "condition[2].temperature_C", "condition[2]",
+        "condition[2].hours", "parameters.pin_class_um", "parameters.pin_classes",
+    }  # fmt: skip
+
+
 def test_an_output_of_conditions_needs_one_of_them_as_an_objective() -> None:
     faults = faults_of({**TWO, "objectives": {"minimise": ["cost", "backlash_max_arcmin"]}})
     assert "like cold.backlash_max_arcmin" in faults[0]
@@ -228,6 +242,16 @@ def test_an_effect_without_a_counterpart_and_a_promise_are_refused() -> None:
     nothing = {**WARM, "effect": [{"name": "differential_thermal_expansion", "parameters": {"temperature_K": 1.0}}]}
     faults = faults_of({**TWO, "condition": [COLD, nothing]})
     assert faults and faults[0].startswith("condition[1].effect[0]")
+
+
+@pytest.mark.parametrize("minimise", [["cost"], ["cost", "cold.backlash_max_arcmin"]])
+def test_runs_in_conditions_have_a_table_of_assumptions(minimise: list[str]) -> None:
+    """With the row of a condition that only limits the run, which is left out there."""
+    cold = {**COLD, "limits": {"backlash_max_arcmin": 1.0, "interference_probability": 0.05}}
+    problem = problem_of({**TWO, "objectives": {"minimise": minimise}, "condition": [cold, WARM]})
+    assert _applies(problem)
+    rows = {(one.assumption, one.value) for one in problem.variants()}
+    assert ("as it is", "") in rows and ("conditions", "without warm") in rows
 
 
 def test_a_robot_with_two_payloads() -> None:

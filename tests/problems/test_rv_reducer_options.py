@@ -380,6 +380,22 @@ def test_faults_of_coupling_are_placed() -> None:
     assert found >= {"costs.crank_hole_um", "parameters.measuring_torque_Nm"}
 
 
+def test_outputs_under_load_of_wrong_distances_and_a_second_pass_are_refused() -> None:
+    stated = {**SMALL, "over_constraint": True, "interference": "preload"}
+    limits = {**LIMITS, "jam_force_N": 900.0, "lost_motion_arcmin": 1.5}
+    objectives = {"minimise": ["cost", "transmission_error_arcsec"]}
+    table: dict[str, Any] = {**PLAIN, "limits": limits, "objectives": objectives, "parameters": stated}
+    found = {fault.split(":")[0] for fault in faults_of(table)}
+    assert found == {"limits.lost_motion_arcmin", "objectives.minimise", "parameters.interference"}
+    assert not any(variant.assumption == "distances of cranks" for variant in RvReducer(Settings(
+        parameters={**SMALL, "assumptions": "all"}, objectives=("cost",), limits={"lost_motion_arcmin": Bound(high=1.5)}
+    )).variants())  # fmt: skip
+    rotated = {"rotation_arcmin": {"value": -0.1}}
+    for problem in ("rv_reducer", "rv_backlash"):
+        (fault,) = faults_of({**PLAIN, "problem": problem, "parameters": {}, "variables": rotated})
+        assert fault.startswith("variables.rotation_arcmin: is of a second pass") and "tooth_modification" in fault
+
+
 @pytest.mark.parametrize("name", ["crank_hole_um", "bore_um", "circle_offset_um", "crank_phase_mrad"])
 def test_errors_that_no_document_lists_are_searched_with_a_stated_cost(name: str) -> None:
     parameters = {**SMALL, "over_constraint": name == "crank_hole_um"}

@@ -201,7 +201,8 @@ def test_several_requirements_in_conditions_and_what_they_minimise() -> None:
         "cold.fit.variation",
         "warm.fit.variation",
     }
-    again = built(problem.tables() | {"problem": "stack", "limits": {"warm.fit.yield_percent": 95.0}})
+    limits = {"warm.fit.yield_percent": 95.0, "cold.fit.variation": 0.05}
+    again = built(problem.tables() | {"problem": "stack", "limits": limits})
     assert [requirement.key for requirement in again.definition.requirements] == [
         "cold.fit",
         "cold.size",
@@ -274,6 +275,35 @@ def test_conditions_that_change_nothing_or_cannot_be_computed() -> None:
     ]
     tight = {"name": "root", "unit": "", "formula": "sqrt(log(bore/ring - 0.0004))"}
     assert any("root" not in line and "formula" in line for line in faults(requirement=tight, limits={}))
+
+
+def test_conditions_limits_and_parts_that_do_not_mate_are_refused_at_once() -> None:
+    bore, ring = configuration()["part"]
+    lid = {"name": "lid", "unit": "mm", "nominal": 0.01, "tolerance": 0.001}
+    found = faults(
+        requirement=configuration()["requirement"] | {"formula": "bore - ring - lid"},
+        part=[bore, ring, lid],
+        matched=[{"parts": ["ring", "lid"], "classes": 1}],
+        limits={"variation": {"min": 0.06}},
+        condition=[
+            {"name": "cold", "temperature_C": -300.0, "limits": {"variation": 0.05}},
+            {"name": "cold", "temperature_C": 20.0},
+            {"name": "warm", "temperature_C": 60.0, "limits": {"std": {"min": 2.0, "max": 1.0}}},
+        ],
+    )
+    assert [line.split(": ")[0] for line in found] == [
+        "condition[0].temperature_C",
+        "condition[1].name",
+        "matched[0].classes",
+        "matched[0].parts",
+        "condition[2].limits.std.min",
+        "limits.cold.variation",
+    ]
+    assert "do not mate" in found[3]
+    assert faults(limits={"cold": {"std": 0.01}, "room": {"std": 0.01}}) == [
+        "condition[2]: warm has no limit and no objective: state limits or minimise in it, or a limit that holds in "
+        "all conditions"
+    ]
 
 
 def test_an_output_without_its_condition_cannot_be_minimised() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -18,10 +18,13 @@ from ..problems.conditions import (
     Condition,
     InConditions,
     OperatingConditions,
+    contradictory,
     declaration_in,
     limitable,
+    limits_in_all,
 )
 from ..problems.declaration import ConfiguredProblem, Declaration
+from ..problems.settings import Bound
 from ..section import Range, Section, Value
 from .parameters import read_effects, read_parameters, resolved_effects
 from .plugins import ModelClass
@@ -64,6 +67,34 @@ def with_conditions(
     return ConfiguredProblem(replace(declaration, outputs=outputs), InConditions, read)
 
 
+def read_as_a_whole(
+    top: Section,
+    sections: Mapping[str, Section],
+    declared: Declaration,
+    objectives: Sequence[str],
+    limits: Mapping[str, Bound],
+) -> dict[str, Bound]:
+    """The limits of a run that do not contradict those in conditions, whose tables are `sections`; a fault for
+    each that does, and for each condition that no limit and no objective belongs to.
+    """
+    outputs = {output.name for output in declared.outputs}
+    plain = {output.partition(".")[2] for output in outputs if output.partition(".")[0] in sections} & outputs
+    names = outputs.union(variable.name for variable in declared.variables) - plain
+    wrong = contradictory(limits_in_all(sections, dict(declared.limits) | dict(limits), names))
+    asked = [*limits, *declared.limits, *(objectives or declared.objectives)]
+    misread = any(fault.place.startswith(("limits", "objectives", "promise")) for fault in top.faults)
+    listed = "condition" in declared.tables and not limits  # the sheet of a stack, not a search
+    if not (misread or listed or "promise" in top or plain.intersection(asked)):
+        held = {name.partition(".")[0] for name in asked}
+        text = "has no limit and no objective: state limits or minimise in it, or a limit that holds in all conditions"
+        for name in [name for name in sections if name not in held]:
+            if not sections[name].take("limits") and "minimise" not in sections[name]:
+                sections[name].fault("", f"{name} {text}")
+    for fault in wrong:
+        top.fault(fault.place, fault.message)
+    return {name: bound for name, bound in limits.items() if f"limits.{name}" not in {fault.place for fault in wrong}}
+
+
 def _condition(section: Section, plain: Declaration, known: Mapping[str, Any], taken: list[str]) -> Condition | None:
     """A condition with the effect of its temperatures; None where it has no valid name."""
     name = section.text("name")
@@ -87,7 +118,8 @@ def _condition(section: Section, plain: Declaration, known: Mapping[str, Any], t
     difference = _difference(section, numbers)
     parameters = _parameters(section, plain, known, stated)
     effects = () if not difference else (Active(registry.load("effects", THERMAL)(), {APART: difference}),)
-    return None if name is None else Condition(name, effects, parameters, numbers["hours"] or 0.0, stated)
+    hours = numbers["hours"] or 0.0
+    return None if name is None else Condition(name, section.place(), effects, parameters, hours, stated)
 
 
 def _difference(section: Section, numbers: Mapping[str, float | None]) -> float:

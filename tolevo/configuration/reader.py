@@ -15,7 +15,7 @@ from ..commands.run.choice import ALL, RULES, ChoiceSettings, Step
 from ..commands.run.tolerances import coarse_steps, rounding_faults
 from ..errors import Fault, InputError, raise_all, refuse
 from ..problems.cost_columns import column_faults, factor_faults, read_cost_columns, read_robust, with_columns
-from ..problems.declaration import Declaration
+from ..problems.declaration import ConfiguredProblem, Declaration
 from ..problems.settings import METHODS, Bound, PropagationSetting, Settings, VariableSetting, unit_slips
 from ..problems.tolerance_problem import ToleranceProblem
 from ..section import POSITIVE, SAMPLES, Kind, Nested, Output, Range, Section, Value, Variable, completed
@@ -46,7 +46,7 @@ from .source import Source, Table, folder_of, located, override_source, replace_
 INSIDE = Range(0.0, 1.0, open_low=True, open_high=True)
 
 
-def read_objectives(section: Section, outputs: Sequence[Output]) -> tuple[str, ...]:
+def read_objectives(section: Section, outputs: Sequence[Output], what: str = "an output") -> tuple[str, ...]:
     """The outputs to minimise, empty where the problem's own are meant."""
     names = section.names("minimise") or []
     section.finish()
@@ -56,7 +56,7 @@ def read_objectives(section: Section, outputs: Sequence[Output]) -> tuple[str, .
         if name in names[:at]:
             section.fault("minimise", f'"{name}" is named twice')
         elif name not in by_name:
-            section.fault("minimise", unknown(name, valid, "an output"))
+            section.fault("minimise", unknown(name, valid, what))
         elif by_name[name].larger_is_better:
             section.fault("minimise", f'"{name}" is better when larger: limit it instead')
         elif by_name[name].error_of:
@@ -191,6 +191,8 @@ def resolved_choice(settings: ChoiceSettings) -> dict[str, Any]:
 
 
 REFERENCES = ("documents", "ga", "none")
+OF_CONDITIONS = ("condition[", "limits.", "objectives.", "promise")
+"""Places of faults that leave the unit itself as it is."""
 PROBLEM_ONLY = (
     "references",
     "costs",
@@ -331,7 +333,8 @@ def _read_problem(
     top.finish()
     if faults:  # those of the whole as far as they show without it
         ranges = {v.name: (v.low, v.high) for v in declared.variables if v.low < v.high}
-        raise_all([*faults, *coarse_steps(ranges, declared.variables, choice)])
+        coarse = coarse_steps(ranges, declared.variables, choice)
+        raise_all([*faults, *coarse, *_faults_beside_conditions(configured, settings, faults)])
     with _single_thread(declared.sampled):
         problem = configured(settings)
         _check_as_a_whole(problem, choice, search["algorithm_name"], reachable)
@@ -359,6 +362,15 @@ def _read_problem(
         resolved=resolved,
         **search,
     )
+
+
+def _faults_beside_conditions(configured: ConfiguredProblem, settings: Settings, faults: list[Fault]) -> list[Fault]:
+    """What else is wrong with a problem where nothing but conditions, limits and objectives of it is faulty."""
+    if "operating" not in configured.read or not all(fault.place.startswith(OF_CONDITIONS) for fault in faults):
+        return []
+    with _single_thread(configured.declaration.sampled):
+        wrong = configured(settings).faults()
+    return [fault for fault in wrong if not fault.place.startswith("limits")]
 
 
 def _check_as_a_whole(problem: ToleranceProblem, choice: ChoiceSettings, algorithm: str, reachable: bool) -> None:
@@ -405,18 +417,25 @@ def _objectives_and_limits(top: Section, declared: Declaration) -> dict[str, Any
     """`objectives` and `limits` of a run, with `minimise` and `limits` of each condition among them."""
     objectives = read_objectives(top.section("objectives"), declared.outputs)
     limits = read_limits(top.section("limits"), declared.outputs, declared.variables)
+    sections: dict[str, Section] = {}
     for section in top.items("condition") if declared.conditions else ():
-        if section.take("name") not in declared.conditions:
+        name = section.take("name")
+        if name not in declared.conditions or name in sections:
             continue  # a fault of its own
-        prefix = f"{section.take('name')}."
+        sections[name] = section
+        prefix = f"{name}."
         own = [replace(o, name=o.name[len(prefix) :]) for o in declared.outputs if o.name.startswith(prefix)]
         section.accept(section.all_keys())
-        more = tuple(prefix + name for name in read_objectives(section, own))
+        more = tuple(prefix + name for name in read_objectives(section, own, "an output of a condition"))
         objectives = (objectives or declared.objectives) + more if more else objectives
         for name, bound in read_limits(section.section("limits"), own, ()).items():
             if prefix + name in limits:
                 section.fault(f"limits.{name}", f"is given twice: here and as limits.{prefix}{name}")
             limits[prefix + name] = bound
+    if sections:
+        from .conditions import read_as_a_whole
+
+        limits = read_as_a_whole(top, sections, declared, objectives, limits)
     return {"objectives": objectives, "limits": limits}
 
 

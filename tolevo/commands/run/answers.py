@@ -21,7 +21,7 @@ from ...problems.tolerance_problem import ToleranceProblem, designs_of
 from ...records import FORMAT, Axis, RunResult
 from ...section import Array, Kind, number
 from ...units import drawing_number, plain_number
-from .changes import step_words, words
+from .changes import step_words, value_against_limit, words
 from .choice import ALL
 from .decide import Decisions
 from .plan import MAX_LIMIT_DISTANCE, RunPlan, chosen_point, shown_point
@@ -211,10 +211,7 @@ class Sentences:
         label, broken = str(row["label"]), str(row["violated_limits"]).split()
         published = f"The published allocation ({label}) has {self.row(row)}"
         if broken:
-            values = ", ".join(
-                f"{self.value(n, float(row[n]))} instead of {self.limit(self._limit(n)).removeprefix(words(n)).strip()}"
-                for n in broken
-            )
+            values = ", ".join(f"{words(n)} {value_against_limit(float(row[n]), self._limit(n))}" for n in broken)
             gains = self._gains(row, "relaxed_")
             if not gains:
                 return f"{published}, but breaks the limits ({values}): it cannot be compared."
@@ -477,6 +474,11 @@ RIGID = "backlash_"
 """Prefix of the outputs that are searched within a fraction of a second."""
 
 
+def _is_rigid(name: str) -> bool:
+    """Whether an output, in a condition or not, is one of these."""
+    return name.rpartition(".")[2].startswith(RIGID)
+
+
 def add_assumptions(
     result: RunResult,
     problem: ToleranceProblem,
@@ -521,9 +523,7 @@ def _held_outputs(point: pd.DataFrame, problem: ToleranceProblem, level: tuple[s
     outputs = {name: float(point[name].iloc[0]) for name in held}
     if not held:
         outputs = {
-            limit.name: problem.settings.limits[limit.name].high
-            for limit in problem.limits
-            if limit.name.startswith(RIGID)
+            limit.name: problem.settings.limits[limit.name].high for limit in problem.limits if _is_rigid(limit.name)
         }
     return {name: level[1] if level and level[0] == name and held else value for name, value in outputs.items()}
 
@@ -599,8 +599,8 @@ def _applies(problem: ToleranceProblem) -> bool:
     if len(problem.objectives) != len(others) + 1 or not problem.declaration.sampled:
         return False
     if others:
-        return len(others) == 1 and others[0].startswith(RIGID)
-    return any(limit.name.startswith(RIGID) for limit in problem.limits)
+        return len(others) == 1 and _is_rigid(others[0])
+    return any(_is_rigid(limit.name) for limit in problem.limits)
 
 
 class Assumed(NamedTuple):
