@@ -17,13 +17,31 @@ GONE = 1e-7
 """Fraction of a column's square below which it lies in the span of others."""
 
 
+TIE = 1e-6
+"""Fraction of a gain, or of 1, that may be rounding: columns that others nearly span, up to `GONE`, amplify it."""
+
+
+def ranking(merits: Sequence[float] | Array) -> NDArray[np.int64]:
+    """The order of merits (n,), the largest first; of those that differ by rounding alone the first one precedes."""
+    values = np.asarray(merits, dtype=float)
+    order = np.argsort(-values, kind="stable")
+    high, low = values[order][:-1], values[order][1:]
+    lower = low < high - TIE * np.maximum(np.abs(high), 1.0)
+    ranks = np.concatenate([[0], np.cumsum(lower)])[: len(order)]
+    return np.asarray(order[np.lexsort((order, ranks))])
+
+
+FIRST = 1e-3
+"""Fraction by which the last of columns of equal length is shortened: no rounding decides which of them is first."""
+
+
 def basis(columns: Array) -> Array:
-    """An orthonormal basis (N, r) of what columns (N, k) span."""
+    """An orthonormal basis (N, r) of what columns (N, k) span; of equal columns the first one decides."""
     size = np.linalg.norm(columns, axis=0)
     kept = columns[:, size > 0] / size[size > 0]
     if kept.shape[1] == 0:
         return np.zeros((len(columns), 0))
-    q, r, _ = scipy.linalg.qr(kept, mode="economic", pivoting=True)
+    q, r, _ = scipy.linalg.qr(kept * np.linspace(1.0, 1.0 - FIRST, kept.shape[1]), mode="economic", pivoting=True)
     return np.ascontiguousarray(q[:, np.abs(np.diag(r)) > np.sqrt(GONE)], dtype=np.float64)
 
 
