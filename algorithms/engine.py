@@ -18,6 +18,16 @@ if TYPE_CHECKING:
 
 __all__ = ["ArrayEngine", "GDE3Engine", "NSGA2Engine", "Space"]
 
+DIGITS = 30
+"""Binary digits of values that are compared: the last ones are rounding, which differs between processors."""
+
+
+def without_rounding(values: Array) -> Array:
+    """Values (n, any number) of which only the first `DIGITS` digits remain."""
+    mantissa, exponent = np.frexp(values)
+    return np.asarray(np.ldexp(np.rint(np.ldexp(mantissa, DIGITS)), exponent - DIGITS))
+
+
 # Survival on whole arrays: feasible before infeasible points, then by rank, then by crowding.
 
 
@@ -192,7 +202,7 @@ class ArrayEngine(ABC):
         Returns which rows of the old population and these points, one after the other, are the new
         population.
         """
-        return self._select(x, f, violation_of(g))
+        return self._select(x, without_rounding(f), violation_of(without_rounding(g)))
 
     @abstractmethod
     def _offspring(self) -> Array:

@@ -31,18 +31,14 @@ def ranking(merits: Sequence[float] | Array) -> NDArray[np.int64]:
     return np.asarray(order[np.lexsort((order, ranks))])
 
 
-FIRST = 1e-3
-"""Fraction by which the last of columns of equal length is shortened: no rounding decides which of them is first."""
-
-
 def basis(columns: Array) -> Array:
-    """An orthonormal basis (N, r) of what columns (N, k) span; of equal columns the first one decides."""
+    """An orthonormal basis (N, r) of what columns (N, k) span but for the directions in which they hardly reach.
+
+    By singular values: of nearly dependent columns, a rounding would decide which of them a factorisation drops.
+    """
     size = np.linalg.norm(columns, axis=0)
-    kept = columns[:, size > 0] / size[size > 0]
-    if kept.shape[1] == 0:
-        return np.zeros((len(columns), 0))
-    q, r, _ = scipy.linalg.qr(kept * np.linspace(1.0, 1.0 - FIRST, kept.shape[1]), mode="economic", pivoting=True)
-    return np.ascontiguousarray(q[:, np.abs(np.diag(r)) > np.sqrt(GONE)], dtype=np.float64)
+    u, reach, _ = scipy.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
+    return np.ascontiguousarray(u[:, reach > np.sqrt(GONE)], dtype=np.float64)
 
 
 def project_out(columns: Array, q: Array) -> Array:
