@@ -11,22 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..section import Array, Flags, Integers
-from .archive import SavedState, State, lowest_ranks_in_order
+from .archive import SavedState, State, lowest_ranks_in_order, without_rounding
 
 if TYPE_CHECKING:
     from ..problems.tolerance_problem import ToleranceProblem
 
 __all__ = ["ArrayEngine", "GDE3Engine", "NSGA2Engine", "Space"]
-
-DIGITS = 30
-"""Binary digits of values that are compared: the last ones are rounding, which differs between processors."""
-
-
-def without_rounding(values: Array) -> Array:
-    """Values (n, any number) of which only the first `DIGITS` digits remain."""
-    mantissa, exponent = np.frexp(values)
-    return np.asarray(np.ldexp(np.rint(np.ldexp(mantissa, DIGITS)), exponent - DIGITS))
-
 
 # Survival on whole arrays: feasible before infeasible points, then by rank, then by crowding.
 

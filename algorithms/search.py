@@ -24,8 +24,8 @@ from ..errors import ModelError
 from ..journal import recording_suspended
 from ..problems.tolerance_problem import ToleranceProblem
 from ..section import Array, Integers
-from .archive import Course, SavedState, State, merge_states, nondominated, part
-from .engine import Space, violation_of, without_rounding
+from .archive import Course, SavedState, State, merge_states, nondominated, part, without_rounding
+from .engine import Space, violation_of
 from .exact.epsilon import finish_front, replace_violating_points
 from .run import BudgetSpent, Progress, Run, Shared
 from .settings import AlgorithmSettings, Budget, Solver
