@@ -40,7 +40,7 @@ test-versions: $(READY)  ## the tests with the lowest and newest versions of all
 	@$(BIN)/pip install --quiet uv
 	$(BIN)/python tools/versions.py
 
-test-processors: $(READY)  ## the numerical tests and the exact results on every kernel of OpenBLAS that runs here, with 1 and 2 threads (hours)
+test-processors: $(READY)  ## the numerical tests and the exact results as on every processor that runs here, with 1 and 2 threads (hours)
 	$(BIN)/python -m tools.processors
 
 mutants: $(READY)  ## mutants of the code that makes numbers, and whether tests notice (hours; goes on where it was stopped)

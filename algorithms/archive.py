@@ -209,8 +209,19 @@ REFERENCE = 1.1
 """Reference point of the normalised hypervolume, in every objective."""
 
 
+DIGITS = 30
+"""Binary digits of values that are compared: the last ones are rounding, which differs between processors."""
+
+
+def without_rounding(values: Array) -> Array:
+    """Values (n, any number) of which only the first `DIGITS` digits remain."""
+    mantissa, exponent = np.frexp(values)
+    return np.asarray(np.ldexp(np.rint(np.ldexp(mantissa, DIGITS)), exponent - DIGITS))
+
+
 def nondominated(values: Array) -> Flags:
-    """Which rows of (n, objectives) no other row dominates; the first of equal rows is kept."""
+    """Which rows of (n, objectives) no other row dominates; the first of those that are equal but for a rounding."""
+    values = without_rounding(values)
     if values.shape[1] == 1:
         best = np.zeros(len(values), dtype=bool)
         if len(values):

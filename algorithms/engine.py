@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..section import Array, Flags, Integers
-from .archive import SavedState, State, lowest_ranks_in_order
+from .archive import SavedState, State, lowest_ranks_in_order, without_rounding
 
 if TYPE_CHECKING:
     from ..problems.tolerance_problem import ToleranceProblem
@@ -192,7 +192,7 @@ class ArrayEngine(ABC):
         Returns which rows of the old population and these points, one after the other, are the new
         population.
         """
-        return self._select(x, f, violation_of(g))
+        return self._select(x, without_rounding(f), violation_of(without_rounding(g)))
 
     @abstractmethod
     def _offspring(self) -> Array:

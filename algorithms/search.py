@@ -24,7 +24,7 @@ from ..errors import ModelError
 from ..journal import recording_suspended
 from ..problems.tolerance_problem import ToleranceProblem
 from ..section import Array, Integers
-from .archive import Course, SavedState, State, merge_states, nondominated, part
+from .archive import Course, SavedState, State, merge_states, nondominated, part, without_rounding
 from .engine import Space, violation_of
 from .exact.epsilon import finish_front, replace_violating_points
 from .run import BudgetSpent, Progress, Run, Shared
@@ -120,7 +120,7 @@ class PymooDriver(Driver):
         return np.asarray(self.asked.get("X"), dtype=float)
 
     def tell(self, f: Array, g: Array) -> None:
-        self.asked.set("F", f, "G", g, "H", np.zeros((len(f), 0)))
+        self.asked.set("F", without_rounding(f), "G", without_rounding(g), "H", np.zeros((len(f), 0)))
         self.asked.apply(lambda individual: individual.evaluated.update(("F", "G", "H")))
         self.algorithm.tell(infills=self.asked)
 

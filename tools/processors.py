@@ -1,7 +1,7 @@
-"""The numerical tests and the exact results on every kernel of OpenBLAS: `python -m tools.processors [--quick]`.
+"""The numerical tests and the exact results as on other processors: `python -m tools.processors [--quick]`.
 
-OpenBLAS chooses its kernel by the processor, and kernels differ in their last digits. OPENBLAS_CORETYPE
-names one. Kernels that this processor cannot run are named and left out.
+OpenBLAS chooses its kernel by the processor, numpy its loops, and numba its instructions; these differ in their last
+digits. The environment names those of another processor. Those that this one cannot run are named and left out.
 """
 
 from __future__ import annotations
@@ -11,16 +11,26 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
+
+class Kernel(NamedTuple):
+    """What /proc/cpuinfo lists where a kernel of OpenBLAS runs, and what numpy and numba take such a processor for."""
+
+    flags: tuple[str, ...]
+    loops: tuple[str, ...]
+    instructions: str
+
+
 KERNELS = {
-    "Prescott": ("pni",),
-    "Sandybridge": ("avx",),
-    "Haswell": ("avx2", "fma"),
-    "SkylakeX": ("avx512f", "avx512dq", "avx512bw", "avx512vl"),
+    "Prescott": Kernel(("pni",), (), "x86-64-v2"),
+    "Sandybridge": Kernel(("avx",), (), "sandybridge"),
+    "Haswell": Kernel(("avx2", "fma"), ("X86_V3",), "haswell"),
+    "SkylakeX": Kernel(("avx512f", "avx512dq", "avx512bw", "avx512vl"), ("X86_V3", "X86_V4"), "skylake-avx512"),
 }
-"""Kernels of OpenBLAS for x86-64, and what /proc/cpuinfo lists where they run."""
+"""Kernels of OpenBLAS for x86-64; numpy needs x86-64-v2."""
 THREADS = 1, 2
 ROOMS = ("tests/models", "tests/problems", "tests/algorithms")
 """Tests whose results linear algebra decides."""
@@ -70,9 +80,9 @@ def _runnable(kernels: tuple[str, ...]) -> list[str]:
     lines = place.read_text(encoding="utf-8").splitlines() if place.is_file() else []
     flags = next((set(line.split()) for line in lines if line.startswith("flags")), set[str]())
     for kernel in kernels:
-        if missing := [flag for flag in KERNELS[kernel] if flag not in flags]:
+        if missing := [flag for flag in KERNELS[kernel].flags if flag not in flags]:
             print(f"{kernel}: left out, because this processor has no {', '.join(missing)}", flush=True)
-    return [kernel for kernel in kernels if flags.issuperset(KERNELS[kernel])]
+    return [kernel for kernel in kernels if flags.issuperset(KERNELS[kernel].flags)]
 
 
 def _tested(kernel: str, threads: int, quick: bool) -> bool:
@@ -84,7 +94,15 @@ def _tested(kernel: str, threads: int, quick: bool) -> bool:
 
 
 def _environment(kernel: str, threads: int) -> dict[str, str]:
-    return os.environ | {"OPENBLAS_CORETYPE": kernel, "OPENBLAS_NUM_THREADS": str(threads)}
+    extensions: Any = np.show_config(mode="dicts")
+    loops = extensions["SIMD Extensions"]["found"]
+    return os.environ | {
+        "OPENBLAS_CORETYPE": kernel,
+        "OPENBLAS_NUM_THREADS": str(threads),
+        "NPY_DISABLE_CPU_FEATURES": " ".join(loop for loop in loops if loop not in KERNELS[kernel].loops),
+        "NUMBA_CPU_NAME": KERNELS[kernel].instructions,
+        "NUMBA_CPU_FEATURES": "",  # those of the processor that is named
+    }
 
 
 def _differences(kernels: list[str], names: tuple[str, ...]) -> list[str]:

@@ -248,6 +248,22 @@ def test_whole_numbers_and_bounds(kind: Any) -> None:
     np.testing.assert_array_equal(result.X, again.X)
 
 
+@pytest.mark.parametrize("kind", [GDE3Engine, NSGA2Engine])
+def test_a_rounding_of_the_values_changes_no_generation(kind: Any) -> None:
+    """Both objectives have steps, so that values of points are equal but for what another processor rounds."""
+    steps = space(CostAndSpread())
+
+    def generations(rounding: float) -> Array:
+        engine, last = kind(steps, 20, np.random.default_rng(1)), np.random.default_rng(2)
+        for _ in range(15):
+            x = engine.ask()
+            f = 0.1 + np.column_stack([np.ceil(10.0 * x.sum(axis=1)), np.ceil(10.0 * (1.0 - x[:, :4].sum(axis=1)))])
+            engine.tell(x, f * (1.0 + rounding * last.normal(size=f.shape)), np.empty((len(x), 0)))
+        return np.asarray(engine.x)
+
+    np.testing.assert_array_equal(generations(1e-14), generations(0.0))
+
+
 def test_what_an_engine_cannot_take_is_refused() -> None:
     with pytest.raises(ValueError, match="needs bounds"):
         minimize(Problem(n_var=2, n_obj=2), ArrayNSGA2(10), ("n_eval", 20))

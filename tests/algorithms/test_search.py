@@ -96,6 +96,8 @@ def test_nondominated_keeps_one_of_equals() -> None:
     values = np.array([[1.0, 1.0], [1.0, 1.0], [0.5, 2.0], [2.0, 2.0]])
     np.testing.assert_array_equal(nondominated(values), [True, False, True, False])
     np.testing.assert_array_equal(nondominated(np.array([[2.0], [1.0], [1.0]])), [0, 1, 0])
+    rounded = values * np.array([[1.0], [1.0 - 1e-14], [1.0], [1.0]])
+    np.testing.assert_array_equal(nondominated(rounded), nondominated(values))
 
 
 @pytest.mark.parametrize("engine", ["pymoo", "array"])

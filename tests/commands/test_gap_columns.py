@@ -13,7 +13,7 @@ from tolevo.commands.gap.blocks import Trained, Training
 from tolevo.commands.gap.configuration import read_gap
 from tolevo.commands.gap.generic import stack_columns
 from tolevo.commands.gap.library import grid
-from tolevo.commands.gap.linear import Groups, basis, project_out
+from tolevo.commands.gap.linear import Groups, basis, project_out, ranking
 from tolevo.commands.gap.null_model import build_null_model, noise_of
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.scan import Thresholds, dictionary
@@ -126,3 +126,17 @@ def test_columns_that_are_there_twice_predict_as_they_do_once() -> None:
         expected = once[out] @ np.linalg.lstsq(once[seen], y[seen], rcond=None)[0]
         found = twice[out] @ Trained.of(twice, y).without(out, y)
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+
+
+def test_a_rounding_decides_neither_what_dependent_columns_span_nor_which_of_equal_gains_is_first() -> None:
+    """Three columns of a length, each nearly in the span of the two others."""
+    a, b, d = np.linalg.qr(np.random.default_rng(0).normal(size=(5, 3)))[0].T
+    columns, y = np.column_stack([a, b, (a + b) / np.sqrt(2.0) + 2e-4 * d]), 1e4 * d
+    expected = project_out(y, basis(columns))
+    for seed in range(20):
+        rounding = 1e-13 * np.random.default_rng(seed).normal(size=(5, 3))
+        np.testing.assert_allclose(project_out(y, basis(columns + rounding)), expected, atol=1e-6)
+        gains = np.array([3.0, 0.0, 3.0, 7.0, -np.inf]) + rounding[:, 0]
+        assert ranking(gains).tolist() == [3, 0, 2, 1, 4]
+    assert basis(np.zeros((5, 2))).shape == (5, 0)
+    assert ranking([]).tolist() == []

@@ -18,8 +18,8 @@ from ...models.measurable import Role
 from ...section import Array
 from .data import GapData
 from .fit import Fitter, Member
-from .linear import ConditionalGroups, Groups, unit
-from .scan import GAIN_TIE_TOLERANCE, Dictionary
+from .linear import TIE, ConditionalGroups, Groups, unit
+from .scan import Dictionary
 
 
 def block_labels(data: GapData) -> NDArray[np.int64]:
@@ -288,7 +288,7 @@ class Training:
             first, _ = self.dictionary.places[member.name]
             for blocks in alike.values():
                 grid, kept = self.gains(by_block[blocks[0]], at, blocks)
-                best = np.argmax(grid >= (1.0 - GAIN_TIE_TOLERANCE) * grid.max(axis=1, keepdims=True), axis=1)
+                best = np.argmax(grid >= (1.0 - TIE) * grid.max(axis=1, keepdims=True), axis=1)
                 for block, k, gains, kept_gain in zip(blocks, best, grid, kept[:, 0], strict=True):
                     if gains[k] > kept_gain + EXCLUSION_GAIN:
                         by_block[block][at] = self.dictionary.members[first + int(k)]

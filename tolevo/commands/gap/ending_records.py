@@ -21,7 +21,7 @@ from .close import corrected
 from .data import GapData
 from .fit import Member, is_term
 from .generic import effect_of, table_of
-from .linear import project_out, rms
+from .linear import TIE, project_out, ranking, rms
 from .noise import outliers, whiteness
 from .population import Scatter, distance, exchanged_names, floor, held_out_units
 from .records import (
@@ -104,12 +104,12 @@ def detectable_sizes(end: Ending) -> tuple[tuple[Detectable, ...], tuple[str, ..
     linear = [(start, member) for start, member in pairs if member.candidate.linear]
     for start, member in linear:
         member_sizes = size[start : start + len(member.candidate.linear)]
-        column = int(np.argmax(member_sizes))
+        column = int(ranking(member_sizes)[0])
         if member_sizes[column] <= 0.0:
             continue
         value = float(wanted / member_sizes[column])
         rms = value * float(of_raw[start + column])
-        if member.name not in smallest or rms < smallest[member.name].rms:
+        if member.name not in smallest or rms < (1.0 - TIE) * smallest[member.name].rms:
             parameter = member.candidate.linear[column]
             family, unit = member.candidate.effect.family, setup.data.outputs[0].unit
             smallest[member.name] = Detectable(member.name, family, rms, unit, parameter.name, value)

@@ -17,14 +17,28 @@ GONE = 1e-7
 """Fraction of a column's square below which it lies in the span of others."""
 
 
+TIE = 1e-6
+"""Fraction of a gain, or of 1, that may be rounding: columns that others nearly span, up to `GONE`, amplify it."""
+
+
+def ranking(merits: Sequence[float] | Array) -> NDArray[np.int64]:
+    """The order of merits (n,), the largest first; of those that differ by rounding alone the first one precedes."""
+    values = np.asarray(merits, dtype=float)
+    order = np.argsort(-values, kind="stable")
+    high, low = values[order][:-1], values[order][1:]
+    lower = low < high - TIE * np.maximum(np.abs(high), 1.0)
+    ranks = np.concatenate([[0], np.cumsum(lower)])[: len(order)]
+    return np.asarray(order[np.lexsort((order, ranks))])
+
+
 def basis(columns: Array) -> Array:
-    """An orthonormal basis (N, r) of what columns (N, k) span."""
+    """An orthonormal basis (N, r) of what columns (N, k) span but for the directions in which they hardly reach.
+
+    By singular values: of nearly dependent columns, a rounding would decide which of them a factorisation drops.
+    """
     size = np.linalg.norm(columns, axis=0)
-    kept = columns[:, size > 0] / size[size > 0]
-    if kept.shape[1] == 0:
-        return np.zeros((len(columns), 0))
-    q, r, _ = scipy.linalg.qr(kept, mode="economic", pivoting=True)
-    return np.ascontiguousarray(q[:, np.abs(np.diag(r)) > np.sqrt(GONE)], dtype=np.float64)
+    u, reach, _ = scipy.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
+    return np.ascontiguousarray(u[:, reach > np.sqrt(GONE)], dtype=np.float64)
 
 
 def project_out(columns: Array, q: Array) -> Array:

@@ -14,7 +14,7 @@ from ...section import Array, Output
 from .data import GapData
 from .fit import Fit, Fitter
 from .generic import PREDICTED, Form, order_grid, order_of_units
-from .linear import basis, products, project_out
+from .linear import basis, products, project_out, ranking
 from .noise import Noise
 from .records import Region, Shape
 from .scan import GenericResidual, Remaining, evidence
@@ -172,7 +172,7 @@ def regions(setup: Setup, fitter: Fitter, generic: Remaining, fit: Fit, limit: f
     while len(located) < MAX_REGIONS:
         gains = groups.conditional_gains(projected, product)
         level = evidence(groups, gains)
-        at = int(np.argmax(level))
+        at = int(ranking(level)[0])
         if level[at] <= limit:
             break
         parts = [generic.white.of(int(k)) for k in _related_forms(generic, at)]

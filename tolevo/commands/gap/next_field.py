@@ -21,7 +21,7 @@ from ...section import Array
 from .data import GapData
 from .fit import Fit, Fitter, Space
 from .library import Candidate, Columns, Predict, predictor
-from .linear import basis, project_out
+from .linear import TIE, basis, project_out
 from .noise import Noise
 from .plan import NextPlan, Span
 from .setup import Setup, change_of, zeros_of
@@ -622,7 +622,7 @@ def _best(contests: Sequence[Contest], chosen: Chosen) -> tuple[int, float]:
     """The candidate that is best given the chosen ones, and the level of both together."""
     levels = np.array([contest.with_each(chosen) for contest in contests])
     merit = (1.0 - MEAN) * levels.min(axis=0) + MEAN * levels.mean(axis=0)
-    best = int(np.argmax(merit))
+    best = int(np.argmax(merit >= merit.max() - TIE * abs(merit.max())))
     return best, float(merit[best])
 
 

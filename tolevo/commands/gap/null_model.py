@@ -18,7 +18,7 @@ from .blocks import block_labels, coarsest_split
 from .fit import Fit, Fitter, Space
 from .generic import PREDICTED, STEP, SWING, Form
 from .library import Candidate, Columns
-from .linear import Groups, basis, products, project_out
+from .linear import Groups, basis, products, project_out, ranking
 from .noise import Noise, autocorrelation, outliers, residual_scale, robust_scale, size_follows
 from .population import Batch, Scatter, setup_with_scatter
 from .scan import Dictionary, GenericResidual, Remaining, Thresholds, evidence, generic_residual, thresholds
@@ -150,13 +150,12 @@ def displaced(search: Search, fit: Fit, generic: Remaining) -> Sequence[int]:
         gains = search.fitter.gains(generic.white, reduced_fit.members)
         score = reduced_fit.score - gains + search.fitter.penalty * numbers + PRICE[len(removed)]
         score[of_prediction] = np.inf
-        margin = fit.score - float(score.min())
-        while margin > worst[0] and _is_part(search, fit, generic, int(np.argmin(score)), removed):
-            score[int(np.argmin(score))] = np.inf
-            margin = fit.score - float(score.min())
-        if margin > worst[0] and (
-            surplus := _without_dominant(search, fit, removed, reduced_fit, gains[np.argmin(score)])
-        ):
+        best = int(ranking(-score)[0])
+        while fit.score - score[best] > worst[0] and _is_part(search, fit, generic, best, removed):
+            score[best] = np.inf
+            best = int(ranking(-score)[0])
+        margin = fit.score - float(score[best])
+        if margin > worst[0] and (surplus := _without_dominant(search, fit, removed, reduced_fit, gains[best])):
             worst = (margin, surplus)
     return worst[1]
 
@@ -380,7 +379,7 @@ def _add_certain_forms(remainder: Remainder, start: Start, allowed: NDArray[np.b
     while chosen.shape[1] < max(len(residual) // 5, start.certain_columns.shape[1] + 2):
         scale = residual @ residual / (len(residual) - q.shape[1])
         level = evidence(white, white.conditional_gains(projected, product) / scale)
-        best = int(np.argmax(np.where(allowed, level, -np.inf)))
+        best = int(ranking(np.where(allowed, level, -np.inf))[0])
         if not allowed[best] or level[best] < CERTAIN:
             break
         allowed[best] = False

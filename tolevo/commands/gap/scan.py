@@ -16,12 +16,10 @@ from ...section import Array
 from .fit import Fit, Fitter, Member
 from .generic import Form
 from .library import Candidate, Columns, grid
-from .linear import Groups, join_groups, project_out
+from .linear import TIE, Groups, join_groups, project_out, ranking
 
 CHUNK = 250
 """Number of noise records that are simulated at once."""
-GAIN_TIE_TOLERANCE = 1e-9
-"""Fraction of a gain that is rounding error."""
 ASYMPTOTIC_GAIN = 300.0
 """Half of a gain from which the first term of the tail's expansion suffices."""
 
@@ -120,9 +118,10 @@ def scan(fitter: Fitter, white: Groups, dictionary: Dictionary, members: Sequenc
     for member, gain in zip(dictionary.members, gains.tolist(), strict=True):
         if member.name in taken:
             continue
-        if member.name not in best or gain > (1.0 + GAIN_TIE_TOLERANCE) * best[member.name].gain:
+        if member.name not in best or gain > (1.0 + TIE) * best[member.name].gain:
             best[member.name] = ScanResult(member, gain)
-    return sorted(best.values(), key=lambda candidate: -float(f"{candidate.gain:.9g}"))
+    results = list(best.values())
+    return [results[k] for k in ranking([result.gain for result in results])]
 
 
 @dataclass(frozen=True)
@@ -148,4 +147,4 @@ def generic_residual(fit: Fit, fitter: Fitter, generic: Remaining) -> GenericRes
     """The generic forms tested against the residual of a fit, given all its members."""
     gains = fitter.gains(generic.white, fit.members)
     level = evidence(generic.white, gains)
-    return GenericResidual(level, gains, np.argsort(-level))
+    return GenericResidual(level, gains, ranking(level))
