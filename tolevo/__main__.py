@@ -6,7 +6,7 @@ import gc
 
 from .interrupts import listen
 
-GARBAGE = 200_000
+GARBAGE = 50_000
 """New objects between two searches for cycles: imports make many objects and no garbage."""
 
 
