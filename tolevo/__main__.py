@@ -7,7 +7,7 @@ import gc
 from .interrupts import listen
 
 GARBAGE = 50_000
-"""New objects between two searches for cycles: imports make many objects and no garbage."""
+"""New objects between two searches for cycles: imports make many objects and no garbage, compiling makes much."""
 
 
 def main() -> None:
