@@ -403,7 +403,8 @@ def _conclude_run(
     looser = label_tables(relaxed)
     looser = None if looser is None or looser.empty else looser
     result = replace(add_choices(result, decisions, plan, exact), overlays=overlays, relaxed=looser)
-    plan.problem.release()  # one sample after the other in memory
+    if plan.problem.settings.promise is None:  # whose verdicts take long
+        plan.problem.release()  # one sample after the other in memory
     result = add_conditional_bounds(result, plan, shared)
     plan.problem.release(of_searches=True)
     result = add_estimated_bounds(result, plan, shared)
