@@ -4,7 +4,8 @@
 One process, one thread, interleaved: every contender runs once on every task before any runs a
 second time. docs/benchmarks.md says what is measured. With `--equal TASK=SECONDS ...` every contender,
 `exact` as well, has as much CPU time on a task, and any number of evaluations; `--keep FILE` goes on where
-such a run was stopped, and `--write PAGE` puts its table between the marks of a page.
+such a run was stopped (`benchmarks/equal.jsonl` has the runs of docs/benchmarks.md), and `--write PAGE` puts its
+table between the marks of a page.
 """
 
 from __future__ import annotations
@@ -145,7 +146,7 @@ def rounds(
                 measured = known.get((task.name, name, seed))
                 if measured is None:
                     if over:
-                        return
+                        continue
                     measured = measure(module, task, seed, effort)
                     if path is not None:
                         place = {"task": task.name, "name": name, "seed": seed, "limit": effort.limit(module, task)}
@@ -205,7 +206,8 @@ def equal_table(tasks: list[Task], results: Results, labels: dict[str, str], sec
     whole = {task.name: min(len(runs) for (of, _), runs in results.items() if of == task.name) for task in tasks}
     results = {(of, name): runs[: whole[of]] for (of, name), runs in results.items()}
     heads = [
-        f"{task.name}, {whole[task.name]} seeds of {seconds[task.name]:g} s: hypervolume, % | CPU s to 99 %"
+        f"{task.name}, {whole[task.name]} {'seed' if whole[task.name] == 1 else 'seeds'} of {seconds[task.name]:g} s: "
+        "hypervolume, %; CPU s to 99 %"
         for task in tasks
     ]
     taken = [name for name in labels if any((task.name, name) in results for task in tasks)]
@@ -217,14 +219,15 @@ def equal_table(tasks: list[Task], results: Results, labels: dict[str, str], sec
         cells = [labels[name]]
         for task in tasks:
             runs = results.get((task.name, name), [])
-            cells.append(quartiles([100.0 * run.seen for run in runs], ".2f") if runs else "-")
-            cells.append(quartiles([run.reached[0][1] for run in runs], ".2g") if runs else "-")
+            share, reached = [100.0 * run.seen for run in runs], [run.reached[0][1] for run in runs]
+            both = (quartiles(share, ".2f"), quartiles(reached, ".2g")) if runs else ("-",)
+            cells.append("; ".join(both).removesuffix("; -"))
         rows.append(f"| {' | '.join(cells)} |")
-    return "\n".join([f"| | {' | '.join(heads)} |", "|---" * (1 + 2 * len(tasks)) + "|", *rows])
+    return "\n".join([f"| | {' | '.join(heads)} |", "|---" * (1 + len(tasks)) + "|", *rows])
 
 
 def _share(runs: list[Measured]) -> float:
-    return float(np.median([run.seen for run in runs])) if runs else -np.inf
+    return float(np.quantile([run.seen for run in runs], 0.5, method="nearest")) if runs else -np.inf
 
 
 def _speed(runs: list[Measured]) -> tuple[float, float]:

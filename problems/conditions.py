@@ -165,7 +165,8 @@ class InConditions(ToleranceProblem):
     Known answer: none beyond those of the problem in one condition.
     """
 
-    _drawn_again = frozenset(("_finer", "_starts"))
+    _of_searches = frozenset(("_finer",))
+    _drawn_again = _of_searches | {"_starts"}
 
     complete = _of_plain("complete")
     costs_of = _of_plain("costs_of")
@@ -212,10 +213,10 @@ class InConditions(ToleranceProblem):
         )
         return self.operating.make(given)
 
-    def release(self) -> None:
-        super().release()
+    def release(self, of_searches: bool = False) -> None:
+        super().release(of_searches)
         for problem in (self.plain, *self.alone):
-            problem.release()
+            problem.release(of_searches)
 
     def _completed(self, given: Settings) -> Settings:
         completed = self.plain.settings

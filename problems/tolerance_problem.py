@@ -101,6 +101,8 @@ class ToleranceProblem(Problem):
     _drawn_again: ClassVar[frozenset[str]] = frozenset()
     """Cached attributes that a copy in another process draws or computes again, as they are large.
     """
+    _of_searches: ClassVar[frozenset[str]] = frozenset()
+    """Those of them that reported points do not need."""
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
@@ -143,9 +145,11 @@ class ToleranceProblem(Problem):
         """Everything but `_drawn_again`."""
         return {k: value for k, value in self.__dict__.items() if k not in self._drawn_again}
 
-    def release(self) -> None:
-        """Let go of `_drawn_again`: what a problem keeps in memory and draws alike when it is asked again."""
-        for name in self._drawn_again:
+    def release(self, of_searches: bool = False) -> None:
+        """Let go of what a problem keeps in memory and draws alike when it is asked again: all of that, or what only
+        searches see.
+        """
+        for name in self._of_searches if of_searches else self._drawn_again:
             self.__dict__.pop(name, None)
 
     # ------------------------------------------------ what a subclass gives

@@ -219,7 +219,7 @@ def test_equal_cpu_time_is_that_of_every_contender_and_goes_on_from_a_file(tmp_p
     results = {(task.name, name): [run for _, of, run in first if of == name] for name in found}
     lines = compare.equal_table([task], results, dict(zip(found, "ab", strict=True)), effort.equal)
     head, _, best, second = lines.split("\n")
-    assert head == f"| | {task.name}, 2 seeds of 0.05 s: hypervolume, % | CPU s to 99 % |"
+    assert head == f"| | {task.name}, 2 seeds of 0.05 s: hypervolume, %; CPU s to 99 % |"
     assert best.startswith("| a | 99.9")
     assert second.startswith("| b | ")
 

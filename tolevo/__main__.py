@@ -6,8 +6,8 @@ import gc
 
 from .interrupts import listen
 
-GARBAGE = 200_000
-"""New objects between two searches for cycles: imports make many objects and no garbage."""
+GARBAGE = 50_000
+"""New objects between two searches for cycles: imports make many objects and no garbage, compiling makes much."""
 
 
 def main() -> None:

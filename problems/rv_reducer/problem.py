@@ -375,7 +375,7 @@ MANY, ALONE = 512, 2048
 LOADED_POSITIONS = 31
 """Positions of a turn at which units are solved under load at most: means over the turn need no
 more."""
-MAX_CACHED_EVALUATIONS = 4
+MAX_CACHED_EVALUATIONS = 2
 """Most evaluations that are stored, so that a derivative costs no second evaluation."""
 SAMPLED_OUTPUTS = frozenset((*SAMPLED, *SAMPLED_UNDER_LOAD))
 
@@ -434,7 +434,8 @@ class RvReducer(PromisingUnits, Machined):
         },
     )
     machinable = frozenset(TERMS)
-    _drawn_again = frozenset(("_searched", "_reported", "_recent", "_verdicts", "_mixed", "_promised_units", "_finer"))
+    _of_searches = frozenset(("_searched", "_recent", "_finer"))
+    _drawn_again = _of_searches | {"_reported", "_verdicts", "_mixed", "_promised_units"}
 
     _fresh_alone = False
     """Whether searches see the units that reported points are tested on."""

@@ -15,6 +15,7 @@ from tolevo.commands.run.run import drawn
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.problems.conditions import InConditions
+from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.tolerance_problem import ToleranceProblem
 
 SMALL = {"search_units": 128, "search_positions": 31, "report_units": 256, "positions": 31, "elastic_units": 16}
@@ -120,6 +121,20 @@ def test_a_copy_in_another_process_evaluates_the_same() -> None:
     copy = pickle.loads(pickle.dumps(problem))
     one, other = (p.outputs_of(rows, True)["warm.interference_probability"] for p in (problem, copy))
     np.testing.assert_array_equal(one, other)
+
+
+def test_what_only_searches_see_is_let_go_of_alone_and_drawn_alike() -> None:
+    problem, name = problem_of(TWO), "cold.backlash_max_arcmin"
+    assert isinstance(problem, InConditions)
+    cold, rows = problem.alone[0], designs(problem)
+    assert isinstance(cold, RvReducer)
+    searched, reported = cold.populations(searching=True), cold.populations(searching=False)
+    before = [problem.outputs_of(rows, searching)[name] for searching in (True, False)]
+    problem.release(of_searches=True)
+    assert cold.populations(searching=False) is reported and cold.populations(searching=True) is not searched
+    problem.release()
+    assert cold.populations(searching=False) is not reported
+    np.testing.assert_array_equal(before, [problem.outputs_of(rows, searching)[name] for searching in (True, False)])
 
 
 def test_other_accuracies_keep_the_conditions() -> None:

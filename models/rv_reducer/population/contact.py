@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -116,7 +116,7 @@ CENTRED = frozenset(("pin_position", "circle_offset", "bore", "crank_phase", CRA
 """Errors of which a mid-limit would turn or displace the unit, and is left out."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Slopes:
     """Standardised errors of a base sample, as `pull_back` takes them; they hold for any design.
 
@@ -129,14 +129,13 @@ class Slopes:
     of_discs: Single
     of_pins: Single
     of_cranks: Single | None = None
-    by_unit: tuple[Single, Single] = field(init=False)
-    """`of_discs` and `of_pins` with all errors of a unit side by side in memory: slopes weigh a part of the units, and
-    would wait for memory else.
-    """
 
-    def __post_init__(self) -> None:
-        by_unit = _by_unit(self.of_discs, (2, 0, 1)), _by_unit(self.of_pins, (2, 1, 0))
-        object.__setattr__(self, "by_unit", by_unit)
+    @cached_property
+    def by_unit(self) -> tuple[Single, Single]:
+        """`of_discs` and `of_pins` with all errors of a unit side by side in memory: slopes weigh a part of the units,
+        and would wait for memory else.
+        """
+        return _by_unit(self.of_discs, (2, 0, 1)), _by_unit(self.of_pins, (2, 1, 0))
 
     @classmethod
     def of(cls, geometry: ContactGeometry, sample: BaseSample) -> Slopes:
@@ -386,6 +385,9 @@ class Population:
     @cached_property
     def alike(self) -> Slopes:
         """Slopes by errors that are the same in all units: every standardised error is 1."""
+        return self._slopes_alike()
+
+    def _slopes_alike(self) -> Slopes:
         sample = self.sample
         ones = {name: np.ones_like(z) for name, z in sample.z.items()}
         return Slopes.of(self.lattice.geometry, replace(sample, z=ones))
@@ -400,9 +402,10 @@ class Population:
         mid = tuple(0.0 if error in CENTRED else design.middle(error) for error in ERRORS)
         if any(mid):
             if mid not in self._of_mids:
-                self._of_mids.clear()
                 by_error: dict[str, float] = dict(zip(ERRORS, mid, strict=True))
-                self._of_mids[mid] = self.alike.errors(by_error.__getitem__)
+                alike = self.alike if self._of_mids else self._slopes_alike()  # most populations need it once
+                self._of_mids.clear()
+                self._of_mids[mid] = alike.errors(by_error.__getitem__)
             errors = tuple(map(np.add, errors, self._of_mids[mid]))
         if pins is not None:
             errors = (errors[0] - pins.astype(np.float32), *errors[1:])

@@ -58,6 +58,8 @@ def reported_front(problem: ToleranceProblem, result: SearchResult, searching: b
     filtered again; only the remaining designs are verified. Sorted by the objectives; empty where
     no point is feasible.
     """
+    if not searching:
+        problem.release(of_searches=True)
     candidates = result.chosen if len(result.chosen) else result.x[_candidates(problem, result)]
     whole, designs = problem if searching else problem.reported(), problem.complete(candidates)
     values = whole.outputs_of(designs, searching, errors=False) if len(designs) else {}

@@ -403,12 +403,17 @@ def _conclude_run(
     looser = label_tables(relaxed)
     looser = None if looser is None or looser.empty else looser
     result = replace(add_choices(result, decisions, plan, exact), overlays=overlays, relaxed=looser)
-    result = add_estimated_bounds(add_conditional_bounds(result, plan, shared), plan, shared)
+    if plan.problem.settings.promise is None:  # whose verdicts take long
+        plan.problem.release()  # one sample after the other in memory
+    result = add_conditional_bounds(result, plan, shared)
+    plan.problem.release(of_searches=True)
+    result = add_estimated_bounds(result, plan, shared)
     result = replace(result, summary={**result.summary, "answers": answers(result, plan.problem, front_proof)})
     result = add_requirements(
         add_units(add_capability(add_promise(result, plan.problem), plan.problem), plan.problem), plan.problem
     )
     result = add_analysis(result, plan.problem)
+    plan.problem.release()
     result = add_assumptions(result, plan.problem, search_result.history, progress, shared)
     if before is not None:
         result = replace(result, before=before, moved=effects.allocation_moves(plan.problem, before, front))
