@@ -102,11 +102,14 @@ def as_curve(fitter: Fitter, fit: Fit, small: Sequence[int], large: Sequence[int
 
 
 def variables_of(member: Member, data: GapData) -> tuple[frozenset[str], bool]:
-    """The inputs that a member is a function of, and whether it follows the direction as well."""
+    """The inputs that a member is a function of, that along whose path it has a memory too, and whether it follows
+    the direction as well.
+    """
     effect = member.candidate.effect
     if isinstance(effect, Unresolved):
         return frozenset(effect.term.variables), effect.term.turns
-    roles = acts_in(effect.needs)
+    driving = effect.driven_by(data.target) if isinstance(effect, Memory) else None
+    roles = acts_in((*effect.needs, driving) if driving else effect.needs)
     return frozenset(c.name for c in data.inputs if c.role in roles - {Role.DIRECTION}), Role.DIRECTION in roles
 
 
