@@ -252,6 +252,19 @@ class DoubleLoadCreep(LoadCreep):
     stems: ClassVar[Mapping[str, str]] = {"fast_time": "t1, of the fast part", "slow_time": "t2, of the slow part"}
 
 
+COARSE, FIRST, FEWEST, KEPT = 100, 128, 32, 16
+"""Points of a grid of each of two numbers; the part of the rows it is searched in first, as a divisor, and how many at
+least; and around how many of its points the search goes on.
+"""
+SHOWN = 0.5
+"""Fraction of the squares of a gap that a law must explain to be read from it: of noise alone none explains as much."""
+
+
+def _pairs(values: NDArray[np.int64]) -> NDArray[np.int64]:
+    """All pairs (n^2, 2) of values (n,)."""
+    return np.stack(np.meshgrid(values, values, indexing="ij"), -1).reshape(-1, 2)
+
+
 class BacklashStickSlip(Memory, OneColumn):
     """A driven table that stays behind by a play, sticks, and jumps."""
 
@@ -269,6 +282,31 @@ class BacklashStickSlip(Memory, OneColumn):
             self.fraction(target, "play", "w, half of the play of the input", SHORTEST, LONGEST),
             self.fraction(target, "breakaway", "s, wind-up at which it breaks away", SHORTEST, LONGEST),
         )
+
+    def read_from(self, gap: Array, measurements: Measurements, target: Target) -> dict[str, float]:
+        """The play and the wind-up whose jumps are where those of a gap are: searched on a coarse grid in its first
+        rows, then closer by in twice as many, until all are in it, since a jump depends on all before.
+        """
+        from .memory_kernel import stick_slip  # imports numba
+
+        order, x, starts = self.path(measurements, target)
+        y, numbers = gap[order], self.shape_parameters(target)
+        low, high = np.log([(number.low, number.high) for number in numbers]).T
+        spacing, rows = (high - low) / (COARSE - 1), min(max(len(y) // FIRST, FEWEST), len(y))
+        points = low + spacing * _pairs(np.arange(COARSE))
+        while True:
+            explained = np.empty(len(points))
+            for k, (width, breakaway) in enumerate(np.exp(points).tolist()):
+                off, of = stick_slip(x[:rows], starts[:rows], width, breakaway), y[:rows] - y[:rows].mean()
+                off = off - off.mean()
+                explained[k] = (off @ of) ** 2 / max(float(off @ off) * float(of @ of), np.finfo(float).tiny)
+            best = points[np.argsort(-explained, kind="stable")[:KEPT]]
+            if rows == len(y):
+                values = np.exp(best[0]).tolist()
+                shown = float(explained.max()) > SHOWN
+                return dict(zip((number.name for number in numbers), values, strict=True)) if shown else {}
+            spacing, rows = 0.5 * spacing, min(2 * rows, len(y))
+            points = np.clip((best[:, None] + spacing * _pairs(np.arange(-2, 3))).reshape(-1, 2), low, high)
 
     def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         from .memory_kernel import stick_slip  # imports numba

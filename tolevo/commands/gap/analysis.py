@@ -455,7 +455,7 @@ def analysed(setup: Setup) -> Analysis:
     """Run the loop, the noise estimated again given the selected effects."""
     setup = setup_as_read(setup)
     noises = noise_of(setup, ())
-    effects = dictionary(setup.library, setup.columns, spread_of(noises))
+    effects = dictionary(setup.library, setup.columns, spread_of(noises), setup.residual)
     null_model = build_null_model(setup, noises, effects, *stack_columns(setup.generic, len(setup.data.outputs)), None)
     if _within_floor(null_model):
         return _nothing(null_model)
@@ -467,7 +467,7 @@ def analysed(setup: Setup) -> Analysis:
         moved = setup_as_read(_linearise_setup(setup, search, selection.fit) if setup.free else setup, selection.fit)
         if moved is not setup:
             setup, fit = reread_by_instrument(moved, Space(null_model.noises, moved.prior), selection.fit)
-            effects = dictionary(setup.library, setup.columns, spread_of(null_model.noises))
+            effects = dictionary(setup.library, setup.columns, spread_of(null_model.noises), setup.residual)
             selection = replace(selection, fit=fit)
         noises = noise_of(setup, contributions(setup, selection.fit))
         forms = null_model.forms, null_model.generic.outputs

@@ -19,7 +19,7 @@ from .analysis import CURVED, Analysis, variables_of
 from .blocks import improvement
 from .close import corrected
 from .data import GapData
-from .fit import Member, is_term
+from .fit import FORGOTTEN, Member, is_term
 from .generic import effect_of, table_of
 from .linear import project_out, rms
 from .noise import outliers, whiteness
@@ -199,9 +199,15 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
         at_bound=tuple(
             p.name
             for p in member.candidate.parameters
-            if not p.choices and _is_at_bound(values[p.name], p.low, p.high, several)
+            if not p.choices and _is_at_bound(values[p.name], _shortest(member, p), p.high, several)
         ),
     )
+
+
+def _shortest(member: Member, parameter: EffectParameter) -> float:
+    """The least value of a parameter, of a memory that which the rows do not tell from it."""
+    of_memory = isinstance(member.candidate.effect, Memory) and not parameter.linear
+    return FORGOTTEN * parameter.low if of_memory else parameter.low
 
 
 def _is_at_bound(value: float, low: float, high: float, several: bool) -> bool:

@@ -326,16 +326,13 @@ def _form_of(end: Ending, at: int) -> str:
     data, members = end.setup.data, end.fit.members
     (inputs, turns), effect = variables_of(members[at], data), members[at].candidate.effect
     acting = [(k, *variables_of(members[k], data)) for k in end.identified if k != at]
-    candidates = [
-        k
-        for k, others, opposite in acting
-        if (inputs <= others and turns <= opposite and (inputs or turns))
-        or effect.yields_to == members[k].candidate.effect.family
-    ]
-    return next((members[k].name for k in candidates if _is_form(end, at, k)), "")
+    over = [k for k, others, opposite in acting if (inputs or turns) and inputs <= others and turns <= opposite]
+    preferred = [k for k in end.identified if members[k].candidate.effect.family == effect.yields_to]
+    forms = [k for k in preferred if _is_form(end, at, k, 0.0)] + [k for k in over if _is_form(end, at, k)]
+    return next((members[k].name for k in forms), "")
 
 
-def _is_form(end: Ending, small: int, large: int) -> bool:
+def _is_form(end: Ending, small: int, large: int, least_alike: float = FORM_ALIKE) -> bool:
     """Whether the small member's contribution may be an error of the large member's form."""
     fitter, fit = end.analysis.search.fitter, end.fit
     a, b = (fitter.contribution(fit, k) for k in (small, large))
@@ -343,7 +340,7 @@ def _is_form(end: Ending, small: int, large: int) -> bool:
     alike = abs(float(a @ b)) / max(small_norm * large_norm, 1e-300)
     apart = small_norm * np.sqrt(max(1.0 - alike**2, 0.0))
     off = FORM_FAR_OFF if _remains_of(end, small) > VISIBLE * apart else FORM_OFF
-    return bool(small_norm < large_norm and alike > FORM_ALIKE and apart < off * large_norm)
+    return bool(small_norm < large_norm and alike > least_alike and apart < off * large_norm)
 
 
 def _remains_of(end: Ending, at: int) -> float:
