@@ -257,7 +257,9 @@ COARSE, FIRST, FEWEST, KEPT = 100, 128, 32, 16
 least; and around how many of its points the search goes on.
 """
 SHOWN = 0.5
-"""Fraction of the squares of a gap that a law must explain to be read from it: of noise alone none explains as much."""
+"""Fraction of the squares left by a play that does not stick, under which jumps are there: of noise, and of a smooth
+loop, more is left.
+"""
 
 
 def _pairs(values: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -293,17 +295,24 @@ class BacklashStickSlip(Memory, OneColumn):
         y, numbers = gap[order], self.shape_parameters(target)
         low, high = np.log([(number.low, number.high) for number in numbers]).T
         spacing, rows = (high - low) / (COARSE - 1), min(max(len(y) // FIRST, FEWEST), len(y))
-        points = low + spacing * _pairs(np.arange(COARSE))
-        while True:
-            explained = np.empty(len(points))
+
+        def left(points: Array, rows: int) -> Array:
+            """Fraction of the squares of the first rows that each point leaves."""
+            fractions, of = np.empty(len(points)), y[:rows] - y[:rows].mean()
             for k, (width, breakaway) in enumerate(np.exp(points).tolist()):
-                off, of = stick_slip(x[:rows], starts[:rows], width, breakaway), y[:rows] - y[:rows].mean()
+                off = stick_slip(x[:rows], starts[:rows], width, breakaway)
                 off = off - off.mean()
-                explained[k] = (off @ of) ** 2 / max(float(off @ off) * float(of @ of), np.finfo(float).tiny)
-            best = points[np.argsort(-explained, kind="stable")[:KEPT]]
+                fractions[k] = 1.0 - (off @ of) ** 2 / max(float(off @ off) * float(of @ of), np.finfo(float).tiny)
+            return fractions
+
+        points = low + spacing * _pairs(np.arange(COARSE))
+        play = float(left(points[::COARSE], len(y)).min())
+        while True:
+            fractions = left(points, rows)
+            best = points[np.argsort(fractions, kind="stable")[:KEPT]]
             if rows == len(y):
                 values = np.exp(best[0]).tolist()
-                shown = float(explained.max()) > SHOWN
+                shown = float(fractions.min()) < SHOWN * play
                 return dict(zip((number.name for number in numbers), values, strict=True)) if shown else {}
             spacing, rows = 0.5 * spacing, min(2 * rows, len(y))
             points = np.clip((best[:, None] + spacing * _pairs(np.arange(-2, 3))).reshape(-1, 2), low, high)

@@ -74,23 +74,25 @@ def misfit_of(analysis: Analysis, fit: Fit, curved: Fit) -> dict[tuple[str, str]
     whole, moves = fitter.fit(fit.effects), [resemblance(analysis, fit, at).moved for at in terms]
     readings = [(other.fit, fit) for other in analysis.rivals]
     readings += [(reading, whole) for at in terms for reading in _readings(analysis, fit, whole, at)]
-    moves += [_sizes(reading, than) for reading, than in readings if not analysis.search.cancelling(reading)]
+    for reading, than in readings if named else ():
+        if not analysis.search.cancelling(reading):
+            before = _sizes(than)
+            moves.append({key: size - before[key] for key, size in _sizes(reading).items() if size and key in before})
+    sizes = _sizes(fit)
     for key, away in chain.from_iterable(moved.items() for moved in moves):
-        variances[key] = max(variances.get(key, 0.0), EITHER * away**2)
+        if abs(away) > FORM_OFF * abs(sizes.get(key, 0.0)):
+            variances[key] = max(variances.get(key, 0.0), EITHER * away**2)
     return variances
 
 
-def _sizes(fit: Fit, than: Fit) -> dict[tuple[str, str], float]:
-    """By how much the sizes of effects in both fits differ, by owner and name."""
-    values = [
-        {
-            (member.name, number.name): size
-            for member, sizes in zip(each.members, each.coefficients, strict=True)
-            for number, size in zip(member.candidate.linear, sizes.tolist(), strict=False)
-        }
-        for each in (fit, than)
-    ]
-    return {key: size - values[1][key] for key, size in values[0].items() if size and key in values[1]}
+def _sizes(fit: Fit) -> dict[tuple[str, str], float]:
+    """The linear parameters of the effects of a fit, by owner and name."""
+    return {
+        (member.name, number.name): size
+        for member, sizes in zip(fit.members, fit.coefficients, strict=True)
+        if not is_term(member)
+        for number, size in zip(member.candidate.linear, sizes.tolist(), strict=False)  # of a delay there are none
+    }
 
 
 def _readings(analysis: Analysis, fit: Fit, whole: Fit, at: int) -> Iterator[Fit]:
