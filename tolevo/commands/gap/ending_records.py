@@ -181,6 +181,7 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
     reduced = search.fitter.fit(end.fit.without(at))
     better = improvement(search.tested(reduced), end.after, search.labels)
     values, several = end.model.effect(member.name), len(member.candidate.linear) > 1
+    shortest = (FORGOTTEN if isinstance(member.candidate.effect, Memory) else 1.0, 1.0)
     total, gain = max(end.analysis.null_model.null_fit.rss - end.fit.rss, 1e-300), reduced.rss - end.fit.rss
     return FoundEffect(
         name=member.name,
@@ -199,15 +200,9 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
         at_bound=tuple(
             p.name
             for p in member.candidate.parameters
-            if not p.choices and _is_at_bound(values[p.name], _shortest(member, p), p.high, several)
+            if not p.choices and _is_at_bound(values[p.name], shortest[p.linear] * p.low, p.high, several)
         ),
     )
-
-
-def _shortest(member: Member, parameter: EffectParameter) -> float:
-    """The least value of a parameter, of a memory that which the rows do not tell from it."""
-    of_memory = isinstance(member.candidate.effect, Memory) and not parameter.linear
-    return FORGOTTEN * parameter.low if of_memory else parameter.low
 
 
 def _is_at_bound(value: float, low: float, high: float, several: bool) -> bool:

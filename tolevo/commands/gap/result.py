@@ -34,9 +34,7 @@ NEGLIGIBLE_FRACTION = 0.01
 STEP = 1e-4
 """Relative step of a derivative."""
 ALIKE, MORE_ALIKE, TWICE = 0.5, 0.1, 4.0
-"""Fraction of the squares of a curve from which it resembles effects, and which each of them explains at least;
-squares of a form that is off twice as far as another.
-"""
+"""Fractions of the squares of a curve that resembled effects, and each of them, explain; squares of twice its size."""
 EITHER = 0.36
 """Variance of a value between two ends, over the square of their distance, such that an interval of
 90 % about one end contains the other."""
@@ -96,9 +94,7 @@ def _sizes(fit: Fit) -> dict[tuple[str, str], float]:
 
 
 def _readings(analysis: Analysis, fit: Fit, whole: Fit, at: int) -> Iterator[Fit]:
-    """Fits of the effects in which one over the variables of a curve is exchanged, off by at most twice as much as
-    the curve is large: the form is not known better. `whole` is the fit of the effects alone.
-    """
+    """Fits of the effects (`whole`), one over a curve's variables exchanged, off by at most twice the curve's size."""
     search, data = analysis.search, analysis.setup.data
     over, most = variables_of(fit.members[at], data), fit.rss + TWICE * (whole.rss - fit.rss)
     for k, member in enumerate(whole.members):
@@ -130,9 +126,7 @@ class Resemblance:
 
 
 def resemblance(analysis: Analysis, fit: Fit, at: int) -> Resemblance:
-    """The one or two effects of the library over the variables of a curve, by its index, that explain most of it
-    beside the effects that are there; none where that is less than half.
-    """
+    """The one or two effects over the variables of a curve that explain most of it beside those that are there."""
     search, data, members = analysis.search, analysis.setup.data, fit.members
     fitter, over = search.fitter, variables_of(members[at], data)
     if effect_of(members[at]).term.shape not in CURVED:
@@ -204,9 +198,7 @@ correlation. Below the former and above the latter, the effect may be an error o
 which no formula has exactly.
 """
 VISIBLE = 0.4
-"""What remains over the variables of an effect, over the part of it that is apart from a larger one, from which the
-form of both is off.
-"""
+"""What remains over an effect's variables, over its part apart from a larger one, from which both forms are off."""
 
 
 @dataclass(frozen=True)
@@ -346,20 +338,17 @@ def _is_form(end: Ending, small: int, large: int, least_alike: float = FORM_ALIK
 
 
 def _remains_of(end: Ending, at: int) -> float:
-    """The norm of what remains over the variables of an effect, in the noise."""
+    """The norm of what remains over an effect's variables."""
     fitter, fit, data, identified = end.analysis.search.fitter, end.fit, end.setup.data, end.analysis.identified
     inputs, turns = variables_of(fit.members[at], data)
     over = {k: variables_of(member, data) for k, member in enumerate(fit.members) if is_term(member)}
     added = [
         fitter.contribution(fit, k) for k, (others, opposite) in over.items() if inputs & others and turns == opposite
     ]
-    forms = {k: end.analysis.null_model.generic.forms[k] for k in identified.significant}
-    gains = [
-        float(identified.residual_forms.gains[k])
-        for k, form in forms.items()
-        if inputs & {*form.variables} and turns == bool(form.direction)
-    ]
-    return float(np.sqrt(np.sum(np.sum(added, axis=0) ** 2) + max(gains, default=0.0)))
+    forms = [(k, end.analysis.null_model.generic.forms[k]) for k in identified.significant]
+    over = [k for k, form in forms if inputs & {*form.variables} and turns == bool(form.direction)]
+    gains = identified.residual_forms.gains[over]
+    return float(np.sqrt(np.sum(np.sum(added, axis=0) ** 2) + gains.max(initial=0.0)))
 
 
 def _widen_ending(analysis: Analysis) -> Ending:
