@@ -235,22 +235,3 @@ def test_a_channel_that_moves_in_jumps_shows_no_delay(driven: bool, shown: bool)
     assert (Delay().shown({"y": jumps}, target) is not None) == shown
     wave = np.sin(np.linspace(0.0, 20.0, 600))
     assert Delay().shown({"y": wave}, target) is not None
-
-
-@pytest.mark.parametrize("windup", [0.0, 0.12])
-def test_jumps_are_read_from_a_gap_where_they_are_there(windup: float) -> None:
-    """A table stepped here, which sticks by 0.12 mm in a play of 0.3 mm, or follows at once."""
-    table, behind = motion(), []
-    place = table["x_mm"][0]
-    for drive in table["x_mm"].tolist():
-        if abs(drive - place) > 0.3 + windup:
-            place = drive - np.copysign(0.3, drive - place)
-        behind.append(place - drive)
-    effect = registry.load("effects", "stick_slip_backlash")()
-    target = target_from("table", (DEFLECTION,), COLUMNS, table)
-    noise = np.random.default_rng(1).normal(0.0, 0.005, N)
-    read = effect.read_from(np.array(behind) + noise, measurements_of(target.columns, table), target)
-    if windup:
-        assert list(read.values()) == pytest.approx([0.3e-3, 0.12e-3], rel=0.02)
-    else:
-        assert read == {}
