@@ -292,6 +292,10 @@ class Effect(ABC):
         """
         return {}
 
+    def read_from(self, gap: Array, measurements: Measurements, target: Target) -> dict[str, float]:
+        """Nonlinear parameters at which it explains most of a gap (n,), where no grid meets them; else empty."""
+        return {}
+
     def act(self, measurements: Measurements, values: Values, target: Target) -> Action:
         """Its action on the rows, with `values` of its parameters by name."""
         place = self.place(target)

@@ -155,8 +155,8 @@ def _stretches(time: Array) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(edges)]
 
 
-JUMP = 3.0
-"""A step of a channel that is so many times its neighbours happens within a row."""
+STANDS_ALONE = 3.0
+"""A step of a channel that is so many times each of its neighbours happens within a row."""
 
 
 def _moves_in_jumps(values: Array) -> bool:
@@ -164,7 +164,7 @@ def _moves_in_jumps(values: Array) -> bool:
     row late is a delay as well as a fast memory.
     """
     steps = np.abs(np.diff(values, prepend=values[0], append=values[-1]))
-    jumps = steps[1:-1] > JUMP * np.maximum(steps[:-2], steps[2:])
+    jumps = steps[1:-1] > STANDS_ALONE * np.maximum(steps[:-2], steps[2:])
     return float((steps[1:-1][jumps] ** 2).sum()) > 0.5 * float((steps**2).sum())
 
 

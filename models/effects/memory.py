@@ -252,6 +252,21 @@ class DoubleLoadCreep(LoadCreep):
     stems: ClassVar[Mapping[str, str]] = {"fast_time": "t1, of the fast part", "slow_time": "t2, of the slow part"}
 
 
+COARSE, FIRST, FEWEST, KEPT = 100, 128, 32, 16
+"""Points of a grid of each of two numbers; the part of the rows it is searched in first, as a divisor, and how many at
+least; and around how many of its points the search goes on.
+"""
+SHOWN = 0.5
+"""Fraction of the squares left by a play that does not stick, under which jumps are there: of noise, and of a smooth
+loop, more is left.
+"""
+
+
+def _pairs(values: NDArray[np.int64]) -> NDArray[np.int64]:
+    """All pairs (n^2, 2) of values (n,)."""
+    return np.stack(np.meshgrid(values, values, indexing="ij"), -1).reshape(-1, 2)
+
+
 class BacklashStickSlip(Memory, OneColumn):
     """A driven table that stays behind by a play, sticks, and jumps."""
 
@@ -269,6 +284,38 @@ class BacklashStickSlip(Memory, OneColumn):
             self.fraction(target, "play", "w, half of the play of the input", SHORTEST, LONGEST),
             self.fraction(target, "breakaway", "s, wind-up at which it breaks away", SHORTEST, LONGEST),
         )
+
+    def read_from(self, gap: Array, measurements: Measurements, target: Target) -> dict[str, float]:
+        """The play and the wind-up whose jumps are where those of a gap are: searched on a coarse grid in its first
+        rows, then closer by in twice as many, until all are in it, since a jump depends on all before.
+        """
+        from .memory_kernel import stick_slip  # imports numba
+
+        order, x, starts = self.path(measurements, target)
+        y, numbers = gap[order], self.shape_parameters(target)
+        low, high = np.log([(number.low, number.high) for number in numbers]).T
+        spacing, rows = (high - low) / (COARSE - 1), min(max(len(y) // FIRST, FEWEST), len(y))
+
+        def left(points: Array, rows: int) -> Array:
+            """Fraction of the squares of the first rows that each point leaves."""
+            fractions, of = np.empty(len(points)), y[:rows] - y[:rows].mean()
+            for k, (width, breakaway) in enumerate(np.exp(points).tolist()):
+                off = stick_slip(x[:rows], starts[:rows], width, breakaway)
+                off = off - off.mean()
+                fractions[k] = 1.0 - (off @ of) ** 2 / max(float(off @ off) * float(of @ of), np.finfo(float).tiny)
+            return fractions
+
+        points = low + spacing * _pairs(np.arange(COARSE))
+        play = float(left(points[::COARSE], len(y)).min())
+        while True:
+            fractions = left(points, rows)
+            best = points[np.argsort(fractions, kind="stable")[:KEPT]]
+            if rows == len(y):
+                values = np.exp(best[0]).tolist()
+                shown = float(fractions.min()) < SHOWN * play
+                return dict(zip((number.name for number in numbers), values, strict=True)) if shown else {}
+            spacing, rows = 0.5 * spacing, min(2 * rows, len(y))
+            points = np.clip((best[:, None] + spacing * _pairs(np.arange(-2, 3))).reshape(-1, 2), low, high)
 
     def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         from .memory_kernel import stick_slip  # imports numba

@@ -102,11 +102,14 @@ def as_curve(fitter: Fitter, fit: Fit, small: Sequence[int], large: Sequence[int
 
 
 def variables_of(member: Member, data: GapData) -> tuple[frozenset[str], bool]:
-    """The inputs that a member is a function of, and whether it follows the direction as well."""
+    """The inputs that a member is a function of, that along whose path it has a memory too, and whether it follows
+    the direction as well.
+    """
     effect = member.candidate.effect
     if isinstance(effect, Unresolved):
         return frozenset(effect.term.variables), effect.term.turns
-    roles = acts_in(effect.needs)
+    driving = effect.driven_by(data.target) if isinstance(effect, Memory) else None
+    roles = acts_in((*effect.needs, driving) if driving else effect.needs)
     return frozenset(c.name for c in data.inputs if c.role in roles - {Role.DIRECTION}), Role.DIRECTION in roles
 
 
@@ -452,7 +455,7 @@ def analysed(setup: Setup) -> Analysis:
     """Run the loop, the noise estimated again given the selected effects."""
     setup = setup_as_read(setup)
     noises = noise_of(setup, ())
-    effects = dictionary(setup.library, setup.columns, spread_of(noises))
+    effects = dictionary(setup.library, setup.columns, spread_of(noises), setup.residual)
     null_model = build_null_model(setup, noises, effects, *stack_columns(setup.generic, len(setup.data.outputs)), None)
     if _within_floor(null_model):
         return _nothing(null_model)
@@ -464,7 +467,7 @@ def analysed(setup: Setup) -> Analysis:
         moved = setup_as_read(_linearise_setup(setup, search, selection.fit) if setup.free else setup, selection.fit)
         if moved is not setup:
             setup, fit = reread_by_instrument(moved, Space(null_model.noises, moved.prior), selection.fit)
-            effects = dictionary(setup.library, setup.columns, spread_of(null_model.noises))
+            effects = dictionary(setup.library, setup.columns, spread_of(null_model.noises), setup.residual)
             selection = replace(selection, fit=fit)
         noises = noise_of(setup, contributions(setup, selection.fit))
         forms = null_model.forms, null_model.generic.outputs

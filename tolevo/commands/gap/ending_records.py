@@ -19,7 +19,7 @@ from .analysis import CURVED, Analysis, variables_of
 from .blocks import improvement
 from .close import corrected
 from .data import GapData
-from .fit import Member, is_term
+from .fit import FORGOTTEN, Member, is_term
 from .generic import effect_of, table_of
 from .linear import TIE, project_out, ranking, rms
 from .noise import outliers, whiteness
@@ -37,7 +37,7 @@ from .records import (
     Score,
     UnresolvedTerm,
 )
-from .result import Ending, finish_analysis
+from .result import Ending, finish_analysis, resemblance
 from .scan import scan
 from .selection import correlation
 from .separations import separating
@@ -147,15 +147,11 @@ def _explained(end: Ending, found: Sequence[FoundEffect]) -> list[FoundEffect]:
         best = min(fits, key=lambda fit: fit.rss)
         chosen, percent, rss = list(best.members), 100.0 * max(rss - best.rss, 0.0) / max(whole, 1e-300), best.rss
         inputs, turns = variables_of(chosen[-1], end.setup.data)
-        memory = chosen[-1].candidate.effect
-        if isinstance(memory, Memory):  # it acts along the path of another column, too
-            driving = memory.driven_by(end.setup.data.target)
-            inputs |= {column.name for column in end.setup.data.inputs if column.role is driving}
         own = [r for r in remainders if inputs & {*r.variables} or (turns and not inputs and r.turns)]
         remainders = [r for r in remainders if r not in own]
         error = float(np.sqrt(sum(r.rms**2 for r in own)))
         form, unit = (max(own, key=lambda r: r.rms).shape, own[0].unit) if own else ("", "")
-        if isinstance(memory, Memory) and "a memory of " in form:
+        if isinstance(chosen[-1].candidate.effect, Memory) and "a memory of " in form:
             form += "; the memory of this record only resembles it"
         effect = records[chosen[-1].name]
         known.append(replace(effect, explains_percent=percent, form_error=error, form_unit=unit, form=form))
@@ -185,6 +181,7 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
     reduced = search.fitter.fit(end.fit.without(at))
     better = improvement(search.tested(reduced), end.after, search.labels)
     values, several = end.model.effect(member.name), len(member.candidate.linear) > 1
+    shortest = (FORGOTTEN if isinstance(member.candidate.effect, Memory) else 1.0, 1.0)
     total, gain = max(end.analysis.null_model.null_fit.rss - end.fit.rss, 1e-300), reduced.rss - end.fit.rss
     return FoundEffect(
         name=member.name,
@@ -203,7 +200,7 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
         at_bound=tuple(
             p.name
             for p in member.candidate.parameters
-            if not p.choices and _is_at_bound(values[p.name], p.low, p.high, several)
+            if not p.choices and _is_at_bound(values[p.name], shortest[p.linear] * p.low, p.high, several)
         ),
     )
 
@@ -528,7 +525,8 @@ def _term_remainders(end: Ending, members: Sequence[Member]) -> Remainder:
     words = dict.fromkeys(term.words for term in terms)
     if len(words) > 1 and all(t.shape in CURVED and (t.turns, t.times) == (turns, "") for t in terms):
         words = {f"a curve over {first.variable}" + (", opposite in the two directions" if turns else ""): None}
-    text = ", and ".join(words)
+    resembled = [str(resemblance(end.analysis, end.fit, end.fit.members.index(member))) for member in members]
+    text = ", ".join([", and ".join(words), *filter(None, resembled)])
     offer = Offer(terms, [_weights(end, member) for member in members], setup.data.target.columns, text)
     texts = offer.formula(), offer.plugin()
     return Remainder(first.output, first.variables, text, rms, unit, rms / level, fraction, turns, (), *texts)

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import chain
 
 import numpy as np
 
 from ...models.effects import EffectParameter
 from ...section import Array
-from .analysis import Analysis, analysis_without_effect, with_curves
+from .analysis import CURVED, Analysis, analysis_without_effect, variables_of, with_curves
 from .blocks import HeldOut
 from .close import Corrected, corrected
 from .fit import Fit, Fitter, Member, is_term
 from .generic import effect_of, whole_term
 from .linear import basis, project_out
-from .null_model import acts_in
+from .scan import scan
 from .setup import Setup
 
 # The bias of an effect's parameter due to the form of the generic terms that are fitted with it.
@@ -32,6 +33,8 @@ NEGLIGIBLE_FRACTION = 0.01
 """Fraction of a parameter's column within a form below which they have nothing in common."""
 STEP = 1e-4
 """Relative step of a derivative."""
+ALIKE, MORE_ALIKE, TWICE = 0.5, 0.1, 4.0
+"""Fractions of the squares of a curve that resembled effects, and each of them, explain; squares of twice its size."""
 EITHER = 0.36
 """Variance of a value between two ends, over the square of their distance, such that an interval of
 90 % about one end contains the other."""
@@ -66,7 +69,91 @@ def misfit_of(analysis: Analysis, fit: Fit, curved: Fit) -> dict[tuple[str, str]
             if common > NEGLIGIBLE_FRACTION:
                 bias, whole = float(g @ added) ** 2 / size, float(added @ added)
                 variances[member.name, number] = max(EITHER * bias, (whole - bias) / count * common) / size
+    whole, moves = fitter.fit(fit.effects), [resemblance(analysis, fit, at).moved for at in terms]
+    readings = [(other.fit, fit) for other in analysis.rivals]
+    readings += [(reading, whole) for at in terms for reading in _readings(analysis, fit, whole, at)]
+    for reading, than in readings if named else ():
+        if not analysis.search.cancelling(reading):
+            before = _sizes(than)
+            moves.append({key: size - before[key] for key, size in _sizes(reading).items() if size and key in before})
+    sizes = _sizes(fit)
+    for key, away in chain.from_iterable(moved.items() for moved in moves):
+        if abs(away) > FORM_OFF * abs(sizes.get(key, 0.0)):
+            variances[key] = max(variances.get(key, 0.0), EITHER * away**2)
     return variances
+
+
+def _sizes(fit: Fit) -> dict[tuple[str, str], float]:
+    """The linear parameters of the effects of a fit, by owner and name."""
+    return {
+        (member.name, number.name): size
+        for member, sizes in zip(fit.members, fit.coefficients, strict=True)
+        if not is_term(member)
+        for number, size in zip(member.candidate.linear, sizes.tolist(), strict=False)  # of a delay there are none
+    }
+
+
+def _readings(analysis: Analysis, fit: Fit, whole: Fit, at: int) -> Iterator[Fit]:
+    """Fits of the effects (`whole`), one over a curve's variables exchanged, off by at most twice the curve's size."""
+    search, data = analysis.search, analysis.setup.data
+    over, most = variables_of(fit.members[at], data), fit.rss + TWICE * (whole.rss - fit.rss)
+    for k, member in enumerate(whole.members):
+        if variables_of(member, data) != over or effect_of(fit.members[at]).term.shape not in CURVED:
+            continue
+        rest = whole.without(k)
+        without = search.fitter.fit(rest).rss
+        for other in scan(search.fitter, search.white, search.dictionary, rest):
+            if without - other.gain > most:
+                break
+            if other.member.name != member.name and variables_of(other.member, data) == over:
+                reading = search.fitter.fit((*rest, other.member))
+                if reading.rss < most:
+                    yield reading
+
+
+@dataclass(frozen=True)
+class Resemblance:
+    """Effects `names` that a curve resembles, the fraction of its squares that they explain, and by how much the
+    sizes of the effects beside it would differ, by owner and name, if these were its cause.
+    """
+
+    names: tuple[str, ...] = ()
+    fraction: float = 0.0
+    moved: Mapping[tuple[str, str], float] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        return f"{100.0 * self.fraction:.0f} % like {' and '.join(self.names)}" if self.names else ""
+
+
+def resemblance(analysis: Analysis, fit: Fit, at: int) -> Resemblance:
+    """The one or two effects over the variables of a curve that explain most of it beside those that are there."""
+    search, data, members = analysis.search, analysis.setup.data, fit.members
+    fitter, over = search.fitter, variables_of(members[at], data)
+    if effect_of(members[at]).term.shape not in CURVED:
+        return Resemblance()
+    beside = [k for k in fit.identified if variables_of(members[k], data) in (over, (frozenset(), over[1]))]
+    open_to = [m for m in search.dictionary.members if m.name not in fit.names and variables_of(m, data) == over]
+    curve, found = fitter.contribution(fit, at), Resemblance()
+    added = [fitter.white(members[k]) for k in beside]
+    for _ in range(2 if beside else 0):
+        q, best = basis(np.hstack([fitter.base, *added])), (found.fraction + MORE_ALIKE, Resemblance(), curve[:, None])
+        for member in open_to:
+            columns = fitter.white(member)
+            apart = np.linalg.norm(project_out(columns, q), axis=0) > STEP * np.linalg.norm(columns, axis=0)
+            low, high = (ends[apart] for ends in member.candidate.bounds)
+            whole = np.hstack([*added, columns[:, apart]])
+            sizes = np.linalg.lstsq(project_out(whole, fitter.q), curve, rcond=STEP**2)[0]
+            off = curve - project_out(whole, fitter.q) @ sizes
+            fraction, own = 1.0 - float(off @ off) / float(curve @ curve), sizes[len(sizes) - apart.sum() :]
+            if fraction > best[0] and (own >= low).all() and (own <= high).all():
+                linear = [(members[k].name, number.name) for k in beside for number in members[k].candidate.linear]
+                moved = dict(zip(linear, sizes.tolist(), strict=False))
+                best = fraction, Resemblance((*found.names, member.name), fraction, moved), columns[:, apart]
+        if not best[1].names:
+            break
+        found, open_to = best[1], [member for member in open_to if member.name not in best[1].names]
+        added.append(best[2])
+    return found if found.fraction > ALIKE else Resemblance()
 
 
 def variance_of_weights(model: Corrected, plain: Corrected) -> dict[tuple[str, str], float]:
@@ -106,10 +193,12 @@ def _columns(fitter: Fitter, fit: Fit, at: int) -> Array:
 
 FORM_OFF, FORM_FAR_OFF, FORM_ALIKE = 0.05, 0.12, 0.3
 """Limits of the part of an effect that is orthogonal to a larger effect of its variables, as a
-fraction of the latter (the second where the residual of both is still significant), and of their
+fraction of the latter (the second where what remains over them is no small part of it), and of their
 correlation. Below the former and above the latter, the effect may be an error of the larger one's form,
 which no formula has exactly.
 """
+VISIBLE = 0.4
+"""What remains over an effect's variables, over its part apart from a larger one, from which both forms are off."""
 
 
 @dataclass(frozen=True)
@@ -228,26 +317,38 @@ def _is_renamed(end: Ending, name: str, reduced: Ending) -> bool:
 
 def _form_of(end: Ending, at: int) -> str:
     """The larger effect of the same variables of whose form this effect may be an error, or ""."""
-    members = end.fit.members
-    variables = acts_in(members[at].candidate.effect.needs)
-    candidates = [
-        k for k in end.identified if variables and k != at and variables <= acts_in(members[k].candidate.effect.needs)
-    ]
-    return next((members[k].name for k in candidates if _is_form(end, at, k)), "")
+    data, members = end.setup.data, end.fit.members
+    (inputs, turns), effect = variables_of(members[at], data), members[at].candidate.effect
+    acting = [(k, *variables_of(members[k], data)) for k in end.identified if k != at]
+    over = [k for k, others, opposite in acting if (inputs or turns) and inputs <= others and turns <= opposite]
+    preferred = [k for k in end.identified if members[k].candidate.effect.family == effect.yields_to]
+    forms = [k for k in preferred if _is_form(end, at, k, 0.0)] + [k for k in over if _is_form(end, at, k)]
+    return next((members[k].name for k in forms), "")
 
 
-def _is_form(end: Ending, small: int, large: int) -> bool:
+def _is_form(end: Ending, small: int, large: int, least_alike: float = FORM_ALIKE) -> bool:
     """Whether the small member's contribution may be an error of the large member's form."""
     fitter, fit = end.analysis.search.fitter, end.fit
     a, b = (fitter.contribution(fit, k) for k in (small, large))
     small_norm, large_norm = float(np.linalg.norm(a)), float(np.linalg.norm(b))
     alike = abs(float(a @ b)) / max(small_norm * large_norm, 1e-300)
     apart = small_norm * np.sqrt(max(1.0 - alike**2, 0.0))
-    return bool(
-        small_norm < large_norm
-        and alike > FORM_ALIKE
-        and apart < (FORM_FAR_OFF if end.remains else FORM_OFF) * large_norm
-    )
+    off = FORM_FAR_OFF if _remains_of(end, small) > VISIBLE * apart else FORM_OFF
+    return bool(small_norm < large_norm and alike > least_alike and apart < off * large_norm)
+
+
+def _remains_of(end: Ending, at: int) -> float:
+    """The norm of what remains over an effect's variables."""
+    fitter, fit, data, identified = end.analysis.search.fitter, end.fit, end.setup.data, end.analysis.identified
+    inputs, turns = variables_of(fit.members[at], data)
+    over = {k: variables_of(member, data) for k, member in enumerate(fit.members) if is_term(member)}
+    added = [
+        fitter.contribution(fit, k) for k, (others, opposite) in over.items() if inputs & others and turns == opposite
+    ]
+    forms = [(k, end.analysis.null_model.generic.forms[k]) for k in identified.significant]
+    over = [k for k, form in forms if inputs & {*form.variables} and turns == bool(form.direction)]
+    gains = identified.residual_forms.gains[over]
+    return float(np.sqrt(np.sum(np.sum(added, axis=0) ** 2) + gains.max(initial=0.0)))
 
 
 def _widen_ending(analysis: Analysis) -> Ending:
