@@ -230,8 +230,7 @@ class Settling:
         if not self._effects_are_minor(best):
             return best
         excluded |= {*self.search.dictionary.places}
-        alone = self.grown(self.search.fitter.refined(best.terms), excluded)
-        return self._first_that_holds([alone], excluded)
+        return self._first_that_holds([self.grown(self.search.fitter.refined(best.terms), excluded)], excluded)
 
     def _effects_are_minor(self, fit: Fit) -> bool:
         """Whether a fit has effects, and with equal weights they explain almost nothing compared with
@@ -550,8 +549,7 @@ def analysis_without_effect(analysis: Analysis, name: str, trusted: str = "") ->
         members = [fit.names.index(name)], [fit.names.index(trusted)]
         curve = as_curve(null_model.search.fitter, fit, *members, analysis.setup.data)
     settling = _initial_settling(null_model, selection, sure)
-    names = {name, *same_columns(name, analysis.rivals)}
-    excluded = analysis.excluded | names
+    excluded = analysis.excluded | {name, *same_columns(name, analysis.rivals)}
     fit = settling.again(fit, excluded, () if curve is None else (curve,))
     answer = _answer(null_model, settling, selection, fit, excluded)
     return replace(answer, excluded=excluded, trusted=sure)

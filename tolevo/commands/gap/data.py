@@ -322,8 +322,7 @@ def average_repeats(
     units, rows = len(np.unique(number)), len(frame)
     if units < MIN_UNITS:
         needs = f"a batch needs at least {MIN_UNITS} units"
-        text = f"holds {units} units in {rows} rows: cannot tell with n = {units}; {needs}"
-        return frame, [Fault(place, text)]
+        return frame, [Fault(place, f"holds {units} units in {rows} rows: cannot tell with n = {units}; {needs}")]
     repeat = next((c.name for c in columns if c.role is Role.REPEAT and c.name in frame), None)
     if units < rows and repeat is None:
         notes.append(

@@ -337,7 +337,7 @@ class Fitter:
         q = self.spanned([member for k, member in enumerate(members) if k != at])
         residual = project_out(self.y, q)
         forms = [self._shaped(form, q, residual) for form in members[at].forms]
-        return forms[ranking([gain for _, gain in forms])[0]][0]
+        return forms[int(ranking([gain for _, gain in forms])[0])][0]
 
     def _shaped(self, member: Member, q: Array, residual: Array) -> tuple[Member, float]:
         """A member with its nonlinear parameters fitted to a residual (N,) orthogonal to q (N, r),

@@ -145,8 +145,7 @@ def _direction(data: GapData) -> Array | None:
 
 def stretches(column: Column, rows: int) -> int:
     """The number of stretches of a spline over an input, for so many rows."""
-    fine = 6 if column.role in (Role.TORQUE, Role.FORCE) else 4
-    return min(fine, max(2, rows // 25))
+    return min(6 if column.role in (Role.TORQUE, Role.FORCE) else 4, max(2, rows // 25))
 
 
 def knots(values: Array, count: int) -> Array:
@@ -495,8 +494,7 @@ def _choose_plays(term: Term, data: GapData, fitter: Fitter, members: Sequence[M
     """
     q = fitter.spanned(members)
     rotation, columns = np.linalg.qr(project_out(fitter.white(member_with(Unresolved(term), data)), q))
-    y = rotation.T @ fitter.y
-    fits = [(*fewest_plays(sense * columns, y, fitter.penalty), sense) for sense in (1.0, -1.0)]
+    fits = [(*fewest_plays(sense * columns, rotation.T @ fitter.y, fitter.penalty), sense) for sense in (1.0, -1.0)]
     _, kept, sense = min(fits, key=itemgetter(0))
     return replace(term, scale=sense * term.scale, radii=tuple(term.radii[k] for k in kept))
 

@@ -225,8 +225,7 @@ def _overlap(search: Search, fit: Fit, generic: Remaining, at: int, k: int) -> f
     """Fraction of a member's contribution that lies in the span of a generic form."""
     contribution = search.fitter.contribution(fit, k)
     span = basis(project_out(generic.white.of(at), search.fitter.q))
-    total = float(np.sum(contribution**2))
-    return float(np.sum((span.T @ contribution) ** 2)) / max(total, 1e-300)
+    return float(np.sum((span.T @ contribution) ** 2)) / max(float(np.sum(contribution**2)), 1e-300)
 
 
 CERTAIN = 14.0

@@ -133,11 +133,6 @@ def alike(first: pd.Series[Any], second: pd.Series[Any]) -> bool:
     return bool(np.abs(a - b).max(initial=0.0) <= 1e-9 * spread)
 
 
-def _is_one_way(speed: pd.Series) -> bool:
-    """Whether what moves does so at a positive speed."""
-    return bool((speed >= 0.0).all() and (speed > 0.0).any())
-
-
 def column_messages(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[str]:
     """Sentences about columns that are constant, equal or strongly correlated."""
     numbers = [c.name for c in columns if not c.text and c.role is not Role.REPEAT]
@@ -148,7 +143,7 @@ def column_messages(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[st
         if name not in moving
     ]
     if Role.DIRECTION not in {c.role for c in columns}:
-        speeds = [c.name for c in columns if c.role is Role.SPEED and _is_one_way(frame[c.name])]
+        speeds = [c.name for c in columns if c.role is Role.SPEED and frame[c.name].min() >= 0.0 < frame[c.name].max()]
         one_way = "is never negative, and there is no direction: rows that move count as motion in +"
         notes += [f"{name} {one_way}" for name in speeds]
     if len(moving) < 2:

@@ -69,9 +69,9 @@ def misfit_of(analysis: Analysis, fit: Fit, curved: Fit) -> dict[tuple[str, str]
             if common > NEGLIGIBLE_FRACTION:
                 bias, whole = float(g @ added) ** 2 / size, float(added @ added)
                 variances[member.name, number] = max(EITHER * bias, (whole - bias) / count * common) / size
-    whole, moves = fitter.fit(fit.effects), [resemblance(analysis, fit, at).moved for at in terms]
+    alone, moves = fitter.fit(fit.effects), [resemblance(analysis, fit, at).moved for at in terms]
     readings = [(other.fit, fit) for other in analysis.rivals]
-    readings += [(reading, whole) for at in terms for reading in _readings(analysis, fit, whole, at)]
+    readings += [(reading, alone) for at in terms for reading in _readings(analysis, fit, alone, at)]
     for reading, than in readings if named else ():
         if not analysis.search.cancelling(reading):
             before = _sizes(than)
@@ -346,8 +346,8 @@ def _remains_of(end: Ending, at: int) -> float:
         fitter.contribution(fit, k) for k, (others, opposite) in over.items() if inputs & others and turns == opposite
     ]
     forms = [(k, end.analysis.null_model.generic.forms[k]) for k in identified.significant]
-    over = [k for k, form in forms if inputs & {*form.variables} and turns == bool(form.direction)]
-    gains = identified.residual_forms.gains[over]
+    significant = [k for k, form in forms if inputs & {*form.variables} and turns == bool(form.direction)]
+    gains = identified.residual_forms.gains[significant]
     return float(np.sqrt(np.sum(np.sum(added, axis=0) ** 2) + gains.max(initial=0.0)))
 
 

@@ -42,9 +42,10 @@ def dictionary(library: Sequence[Candidate], columns: Columns, spread: float, ga
     """The dictionary of every candidate on its grid, and where a `gap` (N,) shows one between, there."""
     data = columns.data
     shapes = {candidate.name: grid(candidate, spread) for candidate in library}
-    for candidate in library if gap is not None and len(data.outputs) == 1 else ():
-        read = candidate.effect.read_from(gap, data.measurements, data.target)
-        shapes[candidate.name] += [read] if read else []
+    if gap is not None and len(data.outputs) == 1:
+        for candidate in library:
+            read = candidate.effect.read_from(gap, data.measurements, data.target)
+            shapes[candidate.name] += [read] if read else []
     members = tuple(Member(candidate, shape) for candidate in library for shape in shapes[candidate.name])
     parts = [columns.of(member.candidate, member.shape) for member in members]
     rows = len(columns.data) * len(columns.data.outputs)
