@@ -288,6 +288,14 @@ def test_assumptions_in_conditions_are_those_of_limits_and_effects_of_all_of_the
     assert warmer.sample_sizes() == problem.sample_sizes() == {"search_units": 128}
 
 
+def test_a_condition_that_only_the_choice_limits_is_not_idle_and_a_number_in_place_of_its_limits_is_a_fault() -> None:
+    two = {**PLAIN, "condition": [{"name": "cold", "minimise": ["backlash_max_arcmin"]}, {"name": "warm"}]}
+    problem_of({**two, "choice": {"limits": {"warm.backlash_max_arcmin": 4.0}}})
+    limits = {"cold.yield_percent": 1.0, "warm": 5.0}
+    assert faults_of({**two, "limits": limits}) == ["limits.warm: must be a table, got 5.0"]
+    assert faults_of({**two, "choice": {"limits": limits}}) == ["choice.limits.warm: must be a table, got 5.0"]
+
+
 def test_a_robot_with_two_payloads() -> None:
     """Conditions by operating parameters serve problems without effects as well."""
     base: dict[str, Any] = {"problem": "robot_joint", "seed": 1, "parameters": {"nested": False}}
