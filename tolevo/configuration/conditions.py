@@ -83,7 +83,8 @@ def read_as_a_whole(
     wrong = contradictory(limits_in_all(sections, dict(declared.limits) | dict(limits), names))
     asked = [*limits, *declared.limits, *(objectives or declared.objectives)]
     misread = any(fault.place.startswith(("limits", "objectives", "promise")) for fault in top.faults)
-    listed = "condition" in declared.tables and not limits  # the sheet of a stack, not a search
+    limited = {name.partition(".")[0] for name in limits}
+    listed = "condition" in declared.tables and limited.isdisjoint(sections)  # the sheet of a stack, not a search
     if not (misread or listed or "promise" in top or plain.intersection(asked)):
         chosen = top.section("choice").take("limits")
         asked += flat(chosen) if isinstance(chosen, dict) else {}
