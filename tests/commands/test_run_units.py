@@ -14,7 +14,8 @@ import pytest
 
 from tests.small_jobs import tolevo
 from tolevo.algorithms.exact.local import Branch, Smooth
-from tolevo.algorithms.run import Budget, Run
+from tolevo.algorithms.run import Run
+from tolevo.algorithms.settings import Budget
 from tolevo.commands.run import answers
 from tolevo.commands.run.answers import assumptions_cost
 from tolevo.commands.run.plan import shown_point
