@@ -181,6 +181,7 @@ class InConditions(ToleranceProblem):
     drawn = _of_plain("drawn")
     curves_of = _of_plain("curves_of")
     ranges_of = _of_plain("ranges_of")
+    sample_sizes = _of_plain("sample_sizes")
     samples = _of_plain("samples")
     title = _of_plain("title")
     tables = _of_plain("tables")
@@ -277,7 +278,7 @@ class InConditions(ToleranceProblem):
         parameters = {name: v for name, v in after.parameters.items() if before.parameters.get(name) != v}
         fields = {
             name: getattr(after, name)
-            for name in ("variables", "costs", "propagation", "machines", "definition", "seed")
+            for name in ("variables", "costs", "propagation", "machines", "definition", "seed", "effects")
             if getattr(after, name) is not getattr(before, name)
         }
         return InConditions(replace(self.given, parameters={**self.given.parameters, **parameters}, **fields))
@@ -320,12 +321,23 @@ class InConditions(ToleranceProblem):
         return "GA, least cost within the limits", InConditions(replace(self.given, objectives=("cost",))).coarser()
 
     def variants(self) -> tuple[Variant, ...]:
-        """Those of the condition that has most of them, and the run without each condition that only limits it."""
-        most, known = max(((p, p.variants()) for p in self.alone), key=lambda pair: len(pair[1]))
+        """Those of the unit with the limits and objectives of all conditions, and the run without each condition that
+        only limits it.
+        """
+        every = [problem.given for problem in self.alone]
+        unit = self.operating.make(
+            replace(
+                every[0],
+                objectives=tuple(dict.fromkeys(name for given in every for name in given.objectives)),
+                limits={name: bound for given in every for name, bound in given.limits.items()},
+                effects=next((given.effects for given in every if given.effects), ()),
+            )
+        )
+        known = unit.variants()
         if not known:
             return ()
-        small = self._like(known[0].problem, most)
-        changed = [Variant(v.assumption, v.value, small._like(v.problem, known[0].problem)) for v in known]
+        small = self._like(known[0].problem, unit)
+        changed = [replace(v, problem=small._like(v.problem, known[0].problem)) for v in known]
         return (*changed, *small._without_conditions())
 
     def _without_conditions(self) -> Iterator[Variant]:

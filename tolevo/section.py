@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -635,7 +635,7 @@ Flags = NDArray[np.bool_]
 class Nested:
     """A section in which `gap.variation` may be `"gap.variation"`, or `variation` of `[gap]`; so at any depth."""
 
-    def __init__(self, section: Section, names: Iterable[str]) -> None:
+    def __init__(self, section: Section, names: Sequence[str]) -> None:
         self._section = section
         inner: dict[str, list[str]] = {}
         for head, dot, rest in (name.partition(".") for name in names):
@@ -643,7 +643,7 @@ class Nested:
         self._tables = {
             head: Nested(section.section(head), rests)
             for head, rests in inner.items()
-            if rests and isinstance(section.take(head), Mapping)
+            if rests and head in section and (head not in names or isinstance(section.take(head), Mapping))
         }
 
     def find(self, name: str) -> tuple[Section, str]:

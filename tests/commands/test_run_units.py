@@ -13,6 +13,10 @@ import pandas as pd
 import pytest
 
 from tests.small_jobs import tolevo
+from tolevo.algorithms.exact.local import Branch, Smooth
+from tolevo.algorithms.run import Run
+from tolevo.algorithms.settings import Budget
+from tolevo.commands.run import answers
 from tolevo.commands.run.answers import assumptions_cost
 from tolevo.commands.run.plan import shown_point
 from tolevo.page.document import shown
@@ -151,6 +155,26 @@ def test_what_cannot_be_kept_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found is not None
     assert found["cost"].isna().tolist() == [False, True]
     assert found["remark"][1] == "no allocation found that keeps the limits at this grade"
+
+
+def test_a_loss_by_wrong_costs_is_that_of_the_cheapest_of_several_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = _problem(("cost",), assumptions="all")
+    ends = [(3.0, 0.9), (1.0, 0.3), (2.0, 0.6)]
+
+    def end(branch: Branch, cost: int, *_: object) -> float:
+        value, y = ends[len(branch.f)]
+        branch.f.append(np.array([value]))
+        branch.y.append(np.full(branch.smooth.size, y))
+        return value
+
+    monkeypatch.setattr(answers, "_least_value", end)
+    monkeypatch.setattr(Branch, "starts", lambda *_: np.zeros((2, 1)))
+    at = next(at for at, one in enumerate(problem.variants()) if one.true_costs)
+    x, free = problem.starts()[1], [problem.names.index(v.name) for v in problem.free]
+    task = answers.Assumed(at, np.clip(x[free], problem.xl, problem.xu), np.ones(1), np.full(1, np.inf))
+    smooth = Smooth(Run(problem, Budget(), seed=0), task.x)
+    design = problem.complete(smooth.vectors(np.full((1, smooth.size), 0.3)))
+    assert answers.cost_of_variant(problem, task) == pytest.approx(float(problem.cost_of(design)[0]), rel=1e-12)
 
 
 def test_only_cost_against_backlash_is_asked() -> None:

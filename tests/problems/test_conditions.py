@@ -269,6 +269,33 @@ def test_runs_in_conditions_have_a_table_of_assumptions(minimise: list[str]) -> 
     assert ("as it is", "") in rows and ("conditions", "without warm") in rows
 
 
+def test_assumptions_in_conditions_are_those_of_limits_and_effects_of_all_of_them() -> None:
+    """A remark or a measurement belongs to its row; discs that some condition warms are warmed by no row."""
+    cold = {**COLD, "limits": {"backlash_max_arcmin": 1.0, "interference_probability": 0.05}}
+    parameters = {**SMALL, "assumptions": "all"}
+    warm = {**WARM, "limits": {"lost_motion_arcmin": 2.0}}
+    problem = problem_of({**TWO, "parameters": parameters, "condition": [cold, warm]})
+    rows = {one.assumption: one for one in problem.variants()}
+    assert rows["loss of an allocation by wrong costs"].true_costs
+    assert rows["tooth thickness of sun and planets"].regraded and rows["circle_offset_um"].parts > 0
+    assert "normal_stiffness_N_per_mm" in rows and "distances of cranks" not in rows
+    assert "discs warmer than the housing" not in rows
+    loads = [{"name": "low", "torque_Nm": 100.0}, {"name": "high", "torque_Nm": 400.0}]
+    limits = {"backlash_max_arcmin": 1.0, "lost_motion_arcmin": 2.0}
+    problem = problem_of({**TWO, "parameters": parameters, "limits": limits, "condition": loads})
+    (warmer,) = [one.problem for one in problem.variants() if one.assumption == "discs warmer than the housing"]
+    assert isinstance(warmer, InConditions) and all(one.given.effects for one in warmer.alone)
+    assert warmer.sample_sizes() == problem.sample_sizes() == {"search_units": 128}
+
+
+def test_a_condition_that_only_the_choice_limits_is_not_idle_and_a_number_in_place_of_its_limits_is_a_fault() -> None:
+    two = {**PLAIN, "condition": [{"name": "cold", "minimise": ["backlash_max_arcmin"]}, {"name": "warm"}]}
+    problem_of({**two, "choice": {"limits": {"warm.backlash_max_arcmin": 4.0}}})
+    limits = {"cold.yield_percent": 1.0, "warm": 5.0}
+    assert faults_of({**two, "limits": limits}) == ["limits.warm: must be a table, got 5.0"]
+    assert faults_of({**two, "choice": {"limits": limits}}) == ["choice.limits.warm: must be a table, got 5.0"]
+
+
 def test_a_robot_with_two_payloads() -> None:
     """Conditions by operating parameters serve problems without effects as well."""
     base: dict[str, Any] = {"problem": "robot_joint", "seed": 1, "parameters": {"nested": False}}

@@ -306,6 +306,11 @@ def test_conditions_limits_and_parts_that_do_not_mate_are_refused_at_once() -> N
     ]
 
 
+@pytest.mark.parametrize("limits", [{}, {"cost": 100.0}, {"bore_t": 0.04}])
+def test_a_stack_whose_conditions_are_listed_alone_is_valid(limits: dict[str, float]) -> None:
+    assert "cold.yield_percent" in built(configuration(limits=limits)).outputs_of(np.array([[0.02, 6.5]]))
+
+
 def test_an_output_without_its_condition_cannot_be_minimised() -> None:
     requirement = [configuration()["requirement"], {"name": "size", "unit": "mm", "formula": "bore"}]
     assert faults(requirement=requirement, objectives={"minimise": ["cost", "fit.variation"]}) == [

@@ -25,7 +25,7 @@ from ..problems.conditions import (
 )
 from ..problems.declaration import ConfiguredProblem, Declaration
 from ..problems.settings import Bound
-from ..section import Range, Section, Value
+from ..section import Range, Section, Value, flat
 from .parameters import read_effects, read_parameters, resolved_effects
 from .plugins import ModelClass
 
@@ -75,7 +75,7 @@ def read_as_a_whole(
     limits: Mapping[str, Bound],
 ) -> dict[str, Bound]:
     """The limits of a run that do not contradict those in conditions, whose tables are `sections`; a fault for
-    each that does, and for each condition that no limit and no objective belongs to.
+    each that does, and for each condition that no limit, of the choice neither, and no objective belongs to.
     """
     outputs = {output.name for output in declared.outputs}
     plain = {output.partition(".")[2] for output in outputs if output.partition(".")[0] in sections} & outputs
@@ -83,8 +83,11 @@ def read_as_a_whole(
     wrong = contradictory(limits_in_all(sections, dict(declared.limits) | dict(limits), names))
     asked = [*limits, *declared.limits, *(objectives or declared.objectives)]
     misread = any(fault.place.startswith(("limits", "objectives", "promise")) for fault in top.faults)
-    listed = "condition" in declared.tables and not limits  # the sheet of a stack, not a search
+    limited = {name.partition(".")[0] for name in limits}
+    listed = "condition" in declared.tables and limited.isdisjoint(sections)  # the sheet of a stack, not a search
     if not (misread or listed or "promise" in top or plain.intersection(asked)):
+        chosen = top.section("choice").take("limits")
+        asked += flat(chosen) if isinstance(chosen, dict) else {}
         held = {name.partition(".")[0] for name in asked}
         text = "has no limit and no objective: state limits or minimise in it, or a limit that holds in all conditions"
         for name in [name for name in sections if name not in held]:

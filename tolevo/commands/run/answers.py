@@ -626,7 +626,8 @@ def cost_of_variant(problem: ToleranceProblem, task: Assumed) -> float:
         branch = Branch(Run(variant.problem, Budget(), seed=0), x, task.unit)
         cost = _least(branch, x, task.limit)
         if variant.true_costs and not np.isnan(cost):
-            cost = float(problem.cost_of(problem.complete(branch.smooth.vectors(branch.y[0][None, :])))[0])
+            at = [values[problem.objectives.index("cost")] for values in branch.f].index(cost)
+            cost = float(problem.cost_of(problem.complete(branch.smooth.vectors(branch.y[at][None, :])))[0])
         costs.append(cost)
     return min((cost for cost in costs if not np.isnan(cost)), default=np.nan)
 
