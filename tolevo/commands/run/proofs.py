@@ -316,7 +316,7 @@ def add_estimated_bounds(result: RunResult, plan: RunPlan, shared: Shared) -> Ru
     least, most = (f"{float(end):.2g}" for end in (np.nanmin(below), np.nanmax(below)))
     statement = (
         f"estimated, not proven: with the ripple of the backlash over the turn as {need.units} units show it, the "
-        f"least cost at which enough units can be good lies {least} to {most} % "
+        f"least cost at which enough units can be good lies {least if least == most else f'{least} to {most}'} % "
         f"below the points ({np.count_nonzero(np.isfinite(below))} of {len(front)} tried, column bound_estimate); on "
         f"fresh units the share that is needed, {100.0 * need.needed:.2f} %, is met to within {percent(100.0 * off)}"
     )
