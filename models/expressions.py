@@ -317,6 +317,9 @@ _TOKEN = re.compile(
 )
 _REMEDIES = {
     "^": "write a power as **",
+    **dict.fromkeys("\u2212\u2013\u2014", "write minus as -"),  # as a text program sets it, or a dash
+    **dict.fromkeys("\u00d7\u00b7\u22c5", "write times as *"),
+    "\u00f7": "write a division as /",
     ".": "attributes are not part of a formula",
     "'": "text is not part of a formula",
     '"': "text is not part of a formula",

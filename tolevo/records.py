@@ -400,6 +400,12 @@ def range_text(low: float, high: float) -> str:
     return "" if low != low or high != high else f"{low:.5g} to {high:.5g}"
 
 
+def worst_case_text(row: Mapping[str, Any]) -> str:
+    """The worst case of a row of an analysis, and what its ends are where units need not reach them."""
+    kinds = {"bound": " (bound)", "sample": " (of the units tried)"}
+    return range_text(row["worst_case_least"], row["worst_case_greatest"]) + kinds.get(row["worst_case_kind"], "")
+
+
 @dataclass(frozen=True, slots=True)
 class Compared:
     """A run among others: what it is called, its front and its references."""

@@ -141,11 +141,18 @@ def _requirement_row(
 
 def _worst_ends(measured: Measured, made: Tolerances) -> tuple[float, float, str]:
     """Least and greatest value of parts within their zones, and how they were found."""
+    one_sided = bool(_one_sided(measured))
     if not measured.straight:
-        return extremes(measured.drawn, limit_of(made)[0])
+        least, greatest, kind = extremes(measured.drawn, limit_of(made)[0])
+        return least, greatest, "bound" if one_sided and kind == "corners" else kind
     ends = measured.variations(made) | measured.window(made, asked=True)
     least, greatest = (float(ends[measured.name(name)][0]) for name in WINDOW)
-    return least, greatest, "corners"
+    return least, greatest, "bound" if one_sided else "corners"
+
+
+def _one_sided(measured: Measured) -> list[str]:
+    """Names of the parts whose deviations have one side of their zone alone, of which the worst case counts both."""
+    return [part.name for part in measured.parts if part.distribution.one_sided]
 
 
 def _kept(mechanism: Mechanism, least: float, greatest: float) -> bool:
@@ -231,6 +238,11 @@ def _notes(measured: Measured, kind: str, sample: Array) -> list[str]:
         notes.append(
             f"{label} is not linear: mean and standard deviation are those of {sample.size} units, the worst-case "
             f"ends are {how}"
+        )
+    if names := _one_sided(measured):
+        notes.append(
+            f"the worst case of {label} is a bound: it counts both sides of the zone of {', '.join(names)}, whose "
+            "deviations are never below the mid-limit"
         )
     if measured.rough:
         why = (

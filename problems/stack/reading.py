@@ -146,7 +146,7 @@ def read_definition(
         parts += read_features(top, requirements, parts, faults)
     whole = [part for part in parts if part is not None]
     if top.take("part") is None or top.take("part") == []:
-        faults.append(Fault("part", "is missing: a stack needs [[part]] tables"))
+        faults.append(Fault("part", "is missing: a stack needs [[part]] tables, or a workbook the sheet Parts"))
     intermediate, steps = _intermediate(top, whole if len(whole) == len(parts) else None, faults)
     sizes = [part for part in whole if part.feature is None]
     correlations = _correlations(top, sizes, len(whole) == len(parts), faults)

@@ -609,6 +609,22 @@ def test_the_terminal_has_at_most_ten_lines_before_the_table(tmp_path: Path) -> 
     assert "1 of 5 requirements with limits: kept in the worst case and by mean +- 3 sigma; 8 have no limits" in lines
 
 
+def test_a_worst_case_that_no_unit_reaches_is_called_a_bound() -> None:
+    """A radius k of 0 to 0.05 mm: a - b + k lies between 0.05 and 0.3, and the worst case counts -0.05 as well."""
+    sizes = {"a": 20.0, "b": 19.85, "k": 0.0}
+    parts: list[dict[str, Any]] = [{"name": name, "nominal": at, "tolerance": 0.05} for name, at in sizes.items()]
+    parts[2] |= {"geometry": "coaxiality", "distribution": "rayleigh"}
+    for formula in ("a - b + k", "a*a/20 - b + k"):
+        stack = {"problem": "stack", "requirement": {"name": "gap", "unit": "mm", "formula": formula}, "part": parts}
+        found = tolevo.analyse(stack)
+        row = found.requirements.iloc[0]
+        assert row["worst_case_kind"] == "bound"
+        assert row["worst_case_least"] < 0.05
+        assert row["worst_case_greatest"] > 0.3 - 1e-12
+        assert any("counts both sides of the zone of k" in note for note in found.summary["notes"])
+        assert any("(bound)" in line for line in found.lines)
+
+
 def test_a_feature_that_is_searched_is_assumed_at_its_loosest_zone() -> None:
     source = gap("a - b + square", 0.1, lower=0.5)
     cost = {"model": "reciprocal", "a": 1.0, "b": 0.05}

@@ -80,8 +80,8 @@ def test_failed_and_open_rows(folder: Path) -> None:
     results.loc[0, "cost"], results.loc[1, ["cost", "variation"]] = "failed", ["", ""]
     notes: list[str] = []
     found = tolevo.tell(folder, results.astype(str), tell=notes.append)
-    assert "note: 9 results were taken" in notes
-    assert "note: 1 rows are not answered yet" in notes
+    assert "note: results taken: 9" in notes
+    assert 'note: rows without a result yet ("failed" marks one that failed): 1' in notes
     assert found.designs["id"].tolist() == [2]
     assert found.told.set_index("id").loc[1].isna().all()
     assert 1 not in found.front["id"].tolist()
@@ -92,6 +92,7 @@ def test_failed_and_open_rows(folder: Path) -> None:
     [
         (lambda t: t.assign(id=t["id"] + 5), "11 was never asked for"),
         (lambda t: t.assign(cost=["x", *t["cost"][1:]]), 'must be a number, or "failed", got x'),
+        (lambda t: t.astype(str).assign(cost=["", *t["cost"][1:]]), "column cost: must be a number, .*, got nothing"),
         (lambda t: t.drop(columns="variation"), "variation is missing"),
         (lambda t: t.drop(columns="id"), "id is missing"),
         (lambda t: t.assign(id=t["id"] + 0.5), "must be a whole number"),

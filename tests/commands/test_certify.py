@@ -195,6 +195,32 @@ def test_what_a_run_reports_as_kept_is_kept(tmp_path: Any) -> None:
     assert "inf" not in str(found)
 
 
+class OnALine(Problem):
+    """The point of a line that is next to the origin: x1 + x2 = `total`, which is stated by either sign."""
+
+    def __init__(self, sign: float, total: float = 1.0) -> None:
+        super().__init__(n_var=2, n_obj=1, n_eq_constr=1, xl=0.0, xu=2.0)
+        self.sign, self.total = sign, total
+
+    def _evaluate(self, x: Any, out: Any, *args: Any, **kwargs: Any) -> None:
+        out["F"], out["H"] = (x**2).sum(axis=1)[:, None], self.sign * (x.sum(axis=1) - self.total)[:, None]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_linear_equality_counts_from_both_sides(sign: float) -> None:
+    """The least value is 1/2, less what an equality may be missed by."""
+    found = tolevo.certify(OnALine(sign), np.array([[0.5, 0.5], [0.2, 0.8]]), **FEW)
+    assert found.points["bound"].tolist() == pytest.approx([0.5, 0.5], abs=2e-4)
+    assert (found.points["bound"] < 0.5).all()
+
+
+def test_a_least_value_of_zero_has_no_percentage() -> None:
+    found = tolevo.certify(OnALine(1.0, total=0.0), np.array([[0.0, 0.0], [1e-5, 5e-5]]), **FEW)
+    assert found.points["bound"].tolist() == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert found.points["gap_percent"].isna().all()
+    assert "above its least value" not in str(found)
+
+
 def test_a_result_better_than_the_other_algorithm_is_told_below_it() -> None:
     """At 100 evaluations hybrid has not found the tightest corner, which is the result."""
     found = tolevo.certify(Costs(), np.array([HIGH]), seeds=1, evaluations=100)

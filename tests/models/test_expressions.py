@@ -108,6 +108,8 @@ def test_picklable() -> None:
         ("[a for a in b]", 1, "indices"),
         ("a[0]", 2, "indices"),
         ("a^2", 2, "write a power as **"),
+        ("a \u2212 2", 3, "write minus as -"),
+        ("a\u00b72", 2, "write times as *"),
         ("a = 2", 3, "right-hand side"),
         ("a // 2", 4, "unexpected `/`"),
         ("sim(a)", 1, "did you mean `sin`"),

@@ -211,6 +211,15 @@ def test_what_a_sheet_cannot_mean(flange: Path, cells: dict[str, Any], place: st
     ), caught.value.faults
 
 
+def test_a_cell_that_cannot_be_read_is_one_fault(tmp_path: Path) -> None:
+    """The formula needs the nominal of the hub, which is not said to be missing as well."""
+    clutch = Path(str(tolevo.__file__)).parents[1] / "configs" / "stack_clutch.toml"
+    (tmp_path / "clutch.xlsx").write_bytes(write_sheets(tomllib.loads(clutch.read_text(encoding="utf-8"))))
+    with pytest.raises(InputError) as caught:
+        read(edited(tmp_path / "clutch.xlsx", {"Parts!C2": "=55+0.29"}))
+    assert [fault.place for fault in caught.value.faults] == ["clutch.xlsx: Parts!C2"]
+
+
 def test_a_percentage_of_a_cell_is_a_percentage(tmp_path: Path) -> None:
     book = Workbook()
     book.active.append(["name", "tolerance"])

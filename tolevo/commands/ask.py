@@ -110,7 +110,7 @@ def tell(folder: Path, results: tables.Table, place: str) -> tuple[Standing, tup
             write_text(folder / TOLD, csv_text(told))
         found = standing(configuration, told, folder) if len(new) else before
         _write(found)
-    return found, (f"{len(new)} results were taken", *notes)
+    return found, (f"results taken: {len(new)}", *notes)
 
 
 def standing(configuration: Configuration, told: pd.DataFrame, folder: Path) -> Standing:
@@ -206,7 +206,8 @@ def _new_results(before: Standing, results: tables.Table, place: str) -> tuple[p
             empty += 1
         elif wrong := [name for name, text in zip(needed, texts, strict=True) if not _is_result(text)]:
             text = 'must be a number, or "failed"'
-            faults += [Fault(f"{where}, column {name}", f"{text}, got {row[name]}") for name in wrong]
+            got = {name: str(row[name]).strip() for name in wrong}
+            faults += [Fault(f"{where}, column {name}", f"{text}, got {got[name] or 'nothing'}") for name in wrong]
         else:
             values = [np.nan if text.casefold() in MARKS else tables.number_in(text) for text in texts]
             values = values if np.isfinite(values).all() else [np.nan] * len(values)
@@ -219,8 +220,8 @@ def _new_results(before: Standing, results: tables.Table, place: str) -> tuple[p
                 faults.append(Fault(where, f"contradicts the result of design {at} that was told before"))
     raise_all(faults)
     new = pd.DataFrame([[at, *values] for at, values in taken.items()], columns=[ID, *needed])
-    notes = [*fitted.notes, *([f"{again} were known already"] if again else [])]
-    return new, notes + ([f"{empty} rows are not answered yet"] if empty else [])
+    notes = [*fitted.notes, *([f"results known already: {again}"] if again else [])]
+    return new, notes + ([f'rows without a result yet ("{FAILED}" marks one that failed): {empty}'] if empty else [])
 
 
 def _is_result(text: str) -> bool:

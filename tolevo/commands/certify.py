@@ -143,7 +143,7 @@ def certify(
         found = _fitted_bounds(problem, points, known, np.random.default_rng(seed))
     else:
         found = _Bounds(np.full(len(f), np.nan), first, {}, "nothing is proven: no form was looked for")
-    points = points.assign(bound=found.bound, gap_percent=_percent(points, found.bounded, found.bound))
+    points = points.assign(bound=found.bound, gap_percent=_percent(points, found.bounded, found.bound, found.error))
     best = _best_known(f, np.concatenate([run.f for run in runs]))
     points = points.assign(best_known=best, distance_percent=_percent(points, first, best))
     scatter = _scatter(problem, {f"seed {seed + at}": run for at, run in enumerate(runs)}, f[feasible])
@@ -151,9 +151,9 @@ def certify(
     return Certificate(points, found.bounded, found.forms, found.statement, scatter, tuple(lines))
 
 
-def _percent(points: pd.DataFrame, name: str, least: Array) -> Array:
-    """Distance (n,) of an objective from a least value in percent; NaN where there is none, or that is 0."""
-    known = points["feasible"] & (least != 0.0) & np.isfinite(least)
+def _percent(points: pd.DataFrame, name: str, least: Array, error: float = 0.0) -> Array:
+    """Distance (n,) of an objective from a least value in percent; NaN where that is none, or 0 but for an error."""
+    known = points["feasible"] & (np.abs(least) > 100.0 * error) & np.isfinite(least)
     return np.asarray(100.0 * (points[name].to_numpy(dtype=float) - least) / np.where(known, np.abs(least), np.nan))
 
 
@@ -168,12 +168,13 @@ def _best_known(f: Array, known: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Bounds:
-    """Bounds (n,) of the objective `bounded`, the forms, and what is proven."""
+    """Bounds (n,) of the objective `bounded`, the forms, what is proven, and the error of the bounded form."""
 
     bound: Array
     bounded: str
     forms: dict[str, str]
     statement: str
+    error: float = 0.0
 
 
 def _fitted_bounds(problem: PlainProblem, points: pd.DataFrame, known: Array, rng: np.random.Generator) -> _Bounds:
@@ -183,13 +184,17 @@ def _fitted_bounds(problem: PlainProblem, points: pd.DataFrame, known: Array, rn
     """
     whole = [variable.integer for variable in problem.free]
 
+    from_below = {limit.name: -limit.low for limit in problem.limits if np.isfinite(limit.low)}
+
     def values(designs: Array) -> tuple[Array, Mapping[str, Array]]:
         x = np.where(whole, np.rint(designs), designs)
-        return x, problem.outputs_of(problem.complete(x), errors=False)
+        outputs = problem.outputs_of(problem.complete(x), errors=False)
+        return x, {**outputs, **{f"-{name}": -np.asarray(outputs[name]) for name in from_below}}
 
     x, outputs = values(designs_to_fit(problem.xl, problem.xu, rng))
     first, held_out = x[:-HELD_OUT], x[-HELD_OUT:]
     limits = {limit.name: limit.high for limit in problem.limits if limit.count and limit.name in outputs}
+    limits |= {f"-{name}": high for name, high in from_below.items()}
     names = list(dict.fromkeys((*problem.objectives, *limits)))
     rows = {name: fitted(x, np.asarray(outputs[name], dtype=float)) for name in names}
     words = {name: " or ".join(row.kind for row in found) or NO_FORM for name, found in rows.items()}
@@ -237,7 +242,8 @@ def _fitted_bounds(problem: PlainProblem, points: pd.DataFrame, known: Array, rn
     )
     omitted = [name for name in names if name not in used]
     text += f"; left out, which makes the bound lower and not wrong: {', '.join(omitted)}" if omitted else ""
-    return _Bounds(bound, bounded, words, text)
+    form = chosen[bounded]
+    return _Bounds(bound, bounded, words, text, float(np.sqrt(form.error)) if form.root else form.error)
 
 
 def _scatter(problem: ToleranceProblem, runs: Mapping[str, Any], own: Array) -> pd.DataFrame:

@@ -119,14 +119,16 @@ def read_sheets(content: bytes, place: str) -> Sheets:
 
 
 def located(error: InputError, content: bytes, place: str) -> InputError:
-    """The faults of a workbook's tables with the cells at which they stand."""
-    cells, faults = read_sheets(content, place).cells, []
+    """The faults of a workbook's tables with the cells at which they stand, each cell that cannot be read once."""
+    read, faults = read_sheets(content, place), list[Fault]()
+    cells, unread = read.cells, {fault.place for fault in read.faults}
     for fault in error.faults:
         path = "" if fault.place.startswith(f"{place}: ") else fault.place
         while path and path not in cells:
             path = path[: max(path.rfind("."), path.rfind("["), 0)]
         where = f"{place}: {cells[path]} ({fault.place})" if path else fault.place
-        faults.append(Fault(where, fault.message))
+        if not path or f"{place}: {cells[path]}" not in unread:
+            faults.append(Fault(where, fault.message))
     return InputError(faults)
 
 

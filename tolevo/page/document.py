@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from ..records import limits_text, mechanism_lines, range_text, tables_of
+from ..records import limits_text, mechanism_lines, range_text, tables_of, worst_case_text
 from ..units import plain_number, split_unit
 from .drawing import as_svg
 
@@ -456,7 +456,6 @@ def _cell(value: Any, head: str) -> str:
 def requirements_view(requirements: pd.DataFrame) -> pd.DataFrame:
     """The requirements of an analysis as a page shows them: a range in a single cell."""
     rows = [{str(name): value for name, value in row.items()} for row in requirements.to_dict("records")]
-    bound = {"bound": " (bound)", "sample": " (of the units tried)"}
     tolerances = {"tolerances": requirements["tolerances"]} if "tolerances" in requirements else {}
     return pd.DataFrame(
         {
@@ -467,10 +466,7 @@ def requirements_view(requirements: pd.DataFrame) -> pd.DataFrame:
             "nominal": [row["nominal"] for row in rows],
             "mean": [row["mean"] for row in rows],
             "standard deviation": [row["std"] for row in rows],
-            "worst case": [
-                range_text(row["worst_case_least"], row["worst_case_greatest"]) + bound.get(row["worst_case_kind"], "")
-                for row in rows
-            ],
+            "worst case": [worst_case_text(row) for row in rows],
             "mean ± 3 standard deviations": [range_text(row["rss_least"], row["rss_greatest"]) for row in rows],
             "Cp": [row["cp"] for row in rows],
             "Cpk": [row["cpk"] for row in rows],

@@ -18,7 +18,7 @@ from ...files import WORKBOOK, write_bytes, write_text
 from ...page_data import as_json
 from ...problems.stack import Stack
 from ...problems.stack.definition import Part
-from ...records import AnalysisResult, limits_text, range_text
+from ...records import AnalysisResult, limits_text, range_text, worst_case_text
 from ...section import Array, Assumption, Variable
 from ...units import plain_number
 from ..run.tolerances import grades_of, notation
@@ -163,7 +163,7 @@ def _short_row(row: dict[str, Any]) -> dict[str, str]:
         "requirement": str(row["requirement"]),
         "unit": str(row["unit"]),
         "nominal": _number(row["nominal"]),
-        "worst case": range_text(row["worst_case_least"], row["worst_case_greatest"]),
+        "worst case": worst_case_text(row),
         "mean +- 3 sigma": range_text(row["rss_least"], row["rss_greatest"]),
         "Cpk": _number(row["cpk"], 3),
         "yield %": _number(row["yield_percent"], 7),
