@@ -114,7 +114,8 @@ REFUSED: list[tuple[str, list[str], str, str]] = [
     (GAP, ["settings.simulations=100000000"], "settings.simulations", "298 GiB"),
     (GAP, ["settings.bootstrap=1000000000"], "settings.bootstrap", "931 GiB"),
     (GAP, ["settings.rows_used=1000000000"], "settings.rows_used", "9.09 TiB"),
-    (REDUCER, ["parameters.search_units=1048576"], "parameters.search_units", "11.9 GiB"),
+    (REDUCER, ["parameters.search_units=1048576", "parameters.search_positions=103"],
+     "parameters.search_units", "12.1 GiB"),
     (REDUCER, ["parameters.positions=100003"], "parameters.report_units", "15.3 GiB"),
 ]  # fmt: skip
 FORCED = {
