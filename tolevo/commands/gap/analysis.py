@@ -27,7 +27,7 @@ from .generic import (
     whole_term,
     without_idle_plays,
 )
-from .linear import basis, project_out, ranking, rms
+from .linear import basis, project_out, ranked, rms
 from .null_model import (
     Identified,
     NullModel,
@@ -364,7 +364,7 @@ class Settling:
         penalty, sizes = self.search.fitter.penalty, self.generic.white.sizes
         count, outputs = 0, self.data.outputs
         price = {k: penalty * (sizes[k] + more_numbers(self.generic.forms[k])) for k in at}
-        for k in (at[j] for j in ranking([remaining.gains[k] - price[k] for k in at]).tolist()):
+        for k in ranked(at, lambda k: float(remaining.gains[k]) - price[k]):
             term = term_of(self.generic.forms[k], self.data, outputs[self.generic.outputs[k]].name)
             if term is None:
                 continue

@@ -15,7 +15,7 @@ from ...models.effects.memory import Memory
 from ...models.effects.unresolved import Unresolved
 from ...section import Array
 from .library import Candidate, Columns
-from .linear import GONE, ConditionalGroups, Groups, basis, project_out, ranking, unit
+from .linear import GONE, ConditionalGroups, Groups, basis, project_out, ranked, unit
 from .noise import Noise
 
 
@@ -336,8 +336,7 @@ class Fitter:
         """A member with its nonlinear parameters fitted given the others; the better of two forms."""
         q = self.spanned([member for k, member in enumerate(members) if k != at])
         residual = project_out(self.y, q)
-        forms = [self._shaped(form, q, residual) for form in members[at].forms]
-        return forms[int(ranking([gain for _, gain in forms])[0])][0]
+        return ranked([self._shaped(form, q, residual) for form in members[at].forms], lambda shaped: shaped[1])[0][0]
 
     def _shaped(self, member: Member, q: Array, residual: Array) -> tuple[Member, float]:
         """A member with its nonlinear parameters fitted to a residual (N,) orthogonal to q (N, r),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -11,12 +11,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ...section import Array
+from ...section import Array, Item
 
 GONE = 1e-7
 """Fraction of a column's square below which it lies in the span of others."""
-
-
 TIE = 1e-6
 """Fraction of a gain, or of 1, that may be rounding: columns that others nearly span, up to `GONE`, amplify it."""
 
@@ -29,6 +27,11 @@ def ranking(merits: Sequence[float] | Array) -> NDArray[np.int64]:
     lower = low < high - TIE * np.maximum(np.abs(high), 1.0)
     ranks = np.concatenate([[0], np.cumsum(lower)])[: len(order)]
     return np.asarray(order[np.lexsort((order, ranks))])
+
+
+def ranked(items: Sequence[Item], merit: Callable[[Item], float]) -> list[Item]:
+    """The items in the `ranking` of their merits."""
+    return [items[k] for k in ranking([merit(item) for item in items])]
 
 
 def basis(columns: Array) -> Array:

@@ -16,7 +16,7 @@ from ...section import Array
 from .fit import Fit, Fitter, Member
 from .generic import Form
 from .library import Candidate, Columns, grid
-from .linear import TIE, Groups, join_groups, project_out, ranking
+from .linear import TIE, Groups, join_groups, project_out, ranked, ranking
 
 CHUNK = 250
 """Number of noise records that are simulated at once."""
@@ -126,8 +126,7 @@ def scan(fitter: Fitter, white: Groups, dictionary: Dictionary, members: Sequenc
             continue
         if member.name not in best or gain > (1.0 + TIE) * best[member.name].gain:
             best[member.name] = ScanResult(member, gain)
-    results = list(best.values())
-    return [results[k] for k in ranking([result.gain for result in results])]
+    return ranked(list(best.values()), lambda result: result.gain)
 
 
 @dataclass(frozen=True)

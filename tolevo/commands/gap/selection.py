@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .blocks import HeldOut, Improvement, Split, Training, improvement, predict_held_out
 from .fit import Fit, Fitter, Member, is_term
 from .generic import label
-from .linear import Groups, project_out, ranking
+from .linear import Groups, project_out, ranked
 from .plan import GapSettings
 from .records import Step
 from .scan import Dictionary, ScanResult, Thresholds, scan
@@ -101,7 +101,7 @@ class Search:
         """Fits from the best to the worst."""
         every = list(fits)
         nearest = min(every, key=attrgetter("rss"), default=None)
-        return every if nearest is None else [every[k] for k in ranking([-self.worse(fit, nearest) for fit in every])]
+        return every if nearest is None else ranked(every, lambda fit: -self.worse(fit, nearest))
 
     def cancelling(self, fit: Fit, nonlinear: bool = False) -> tuple[int, ...]:
         """The indices of the effects of a fit that cancel against others, or in themselves, or whose size is not one
@@ -356,10 +356,10 @@ def masked_pair(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit 
         if not seconds or first.gain + seconds[0].gain < TWO * limit:
             continue
         pairs.append(search.fitter.fit([*members, seconds[0].member]))
-    nearest = [pairs[k] for k in ranking([-pair.score for pair in pairs])[:PAIRS]]
+    nearest = ranked(pairs, lambda pair: -pair.score)[:PAIRS]
     fits = [search.fitter.refined(pair.members) for pair in nearest]
     fits = [pair for pair in fits if not search.cancelling(pair)]
-    best = fits[ranking([-pair.score for pair in fits])[0]] if fits else None
+    best = ranked(fits, lambda pair: -pair.score)[0] if fits else None
     limit = limit if best is None else search.limit(best)
     if best is None or fit.rss - best.rss < TWO * limit or search.worse(best, fit) > 0.0:
         return None
@@ -437,8 +437,7 @@ def rivals(search: Search, fit: Fit, identified: Sequence[int]) -> list[Other]:
         for other in _rivals_of(search, fit, pair):
             if other.names[0] not in excluded:
                 alternatives[other.names, other.instead_of] = other
-    others = list(alternatives.values())
-    return [others[k] for k in ranking([-other.distance for other in others])]
+    return ranked(list(alternatives.values()), lambda other: -other.distance)
 
 
 def _rivals_of(search: Search, fit: Fit, replaced: Sequence[int]) -> Iterator[Other]:
