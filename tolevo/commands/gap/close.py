@@ -90,8 +90,7 @@ class Corrected:
         precision = np.linalg.pinv(correlation, rcond=1e-12, hermitian=True)[np.ix_(here, here)]
         ratio = self.values[sizes] / errors[here]
         statistic = float(ratio @ precision @ ratio) / len(sizes)
-        level = self.plan.settings.interval
-        return statistic < float(scipy.special.fdtri(len(sizes), self.freedom, level))
+        return statistic < float(scipy.special.fdtri(len(sizes), self.freedom, self.plan.settings.interval))
 
     def undetermined(self, member: Member) -> bool:
         """Whether the interval of every size of an effect contains 0."""
@@ -289,8 +288,7 @@ def _stretches(space: Space) -> int:
 
 def widened(model: Array, empirical: Array) -> Array:
     """A covariance (k, k) of the model, each variance at least the empirical one."""
-    ratio = np.diag(empirical) / np.maximum(np.diag(model), 1e-300)
-    wider = np.sqrt(np.maximum(ratio, 1.0))
+    wider = np.sqrt(np.maximum(np.diag(empirical) / np.maximum(np.diag(model), 1e-300), 1.0))
     return np.asarray(model * np.outer(wider, wider))
 
 

@@ -494,7 +494,8 @@ def _choose_plays(term: Term, data: GapData, fitter: Fitter, members: Sequence[M
     """
     q = fitter.spanned(members)
     rotation, columns = np.linalg.qr(project_out(fitter.white(member_with(Unresolved(term), data)), q))
-    fits = [(*fewest_plays(sense * columns, rotation.T @ fitter.y, fitter.penalty), sense) for sense in (1.0, -1.0)]
+    y = rotation.T @ fitter.y
+    fits = [(*fewest_plays(sense * columns, y, fitter.penalty), sense) for sense in (1.0, -1.0)]
     _, kept, sense = min(fits, key=itemgetter(0))
     return replace(term, scale=sense * term.scale, radii=tuple(term.radii[k] for k in kept))
 

@@ -285,9 +285,7 @@ def _pair_lines(end: Ending, at: int, model: str, stream: int, simulated: Array)
     drawn = rng.permuted(np.tile(r, (count, 1)), axis=1) * rng.choice([-1.0, 1.0], (count, len(r)))
     # one supplier is drawn as such: permuted measurements would keep a second one
     normal = float(np.std(r)) * rng.standard_normal((count, len(r)))
-    of_one = {look.name: look.of for look in looks if look.name == "two suppliers"}
-    alike = {name: lambda x, of=of: of(x if len(x) == 1 else normal) for name, of in of_one.items()}
-    looks = tuple(replace(look, of=alike.get(look.name, look.of)) for look in looks)
+    looks = tuple(_simulate_look(look, normal) if look.name == "two suppliers" else look for look in looks)
     whole = Compared(looks, r, drawn, setup.plan.settings.false_rate, LEAST_NAMED)
     return whole.lines(model, output.name, _shown(s, order), rng)
 
@@ -309,6 +307,11 @@ def _looks(unit: str, s: Array, order: Array) -> tuple[Look, ...]:
 def _shown(s: Array, order: Array) -> dict[str, float]:
     """The statistics of simulated values s (n,) that differences are added to."""
     return {look.name: float(look.of(s[None])[0]) for look in looks_of("", order) if look.name in (*PLAIN, *SHAPES)}
+
+
+def _simulate_look(look: Look, normal: Array) -> Look:
+    """The same statistic with normal simulated batches."""
+    return replace(look, of=lambda x: look.of(x if len(x) == 1 else normal))
 
 
 def has_units(end: Ending) -> bool:

@@ -205,8 +205,7 @@ class Setup:
     def offset(self) -> Array:
         """Distance (prior,) of the nominal parameters from the recalibrated ones, in tolerances."""
         plan = self.plan
-        offsets = [(nominal(plan, name) - self.at[name]) / plan.free[name] for name in self.free]
-        return np.array(offsets, dtype=float)
+        return np.array([(nominal(plan, name) - self.at[name]) / plan.free[name] for name in self.free], dtype=float)
 
 
 def prepare_setup(

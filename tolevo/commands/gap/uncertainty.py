@@ -138,8 +138,7 @@ def open_replicates(place: Ownership, identity: Identity, resume: bool) -> Repli
     if not resume or place.blank:
         return new
     if not (folder / FILE).is_file():
-        text = f"{folder} holds no {FILE} of an analysis; name another directory, or --overwrite"
-        raise refuse("--resume", text)
+        raise refuse("--resume", f"{folder} holds no {FILE} of an analysis; name another directory, or --overwrite")
     old, new.ended = _read(folder / FILE)
     raise_all(_faults(old, identity))
     new.recall_steps(old)
