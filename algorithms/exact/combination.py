@@ -331,14 +331,14 @@ def within(form: Form, optimum: Optimum, limit: Array) -> Optimum:
     Optima at limits that are wider by the room of rounding use that room only where nothing else
     keeps the limits.
     """
-    t = optimum.t.copy()
-    for row in np.flatnonzero(np.isfinite(optimum.cost)):
-        combination = Combination(form, tuple(optimum.chosen[row].tolist()))
-        moved = move_point_within_limits(combination, t[row], limit, combination.low)
-        if moved is not None and combination.cost(moved[None, :])[0] - optimum.cost[row] <= HARDLY * abs(
-            optimum.cost[row]
-        ):
-            t[row] = moved
+    t, rows = optimum.t.copy(), np.flatnonzero(np.isfinite(optimum.cost))
+    ways, alike = np.unique(optimum.chosen[rows], axis=0, return_inverse=True)
+    for at, chosen in enumerate(ways):
+        combination, same = Combination(form, tuple(chosen.tolist())), rows[alike.ravel() == at]
+        moved = move_points_within_limits(combination, t[same], np.tile(limit, (len(same), 1)), combination.low)
+        cost = optimum.cost[same]
+        cheap = combination.cost(moved) - cost <= HARDLY * np.abs(cost)  # never where none is within them: NaN
+        t[same[cheap]] = moved[cheap]
     return replace(optimum, t=t)
 
 
@@ -521,12 +521,32 @@ class Path:
 
         It begins where V keeps `upper` and ends where the cost keeps `most`.
         """
+        x, value, cost = self.drawn(upper, most)
+        length = arc_length(np.stack([value, cost]))
+        even = np.linspace(0.0, length[-1], count)
+        return self.at(np.exp(np.interp(even, length, x)))
+
+    def drawn(self, upper: float = np.inf, most: float = np.inf) -> tuple[Array, Array, Array]:
+        """Logarithms of prices along the front, in ascending order, with V and cost there, (PATH_SAMPLES,) each."""
         ends = self._begin(upper), self._end(most)
         x = np.linspace(ends[0], max(ends), PATH_SAMPLES)
         t = self.at(np.exp(x))
-        length = arc_length(np.stack([self.value(t), self.combination.cost(t)]))
-        even = np.linspace(0.0, length[-1], count)
-        return self.at(np.exp(np.interp(even, length, x)))
+        return x, self.value(t), self.combination.cost(t)
+
+    def keeps(self, upper: float) -> bool:
+        """Whether any tolerances keep a limit of V."""
+        return bool(self.value(self.tightest[None, :])[0] <= upper)
+
+    def below(self, limits: Array, x: Array, value: Array, cost: Array) -> Array:
+        """A cost (n,) below the least one at limits (n,) of V, by tangents at the nearest points that are `drawn`.
+
+        Infinite at limits below all of them; beyond the loosest it is the least cost of all.
+        """
+        slope = -self._multiplier(np.exp(x), self.at(np.exp(x)))[:, 0]
+        after = np.clip(len(value) - np.searchsorted(value[::-1], limits), 1, len(value) - 1)
+        tangents = [cost[at] + slope[at] * (limits - value[at]) for at in (after - 1, after)]
+        least = np.where(limits > value[0], cost[0], np.maximum(*tangents))
+        return np.where(limits < value[-1], np.inf, least)
 
     def _begin(self, upper: float) -> float:
         """Logarithm of the least price at which V keeps a limit."""
@@ -538,7 +558,7 @@ class Path:
     def _end(self, most: float) -> float:
         """Logarithm of the largest price at which the cost keeps a limit."""
         cost = self.combination.cost(self.at(np.exp(np.array(self.ends))))
-        if not cost[0] < most < cost[1]:
+        if not cost[0] <= most < cost[1]:
             return self.ends[1]
 
         def excess(x: Array) -> Array:

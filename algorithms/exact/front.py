@@ -10,12 +10,14 @@ import scipy
 from ...problems.forms import Form
 from ...section import Array, Flags
 from .bounds import convex_pieces
-from .choices import Watch, contributions, ignore_progress, least_cost
+from .choices import Watch, contributions, has_only_point_ways, ignore_progress, least_cost
 from .combination import Combination, Optimum, Path, arc_length
 from .programme import Programme
 
 COARSE = 128
 """Limits at which a front with alternatives is solved first."""
+ENVELOPED = 64
+"""Combinations of ways of one requirement up to which a front is the lower envelope of theirs."""
 
 
 def front(
@@ -35,9 +37,12 @@ def front(
     """
     swept = np.ones(len(upper), dtype=bool) if swept is None else swept
     form = convex_pieces(form)
-    smooth = all(feature.ways[0].curve.smooth for feature in form.features)  # prices reach the whole front
+    curves = [way.curve for feature in form.features for way in feature.ways]
+    smooth = all(curve.smooth for curve in curves)  # prices reach the whole front
     if form.separable and form.combinations == 1 and swept[0] and smooth:
         return _along_path(form, points, float(upper[0]), most)
+    if form.separable and form.combinations <= ENVELOPED and swept[0] and smooth and not has_only_point_ways(form):
+        return _along_envelope(form, points, float(upper[0]), most)
     low, high = value_range(form, upper)
     high = np.minimum(high, upper)
     if np.any(high < low) or not np.any(swept):
@@ -80,6 +85,47 @@ def _along_path(form: Form, points: int, upper: float, most: float) -> Optimum:
     nothing = np.full(len(t), np.nan)
     chosen = np.zeros(t.shape, dtype=np.int64)
     return Optimum(chosen, t, combination.cost(t), nothing, nothing[:, None])
+
+
+def _along_envelope(form: Form, points: int, upper: float, most: float) -> Optimum:
+    """The lower envelope of the fronts of all combinations, each by price; its bounds are not computed (NaN).
+
+    Each of these fronts is convex: a point that is below the tangents of all others is on the envelope. At the
+    value of any other the least cost is solved for.
+    """
+    every = [path for path in (Path(Combination(form, chosen)) for chosen in form.choices()) if path.keeps(upper)]
+    pairs = [(path, path.drawn(upper, most)) for path in every]
+    pairs = [(path, (x, value, cost)) for path, (x, value, cost) in pairs if cost[0] <= most]
+    if not pairs:
+        return Optimum.unknown(form, np.array([[upper]]))
+    paths, drawn = zip(*pairs, strict=True)
+    values = np.unique(np.concatenate([value for _, value, _ in drawn]))
+    costs = np.stack([np.interp(values, v[::-1], c[::-1], left=np.inf, right=np.inf) for _, v, c in drawn])
+    least = costs.min(axis=0)
+    falls = np.flatnonzero(least < np.concatenate([[np.inf], np.minimum.accumulate(least)[:-1]]))
+    best, number = np.argmin(costs[:, falls], axis=0), np.arange(len(falls))
+    begins = 1 + np.flatnonzero(np.diff(best))  # of pieces of the envelope; what lies before has no length
+    begins = begins if 2 * len(begins) <= points else begins[:0]
+    steps = np.diff(arc_length(np.stack([values[falls], least[falls]])))
+    length = np.concatenate([[0.0], np.cumsum(np.where(np.diff(best) == 0, steps, 0.0))])
+    even = np.interp(np.linspace(0.0, length[-1], points - len(begins)), length, number)
+    places = np.sort(np.concatenate([even, begins]))
+    at, made = np.interp(places, number, values[falls]), best[np.rint(places).astype(np.int64)]
+    t, cost, value = np.empty((points, len(form.features))), np.empty(points), np.empty(points)
+    for which in np.unique(made):
+        (x, v, _), own = drawn[which], made == which
+        t[own] = paths[which].at(np.exp(np.interp(at[own], v[::-1], x[::-1])))
+        cost[own], value[own] = paths[which].combination.cost(t[own]), paths[which].value(t[own])
+    below = np.stack([path.below(value, *curve) for path, curve in zip(paths, drawn, strict=True)])
+    below[made, np.arange(points)] = np.inf
+    nothing = np.full(points, np.nan)
+    chosen = np.array([path.combination.chosen for path in paths])[made]
+    optimum = Optimum(chosen, t, cost, nothing, nothing[:, None])
+    if len(near := np.flatnonzero(np.any(below < cost, axis=0))):
+        solved = least_cost(form, value[near, None])
+        for name in Optimum.__dataclass_fields__:
+            getattr(optimum, name)[near] = getattr(solved, name)
+    return optimum
 
 
 def value_range(form: Form, upper: Array) -> tuple[Array, Array]:

@@ -1,11 +1,16 @@
 """Closed forms of the literature, and the bound against allocations drawn at random."""
 
+from collections.abc import Sequence
+from itertools import product
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 
-from tolevo.algorithms.exact.combination import Combination, Path, arc_length
+from tolevo.algorithms.exact.combination import Combination, Optimum, Path, arc_length
+from tolevo.algorithms.exact.front import front
 from tolevo.models.costs import CostCurve, Exponential, Reciprocal, ReciprocalSquared, Table
 from tolevo.problems.forms import Feature, Form, Way
 
@@ -191,3 +196,81 @@ def test_arc_length_in_units_of_each_axis() -> None:
     np.testing.assert_allclose(arc_length(np.array([[0.0, 3.0, 6.0], [5.0, 5.0, 5.0]])),
                                [0.0, 0.5, 1.0])  # fmt: skip
     np.testing.assert_allclose(arc_length(np.array([[0.0, 2.0], [1.0, 4.0]])), [0.0, np.sqrt(2.0)])
+
+
+def alternatives_of(seed: int, linear: bool) -> list[list[tuple[float, float, float, float]]]:
+    """A cost a + b/t between two ends for every way of three parts; one way in six is a point."""
+    rng = np.random.default_rng(seed)
+    ways = []
+    for _ in range(int(rng.integers(2, 4) + linear)):
+        low, high = np.sort(10.0 ** rng.uniform(-2.0, -0.3, 2)).tolist()
+        low = high if rng.random() < 1 / 6 else low
+        ways.append((float(rng.uniform(0.0, 6.0)), float(10.0 ** rng.uniform(-2.0, -0.5)), low, high))
+    return [ways[at:] + ways[:at] for at in range(3)]
+
+
+def least_by_hand(ways: Sequence[tuple[float, float, float, float]], s: np.ndarray, linear: bool, most: float) -> float:
+    """Least cost of one way of every part where the sum, or the root sum square, is at most `most`."""
+    a, b, low, high = np.array(ways).T
+
+    def at(price: float) -> np.ndarray:
+        free = np.sqrt(b / (price * s)) if linear else np.cbrt(b / (2.0 * price * s**2))
+        return np.asarray(np.clip(free, low, high))
+
+    def value(price: float) -> float:
+        return float(s @ at(price)) if linear else float(np.linalg.norm(s * at(price)))
+
+    if value(1e30) > most:
+        return np.inf
+    loose = value(1e-30) <= most
+    price = 1e-30 if loose else np.exp(brentq(lambda x: value(np.exp(x)) - most, -69.0, 69.0, xtol=1e-13))
+    return float(np.sum(a + b / at(price)))
+
+
+@pytest.mark.parametrize("linear", [False, True])
+@pytest.mark.parametrize("seed", range(12))
+def test_front_of_alternatives_is_the_lower_envelope_of_all(seed: int, linear: bool) -> None:
+    ways, s = alternatives_of(seed, linear), np.array([1.0, 0.6, 1.7])
+    none = (0.0,)
+    features = tuple(
+        Feature(
+            f"t_{at}",
+            tuple(
+                Way(Reciprocal(a, b), *ends, *(((w,), none) if linear else (none, (w,))), choice=float(number))
+                for number, (a, b, *ends) in enumerate(own)
+            ),
+            f"process_{at}",
+        )
+        for at, (own, w) in enumerate(zip(ways, s.tolist(), strict=True))
+    )
+    form = Form(("variation",), features, np.zeros(1), np.zeros(1), "")
+    whole = front(form, 30, np.array([np.inf]))
+    upper, most = float(np.quantile(_variations(whole, s, linear), 0.7)), float(np.quantile(whole.cost, 0.8))
+    for found, keeps in ((whole, (np.inf, np.inf)), (front(form, 30, np.array([upper]), most=most), (upper, most))):
+        assert len(found.cost) == 30
+        values = _variations(found, s, linear)
+        for value, cost, chosen, t in zip(values, found.cost, found.chosen, found.t, strict=True):
+            made = np.array([own[way] for own, way in zip(ways, chosen, strict=True)])
+            assert np.all((made[:, 2] <= t) & (t <= made[:, 3]))
+            assert cost == pytest.approx(np.sum(made[:, 0] + made[:, 1] / t), rel=1e-12)
+            least = min(least_by_hand(choice, s, linear, value * (1.0 + 1e-12)) for choice in product(*ways))
+            assert cost == pytest.approx(least, rel=1e-7)
+        assert np.all(values <= keeps[0] * (1.0 + 1e-9))
+        assert np.all(found.cost <= keeps[1] * (1.0 + 1e-9))
+    cheapest = min(sum(a + b / high for a, b, _, high in choice) for choice in product(*ways))
+    assert whole.cost.min() == pytest.approx(cheapest, rel=1e-9)
+    assert not np.any(np.isfinite(front(form, 30, np.array([upper]), most=0.5 * cheapest).cost))
+
+
+def _variations(found: Optimum, s: np.ndarray, linear: bool) -> np.ndarray:
+    return found.t @ s if linear else np.linalg.norm(found.t * s, axis=1)
+
+
+def test_an_allocation_alone_on_the_front_is_one_of_its_points() -> None:
+    # bought in at one tolerance, tighter than what is made: a point, then a gap, then a curve
+    ways = (Way(Reciprocal(9.0, 0.0), 0.02, 0.02, (0.0,), (1.0,)), Way(Reciprocal(1.0, 0.1), 0.05, 0.5, (0.0,), (1.0,)))
+    other = (Way(Reciprocal(0.0, 0.001), 0.01, 0.0101, (0.0,), (1.0,)),)
+    form = Form(("v",), (Feature("a_t", ways, "a"), Feature("b_t", other)), np.zeros(1), np.zeros(1), "")
+    found = front(form, 20, np.array([np.inf]))
+    assert np.any(found.chosen[:, 0] == 0)
+    assert np.sum(found.chosen[:, 0] == 1) > 10
