@@ -182,6 +182,7 @@ class InConditions(ToleranceProblem):
     curves_of = _of_plain("curves_of")
     ranges_of = _of_plain("ranges_of")
     sample_sizes = _of_plain("sample_sizes")
+    quantile_units = _of_plain("quantile_units")
     samples = _of_plain("samples")
     title = _of_plain("title")
     tables = _of_plain("tables")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from math import inf
+from math import ceil, inf, log
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -323,6 +323,30 @@ def _costs(problem: ToleranceProblem) -> list[Assumption]:
         Assumption(f"costs.{name}", repr(curve), "", reason, _value_origin(name, problem.given.costs))
         for name, curve in problem.settings.costs.items()
     ]
+
+
+# Samples that are too small for what is said of them.
+
+
+SURE = 0.95
+"""Probability of a unit beyond a quantile below which a sample is called too small for it."""
+
+
+def few_units_note(place: str, units: int, coverage: float) -> str:
+    """That a sample is too small for a quantile at the coverage, empty where it is not.
+
+    All n units lie below the quantile with a probability of coverage^n, whatever their law is (Wilks 1941, Annals of
+    Mathematical Statistics 12, 91-96).
+    """
+    reached = 1.0 - coverage**units
+    if reached >= SURE:
+        return ""
+    enough = ceil(log(1.0 - SURE) / log(coverage))
+    return (
+        f"{place} = {units}: with a probability of {100.0 * (1.0 - reached):.2g} % none of them lies beyond the "
+        f"quantile at {100.0 * coverage:g} %: so few hardly determine it (from {enough:,} on the probability is at most "
+        f"{100.0 * (1.0 - SURE):.2g} %)"
+    )
 
 
 # Numbers of a configuration that look as if they were stated in another unit.

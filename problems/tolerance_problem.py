@@ -25,6 +25,7 @@ from .settings import (
     VariableSetting,
     add_currency,
     assumptions_of,
+    few_units_note,
     rising_price_note,
     unit_slips,
 )
@@ -489,6 +490,10 @@ class ToleranceProblem(Problem):
         """Parameters that hold the sizes of its samples at what they are here, whatever the objectives."""
         return {}
 
+    def quantile_units(self) -> Mapping[str, int]:
+        """Units of which reported quantiles at the coverage are counted, by the key that states their number."""
+        return {}
+
     def needed(self, designs: Array) -> dict[str, Array]:
         """Outputs (n,) of full designs as reported: at least the cost, and those that objectives
         and limits name.
@@ -666,7 +671,9 @@ class ToleranceProblem(Problem):
             for text in sample.departures(variable.name)
         )
         prices = filter(None, (rising_price_note(name, curve) for name, curve in settings.costs.items()))
-        return (*settings.notes, *slips, *prices, *column_notes(self), *departures, *self.warnings())
+        coverage = settings.propagation.coverage
+        few = filter(None, (few_units_note(key, n, coverage) for key, n in self.quantile_units().items()))
+        return (*settings.notes, *slips, *prices, *column_notes(self), *departures, *few, *self.warnings())
 
     def samples(self) -> tuple[tuple[str, str, PartSample], ...]:
         """Name and unit of each measured quantity, and its sample."""

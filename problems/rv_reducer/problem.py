@@ -537,6 +537,11 @@ class RvReducer(PromisingUnits, Machined):
     def sample_sizes(self) -> Mapping[str, Value]:
         return {"search_units": self._search_units}
 
+    def quantile_units(self) -> Mapping[str, int]:
+        loaded = any(name in declared.LOADED for name in self.required_outputs)
+        counted = ("report_units", "elastic_units") if loaded else ("report_units",)
+        return {f"parameters.{name}": self.count(name) for name in counted}
+
     @cached_property
     def _reported(self) -> Populations:
         return self._drawn(self.count("positions"), self.count("report_units"), REPORT)

@@ -448,6 +448,10 @@ class Yields:
         ]
         return [*pairs, ("yield_percent", bounded)] if self.measured[0].requirement.key else pairs
 
+    def counts_half_width(self, measured: Measured) -> bool:
+        """Whether the variation of a requirement is the half-width of a sample."""
+        return measured.requirement.method == "monte_carlo" and measured.distribution is None
+
     @property
     def sampled(self) -> bool:
         """Whether a required output takes a sample."""
@@ -461,8 +465,7 @@ class Yields:
         slopes: dict[str, Array] = {}
         for measured in self.measured:
             name = measured.name("variation")
-            sampled = measured.requirement.method == "monte_carlo" and measured.distribution is None
-            if sampled and self.required_outputs & {name, "variation"}:
+            if self.counts_half_width(measured) and self.required_outputs & {name, "variation"}:
                 slopes[name] = self._by_design([measured], t, lambda c, row: c.half_width_slopes(row, coverage))
                 normal = measured.linear.rss_slopes(t) * self._normal_factor(measured, t)
                 slopes[name] = np.where(np.isnan(slopes[name]), normal, slopes[name])

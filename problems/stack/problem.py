@@ -657,6 +657,10 @@ class Stack(ToleranceProblem):
     def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
         return domain_remarks(self.measured, front)
 
+    def quantile_units(self) -> Mapping[str, int]:
+        counted = any(self.yields.counts_half_width(measured) for measured in self.measured)
+        return {"propagation.samples": self.settings.propagation.samples} if counted else {}
+
     def warnings(self) -> tuple[str, ...]:
         return self._warnings
 

@@ -298,3 +298,23 @@ def test_a_reducer_of_which_nothing_is_searched_is_told_so(config: Path, tmp_pat
     assert ended.exit_code == 2
     assert "every variable is fixed: there is nothing to optimise; use `tolevo evaluate`" in ended.output
     assert not (tmp_path / "r").exists()
+
+
+@pytest.mark.parametrize(("units", "told"), [(64, "84 %"), (500, "26 %"), (1_108, "5 %"), (1_109, "")])
+def test_units_that_are_too_few_for_the_quantile_of_the_coverage_are_named(config: Path, units: int, told: str) -> None:
+    cautions = problem_of(config, [f"parameters.report_units={units}"]).cautions()
+    named = [text for text in cautions if text.startswith(f"parameters.report_units = {units}: ")]
+    assert bool(named) == bool(told)
+    if told:
+        assert f"with a probability of {told} none of them lies beyond the quantile at 99.73 %" in named[0]
+    # counted: samples of a uniform law, none of which lies beyond the quantile
+    largest = np.random.default_rng(units).random((4_000, units)).max(axis=1)
+    missed = float(np.mean(largest < 0.9973))
+    assert missed == pytest.approx(float(told.rstrip(" %") or 5) / 100, abs=0.025)
+
+
+def test_units_under_load_are_counted_where_a_limit_depends_on_them(config: Path) -> None:
+    few = "parameters.elastic_units = 256: with a probability of 50 % none of them"
+    assert not any(text.startswith(few) for text in problem_of(config).cautions())
+    limited = problem_of(config, ["limits.lost_motion_arcmin=2"])
+    assert any(text.startswith(few) for text in limited.cautions())
