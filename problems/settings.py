@@ -344,8 +344,8 @@ def few_units_note(place: str, units: int, coverage: float) -> str:
     enough = ceil(log(1.0 - SURE) / log(coverage))
     return (
         f"{place} = {units}: with a probability of {100.0 * (1.0 - reached):.2g} % none of them lies beyond the "
-        f"quantile at {100.0 * coverage:g} %: so few hardly determine it (from {enough:,} on the probability is at most "
-        f"{100.0 * (1.0 - SURE):.2g} %)"
+        f"quantile at {100.0 * coverage:g} %: so few hardly determine it (from {enough:,} on the probability is "
+        f"at most {100.0 * (1.0 - SURE):.2g} %)"
     )
 
 
