@@ -303,7 +303,8 @@ def compare(
 def distance(reference: Array, front: Array, sides: Array) -> float:
     """Distance from a reference (objectives,) to the nearest point of a front (n, objectives).
 
-    Euclidean, each objective in `sides` (nadir less ideal of the problem), 0 up to `OBJECTIVE_TOLERANCE`. NaN for an empty front.
+    Euclidean, each objective in `sides` (nadir less ideal of the problem). NaN for an empty front, 0 up to the
+    `OBJECTIVE_TOLERANCE`.
     """
     if not len(front):
         return np.nan
