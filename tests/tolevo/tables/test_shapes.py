@@ -500,4 +500,5 @@ def test_a_table_of_prices_is_read_without_the_library_of_units(
     monkeypatch.setattr(units, "look_up_unit", asked)
     path = tmp_path / "prices.csv"
     path.write_text("variable;t [um];cost [EUR]\npin_one_um;1;10,50\npin_two_um;1,6;6,72\n", encoding="utf-8")
-    assert len(tolevo.read_table(path, decimal=",")) == 2
+    columns = tolevo.read_table(path, decimal=",").columns.cells
+    assert columns == {"variable": ["pin_one_um", "pin_two_um"], "t": ["1", "1.6"], "cost [EUR]": ["10.50", "6.72"]}
