@@ -440,7 +440,7 @@ def test_no_discrete_design_is_asked_for_twice() -> None:
 
 
 @pytest.mark.parametrize(("failed", "count"), [([True, False, False, False], 1), (["yes", "", "no", np.nan], 1)])
-def test_a_column_failed_counts_as_failed(failed: list[object], count: int) -> None:
+def test_a_column_failed_counts_as_failed(failed: list[Any], count: int) -> None:
     stack = seat()
     search = tolevo.search(stack, tolevo.algorithms.NSGA2(population=4), seed=1)
     x = search.ask()
@@ -452,18 +452,18 @@ def test_a_column_failed_counts_as_failed(failed: list[object], count: int) -> N
         search.tell(x, outputs)
 
 
-class WithoutValues(Problem):  # type: ignore[misc]
+class WithoutValues(Problem):
     """Every evaluation fails."""
 
     def __init__(self) -> None:
         super().__init__(n_var=2, n_obj=1, n_ieq_constr=1, xl=0.0, xu=1.0)
 
-    def _evaluate(self, x: np.ndarray, out: dict[str, np.ndarray], *_: object, **__: object) -> None:
+    def _evaluate(self, x: Any, out: dict[str, Any], *args: Any, **kwargs: Any) -> None:
         out["F"], out["G"] = np.full((len(x), 1), np.nan), x[:, :1] - 0.5
 
 
 @pytest.mark.parametrize("algorithm", [tolevo.algorithms.GA(population=8), tolevo.algorithms.Hybrid(population=8)])
-def test_a_search_without_any_value_says_so(algorithm: object) -> None:
+def test_a_search_without_any_value_says_so(algorithm: Any) -> None:
     run = tolevo.run(WithoutValues(), algorithm=algorithm, seed=1, settings=["algorithm.generations=2"])
     assert run.status == "no_feasible_point"
     assert run.lines[-1] == "no evaluation has a value, so that nothing is known of the limits"
