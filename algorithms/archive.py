@@ -141,6 +141,11 @@ class Archive:
         self._collect()
         return self.x, self.f
 
+    @property
+    def has_values(self) -> bool:
+        """Whether any evaluation so far did not fail."""
+        return bool(self._count or len(self.miss))
+
     def _note_miss(self, x: Array, violation: Array) -> None:
         if self.violation > 0.0 and len(violation):
             least = int(np.argmin(violation))

@@ -83,6 +83,8 @@ class Hybrid(Solver):
         """One objective: minimise from the best design, at its integers and at all sets of integers
         that differ from them in one; then the same from every improvement.
         """
+        if not run.archive.has_values:
+            return
         unit, free, tried = scale_of(run.problem), np.array([np.inf]), set[bytes]()
         start, best = _best_design(run)
         while True:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import Fault
-from ..section import Array, Flags, Output, Variable
+from ..section import Array, Flags, Integers, Output, Variable
 from .settings import Bound
 
 if TYPE_CHECKING:
@@ -25,6 +25,18 @@ DIGITS = 16.0 * float(np.finfo(float).eps)
 
 EQUAL = 1e-12
 """Relative difference up to which two values are equal but for rounding."""
+
+
+SOLVED = 1e-6
+"""Fraction of the largest by which values differ at most that are equal but for the tolerance of a solver."""
+
+
+def descending(values: Array) -> Integers:
+    """Rows of values (n,) from the largest to the least; equal ones as they come, on every processor."""
+    order = np.argsort(-values, kind="stable")
+    falls = -np.diff(values[order]) > SOLVED * np.max(np.abs(values), initial=0.0)
+    level = np.concatenate([[0], np.cumsum(falls)])[: len(order)]
+    return np.asarray(order[np.lexsort([order, level])])
 
 
 def apart(low: Array, high: Array) -> Array:
@@ -120,8 +132,8 @@ class Limit:
         return derivatives
 
     def margins(self, value: Array) -> dict[str, Array]:
-        """Distance to the nearest bound in the unit of the output, negative where broken."""
-        columns = [-excess for excess, _ in self._excess(value)]
+        """Distance to the nearest bound in the unit of the output, negative where broken, 0 to rounding."""
+        columns = [np.where(np.abs(excess) <= self.room(bound), 0.0, -excess) for excess, bound in self._excess(value)]
         return {f"margin_{self.name}": np.min(columns, axis=0) + 0.0} if columns else {}
 
 

@@ -19,7 +19,7 @@ from .algorithms.settings import AlgorithmSettings, Solver
 from .errors import Fault, raise_all, refuse
 from .execution import pinned
 from .problems.tolerance_problem import ToleranceProblem, designs_frame, designs_of
-from .section import Array, Integers
+from .section import Array, Flags, Integers
 
 # Outputs that a user tells of designs: brought into the order in which the designs were asked for.
 
@@ -70,6 +70,18 @@ def align_outputs(
     if wanted is None or given is None or not np.all(np.abs(given - wanted) <= DESIGN_TOLERANCE):
         raise refuse("outputs", OTHER)
     return outputs
+
+
+FAILED = "failed"
+"""Column of results that says whether an evaluation failed, as `result().failed` lists them."""
+YES, NO = ("true", "yes", "1", "1.0", FAILED), ("false", "no", "0", "0.0", "", "nan", "none")
+
+
+def failed_rows(column: Any) -> tuple[Flags, object | None]:
+    """Which evaluations of a column `failed` (n,) did; the first value that says neither, None without one."""
+    texts = ["" if value is None else str(value).strip().casefold() for value in np.asarray(column, dtype=object)]
+    wrong = next((text for text in texts if text not in (*YES, *NO)), None)
+    return np.array([text in YES for text in texts], dtype=bool), wrong
 
 
 def _free(problem: ToleranceProblem) -> list[str]:
@@ -213,7 +225,8 @@ class Search:
 
         `outputs` are columns (n,) by name: every objective and every output with a limit. Rows in
         another order are recognised by the design columns of a frame, or by its index; a value that
-        is not finite states that an evaluation failed, and its design counts as infeasible. Raises
+        is not finite, or true in a column `failed`, states that an evaluation failed, and its design
+        counts as infeasible. Raises
         ConfigurationError where an output is missing or of another length, or where the order of
         the rows is not known.
         """
@@ -222,6 +235,9 @@ class Search:
         assert self._open is not None
         designs = self.problem.complete(self._new)
         values = {name: np.asarray(outputs[name], dtype=float) for name in needed_outputs(self.problem)}
+        if FAILED in outputs and FAILED not in values:
+            marked = failed_rows(outputs[FAILED])[0]
+            values = {name: np.where(marked, np.nan, column) for name, column in values.items()}
         f, g = self.problem.objective_values(values), self.problem.violations(designs, values)
         f, g, failed = mark_failures_infeasible(f, g, self.problem.box)
         self._archive.add(self._new, f, np.where(failed, np.inf, violation_of(g)))
@@ -254,4 +270,9 @@ class Search:
             else:
                 continue
             faults.append(Fault(f"outputs.{name}", text))
+        if FAILED in outputs and FAILED not in needed_outputs(self.problem):
+            if np.shape(outputs[FAILED]) != (count,):
+                faults.append(Fault(f"outputs.{FAILED}", f"must have shape ({count},), true or false for each design"))
+            elif (word := failed_rows(outputs[FAILED])[1]) is not None:
+                faults.append(Fault(f"outputs.{FAILED}", f'must be true or false for each design, got "{word}"'))
         return faults

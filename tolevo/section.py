@@ -458,6 +458,10 @@ def flat(table: Mapping[str, Any], place: str = "") -> dict[str, Any]:
     return values
 
 
+ROUNDING = 1e-12
+"""Relative difference up to which numbers of two configurations are equal."""
+
+
 def differences(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
     """The values, before and after, of each key of nested tables that differs, as a message shows them.
 
@@ -466,7 +470,16 @@ def differences(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str
     """
     old, new = flat(_tables_by_place(before, after)), flat(_tables_by_place(after, before))
     keys = dict.fromkeys([*new, *old])
-    return {key: (_shown(old, key), _shown(new, key)) for key in keys if old.get(key) != new.get(key)}
+    return {key: (_shown(old, key), _shown(new, key)) for key in keys if not _equal(old.get(key), new.get(key))}
+
+
+def _equal(one: Any, other: Any) -> bool:
+    """Whether two values are equal but for the rounding of another processor: some ranges are computed."""
+    if isinstance(one, list) and isinstance(other, list):
+        return len(one) == len(other) and all(map(_equal, one, other))
+    if isinstance(one, float) and isinstance(other, float):
+        return one == other or math.isclose(one, other, rel_tol=ROUNDING)
+    return bool(one == other)
 
 
 def _tables_by_place(table: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:

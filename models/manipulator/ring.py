@@ -1,9 +1,10 @@
 """Machines whose pose errors keep their bounds at every pose of the ring.
 
-In standard deviations of the sources the errors of a machine are x = rho E u + (1 - E E') g: the
-orthonormal E spans the plane in which errors act most over the ring, u is a direction in it, rho
-the length of a normal vector there (Rayleigh), and g is normal. The errors that keep a bound at a
-pose are convex, at given u and g an interval of rho, so that rho is integrated and not sampled:
+In standard deviations of the sources the errors of a machine are x = rho u + (1 - E E') g: g is
+normal, the orthonormal E spans the plane in which errors act most over the ring, u = E E' g/|E E' g|
+is a direction in it, and rho the length of a normal vector there (Rayleigh), independent of both. They
+depend on the plane alone, not on its frame E. The errors that keep a bound at a pose are convex, at
+given u and g an interval of rho, so that rho is integrated and not sampled:
 
     P(some pose > L) = 1 - exp(-lo^2/2) + exp(-hi^2/2),  [lo, hi] the intersection of the intervals.
 
@@ -14,7 +15,7 @@ contribution of the other poses is sampled. The sum is never below the probabili
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -110,18 +111,21 @@ RELATIVE_TOLERANCE = 1e-9
 """Relative tolerance of a quantile."""
 NEGLIGIBLE_FRACTION = 1e-4
 """Fraction of the exceeding machines that is neglected: 1e-5 of a quantile at most."""
+GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
+"""Angle [rad] of which no two multiples are the same direction."""
 MIN_SQUARE = 1e-200
 """Square of an effect in the plane that counts as zero."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sample:
-    """The sample common to all designs: `u` (m, 2) of length 1, `g` (m, sources) normal.
+    """The sample common to all designs: `g` (m, sources) normal.
 
-    The m machines are `replicates` scrambled Sobol samples, one after another.
+    The m machines are `replicates` scrambled Sobol samples, one after another. `first` (m, 2) are normal
+    numbers of the first two dimensions, which are the most even.
     """
 
-    u: Array
+    first: Array
     g: Array
     replicates: int
 
@@ -130,22 +134,22 @@ class Sample:
         """At least that many machines."""
         points = MonteCarlo.draw(machines, 2 + sources, rng).points
         normal = ndtri(np.clip(points, 1e-12, 1.0 - 1e-12)).reshape(-1, 2 + sources)
-        u = normal[:, :2]
-        u = u / np.linalg.norm(u, axis=1, keepdims=True)
-        return cls(u, np.ascontiguousarray(normal[:, 2:]), len(points))
+        return cls(normal[:, :2], np.ascontiguousarray(normal[:, 2:]), len(points))
+
+    def about(self, plane: Array) -> Sample:
+        """The same with `first` in the place of what `g` has in a plane E (sources, 2)."""
+        return replace(self, g=self.g + (self.first - self.g @ plane) @ plane.T)
 
 
-def main_plane(effects: Sequence[Array], near: Array | None = None) -> Array:
+def main_plane(effects: Sequence[Array]) -> Array:
     """Orthonormal E (sources, 2) of the plane in which errors act most, over all poses.
 
-    `effects` (poses, c, sources) are those of one standard deviation of each source. E is turned
-    as near to the frame `near` as possible, so that it changes smoothly with the design.
+    `effects` (poses, c, sources) are those of one standard deviation of each source. E is as near as possible
+    to a frame without symmetry: the signs of eigenvectors are those of the processor's rounding.
     """
     rows = np.concatenate([effect.reshape(-1, effect.shape[-1]) for effect in effects])
-    plane = np.linalg.eigh(rows.T @ rows)[1][:, -2:]
-    if near is None:
-        return np.asarray(plane)
-    left, _, right = np.linalg.svd(plane.T @ near)
+    plane, angle = np.linalg.eigh(rows.T @ rows)[1][:, -2:], GOLDEN_ANGLE * np.arange(rows.shape[1])
+    left, _, right = np.linalg.svd(plane.T @ np.column_stack([np.cos(angle), np.sin(angle)]))
     return np.asarray(plane @ (left @ right))
 
 
@@ -169,7 +173,9 @@ class Machines:
         """Machines with one kind of error, `effects` (poses, c, sources), or with several in units
         of their bounds, whose poses follow each other in `variances`; `plane` is E (sources, 2).
         """
-        b, a = sample.u @ plane.T, sample.g - (sample.g @ plane) @ plane.T
+        b = (sample.g @ plane) @ plane.T
+        a = sample.g - b
+        b /= np.linalg.norm(b, axis=1, keepdims=True)
         parts = [_quadratic(effect, a.T.copy(), b.T.copy()) for effect in effects]
         square, product, offset = (np.concatenate(blocks) for blocks in zip(*parts, strict=True))
         inverse = 1.0 / np.maximum(square, MIN_SQUARE)
@@ -299,8 +305,14 @@ def worst_deviation(variances: Array) -> Array:
 def worst_exceedance(variances: Array, bound: float) -> tuple[Array, FieldRows]:
     """Largest P(length > bound) (n,) over poses, and the pose (n,) where it is."""
     probabilities = exceedance(variances, bound)
-    at = np.argmax(probabilities, axis=1)
+    at = first_largest(probabilities)
     return probabilities[np.arange(len(probabilities)), at], at
+
+
+def first_largest(over: Array) -> FieldRows:
+    """The first pose (...) of the largest probability (..., poses): some poses are equal but for rounding."""
+    least = np.max(over, axis=-1, keepdims=True) * (1.0 - EXCEEDANCE_TOLERANCE)
+    return np.asarray(np.argmax(over >= least, axis=-1))
 
 
 def worst_quantile(variances: Array, coverage: float) -> tuple[Array, FieldRows]:
@@ -314,7 +326,7 @@ def worst_quantile(variances: Array, coverage: float) -> tuple[Array, FieldRows]
     axis = np.zeros((len(variances), 3))
     axis[:, 0] = variances[..., 0].max(axis=1)
     over = exceedance(variances, quantile(axis, coverage)[:, None])
-    at = np.argmax(over, axis=1)
+    at = first_largest(over)
     while True:
         bound = quantile(variances[rows, at], coverage)
         remaining = over > missed
@@ -323,7 +335,7 @@ def worst_quantile(variances: Array, coverage: float) -> tuple[Array, FieldRows]
             return bound, at
         over = np.zeros_like(over)
         over[remaining] = exceedance(variances[remaining], bound[np.nonzero(remaining)[0]])
-        worst = np.argmax(over, axis=1)
+        worst = first_largest(over)
         at = np.where(over[rows, worst] > missed, worst, at)
 
 

@@ -291,6 +291,8 @@ class ContactUnits:
         Changes are compared over the same units, so that their difference has no sampling noise.
         """
         key = frozenset((name, float(np.mean(value))) for name, value in changes.items())
+        if not key:
+            return self._mean
         return self._mean + self._shifted(key) - self._shifted(frozenset())
 
     def _shifted(self, key: frozenset[tuple[str, float]]) -> float:

@@ -26,6 +26,8 @@ CELLS = 1024
 """Cells of z between whose edges a law counts as uniform."""
 TAIL = 1e-12
 """Probability beyond the outermost edges."""
+SHARE_ROUNDING = 1e-13
+"""Difference up to which fractions of all parts are equal but for rounding."""
 
 
 class Sorted(NamedTuple):
@@ -76,7 +78,8 @@ class Matching:
     def left_over(self, t: tuple[float, float]) -> float:
         """Fraction of the parts of either kind for which there is no mate, where as many are made of both."""
         one, other = self.sorted(t)
-        return max(0.0, 1.0 - float(np.minimum(one.share, other.share).sum()))
+        apart = np.abs(one.share - other.share)
+        return 0.5 * float(np.sum(apart, where=apart > SHARE_ROUNDING))
 
     def matched(self, z: Array, t: tuple[float, float]) -> Array:
         """Deviations z (2, m) of independent parts, turned into those of the m units that are built.

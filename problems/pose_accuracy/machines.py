@@ -17,6 +17,7 @@ from ...models.manipulator.ring import (
     Field,
     Machines,
     Sample,
+    first_largest,
     main_plane,
     worst_deviation,
     worst_exceedance,
@@ -90,23 +91,23 @@ class Population:
         return outputs
 
     @cached_property
-    def sample(self) -> Sample:
-        """The same machines for every design."""
+    def samples_about(self) -> dict[str, Sample]:
+        """By pose error, and for those with a yield together, the same machines for every design.
+
+        They are the most even in the main plane at usual deviations.
+        """
         rng = np.random.default_rng(self.seed)
-        return Sample.draw(self.samples // PLAIN_SAMPLES, len(self.typical), rng)
+        sample = Sample.draw(self.samples // PLAIN_SAMPLES, len(self.typical), rng)
+        usual = {name: f.at(self.poses).effects * self.typical for name, f in self.fields.items()}
+        both = [usual[name] / self.limits[name] for name in LIMITED]
+        planes = {name: main_plane([effects]) for name, effects in usual.items()} | {BOTH: main_plane(both)}
+        return {name: sample.about(plane) for name, plane in planes.items()}
 
     @cached_property
     def poses(self) -> Rows:
         """Poses of the grid at which machines are sampled."""
         along = np.arange(0, GRID, EVERY)
         return np.asarray((GRID * along[:, None] + along).ravel())
-
-    @cached_property
-    def planes(self) -> dict[str, Array]:
-        """The main plane of each pose error, and of those with a yield, at usual deviations."""
-        usual = {name: f.at(self.poses).effects * self.typical for name, f in self.fields.items()}
-        both = [usual[name] / self.limits[name] for name in LIMITED]
-        return {name: main_plane([effects]) for name, effects in usual.items()} | {BOTH: main_plane(both)}
 
 
 @dataclass(eq=False)
@@ -198,8 +199,8 @@ class PoseError:
         """Machines of one design at the poses `first`, of the sample, and `last`."""
         of = self.population
         poses = np.concatenate([first, of.poses, last]).astype(np.int64)
-        plane = main_plane([self.effects(at, of.poses)], of.planes[self.name])
-        return Machines.of([self.effects(at, poses)], self.variances[at, poses], of.sample, plane)
+        plane = main_plane([self.effects(at, of.poses)])
+        return Machines.of([self.effects(at, poses)], self.variances[at, poses], of.samples_about[self.name], plane)
 
     def effects(self, at: int, poses: Rows) -> Array:
         """Pose errors (poses, c, sources) of one standard deviation of each source of a design."""
@@ -215,10 +216,10 @@ def fraction_keeping_all(of: Population, errors: Sequence[PoseError]) -> Estimat
         pairs = list(zip(errors, poses, strict=True))
         effects = [error.effects(at, at_poses) / error.limit for error, at_poses in pairs]
         variances = [error.variances[at, at_poses] / error.limit**2 for error, at_poses in pairs]
-        plane = main_plane([effect[:-1] for effect in effects], of.planes[BOTH])
-        machines = Machines.of(effects, np.concatenate(variances), of.sample, plane)
+        plane = main_plane([effect[:-1] for effect in effects])
+        machines = Machines.of(effects, np.concatenate(variances), of.samples_about[BOTH], plane)
         last = np.cumsum([len(effect) for effect in effects]) - 1
-        beyond.append(machines.beyond(1.0, int(last[np.argmax(over)])))
+        beyond.append(machines.beyond(1.0, int(last[first_largest(np.array(over))])))
     return _percent(beyond)
 
 

@@ -16,7 +16,7 @@ from ...models.robot import CALIBRATED, ratio
 from ...section import Array, Assumption, Output, Parameter, Value, Variable
 from ..declaration import Declaration, Interval
 from ..forms import Feature, Form, Way
-from ..limits import narrow_range
+from ..limits import descending, narrow_range
 from ..nested_reducers import Nested
 from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import ToleranceProblem
@@ -404,7 +404,8 @@ def _largest(values: dict[str, float], begins: str, ends: str) -> list[tuple[str
         for name, value in values.items()
         if name.startswith(begins) and value > 0.0
     ]
-    return sorted(ranked, key=lambda pair: -pair[1])[:MAX_NAMED_TOLERANCES]
+    largest = descending(np.array([value for _, value in ranked]))[:MAX_NAMED_TOLERANCES]
+    return [ranked[at] for at in largest]
 
 
 FRACTIONS = (0.0, 0.25, 0.5, 0.75, 1.0)

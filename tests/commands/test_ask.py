@@ -87,6 +87,15 @@ def test_failed_and_open_rows(folder: Path) -> None:
     assert 1 not in found.front["id"].tolist()
 
 
+def test_a_column_failed_marks_evaluations_that_failed(folder: Path) -> None:
+    results = answers(read(folder, "designs.csv"))
+    with pytest.raises(InputError, match=r'column failed: must be true or false for each design, got "perhaps"'):
+        tolevo.tell(folder, results.assign(failed=["perhaps"] + [""] * (len(results) - 1)))
+    found = tolevo.tell(folder, results.assign(failed=["yes"] + [""] * (len(results) - 1)))
+    assert found.told.set_index("id").isna().all(axis=1).sum() == 1
+    assert 1 not in found.front["id"].tolist()
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

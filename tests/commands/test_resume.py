@@ -32,6 +32,7 @@ from tolevo.commands.run.run import Sides
 from tolevo.journal import Section, recording_steps
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.stack import Stack
+from tolevo.section import differences
 
 pytestmark = pytest.mark.usefixtures("unrendered")
 
@@ -287,6 +288,14 @@ def test_a_changed_key_of_a_part_is_named_in_one_line(config: Path, tmp_path: Pa
         "part[1].cost.b: is 0.21, but the run to resume has 0.2: only the budget may differ; undo the change, or "
         "start again with --overwrite"
     ]
+
+
+def test_last_digits_of_another_processor_are_no_change() -> None:
+    """Ranges of a nested reducer are computed: a run may be resumed on another processor."""
+    before = {"variables": {"a": {"low": 0.23226810667649536}}, "prices": [1.0, 2.5]}
+    after = {"variables": {"a": {"low": 0.23226810667649528}}, "prices": [1.0, 2.5000000000000004]}
+    assert differences(before, after) == {}
+    assert list(differences(before, {**after, "prices": [1.0, 2.50001]})) == ["prices"]
 
 
 def test_a_changed_model_is_not_resumed(config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

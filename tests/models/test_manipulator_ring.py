@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.special import erfc
+from scipy.special import erfc, ndtri
 
 from tolevo.models.manipulator.geometry import Manipulator, TaskRing
 from tolevo.models.manipulator.maps import first_order, matrix, orientation_combinations
@@ -13,6 +13,7 @@ from tolevo.models.manipulator.ring import (
     Machines,
     Sample,
     exceedance,
+    first_largest,
     grid,
     main_plane,
     quantile,
@@ -162,13 +163,37 @@ def test_points_at_the_ends_of_their_range_are_machines(monkeypatch: pytest.Monk
     monkeypatch.setattr(MonteCarlo, "draw", lambda *_: Ends())
     sample = Sample.draw(2, 2, np.random.default_rng(0))
     np.testing.assert_allclose(sample.g, [[-7.0345, 7.0345], [0.0, 0.0]], atol=1e-3)
-    np.testing.assert_allclose(np.linalg.norm(sample.u, axis=1), 1.0, rtol=1e-15)
+    np.testing.assert_allclose(sample.first, ndtri([[0.3, 0.6], [0.2, 0.9]]), rtol=1e-12)
 
 
 def test_main_plane_follows_the_design() -> None:
     """The frame turns by little where the deviations change by little, whatever its signs."""
     effects = fields(5)["squareness"].effects
     near = main_plane([effects * SIGMA])
-    moved = main_plane([effects * SIGMA * 1.001 ** np.arange(18)], near)
+    moved = main_plane([effects * SIGMA * 1.001 ** np.arange(18)])
     np.testing.assert_allclose(moved.T @ moved, np.eye(2), atol=1e-12)
     np.testing.assert_allclose(moved, near, atol=2e-2)
+
+
+def test_machines_depend_on_the_plane_and_not_on_its_frame() -> None:
+    """A processor's rounding decides the signs of eigenvectors, and turns those of equal eigenvalues."""
+    field = fields(5)["squareness"]
+    effects, variances = field.effects * SIGMA, field.variances(SIGMA[None])[0]
+    sample, plane = Sample.draw(64, 18, np.random.default_rng(0)), main_plane([effects])
+    turned = plane @ np.array([[0.6, 0.8], [0.8, -0.6]])
+    one, other = (Machines.of([effects], variances, sample, frame).beyond(0.5, 0) for frame in (plane, turned))
+    assert one == pytest.approx(other, rel=1e-9)
+
+
+def test_a_sample_about_a_plane_has_its_first_dimensions_there() -> None:
+    sample, plane = Sample.draw(64, 18, np.random.default_rng(0)), main_plane([fields(5)["yaw"].effects * SIGMA])
+    about = sample.about(plane)
+    np.testing.assert_allclose(about.g @ plane, sample.first, atol=1e-12)
+    beside = np.eye(18) - plane @ plane.T
+    np.testing.assert_allclose(about.g @ beside, sample.g @ beside, atol=1e-12)
+
+
+def test_of_poses_that_are_equal_but_for_rounding_the_first_is_the_worst() -> None:
+    """Poses at one radius have the same yaw: which of them a rounding makes the largest must not matter."""
+    over = np.array([[0.1, 0.3, 0.3 + 1e-15, 0.2], [0.0, 0.0, 0.0, 0.0]])
+    np.testing.assert_array_equal(first_largest(over), [1, 0])

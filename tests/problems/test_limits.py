@@ -21,7 +21,7 @@ from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.errors import Fault
-from tolevo.problems.limits import LIMIT_ROUNDING, Limit, loosened, overlap
+from tolevo.problems.limits import LIMIT_ROUNDING, Limit, descending, loosened, overlap
 from tolevo.problems.settings import Bound, Settings
 from tolevo.problems.stack import Stack
 from tolevo.section import Section
@@ -63,6 +63,20 @@ def test_ranges_that_meet_in_their_last_digits_have_a_point_in_common() -> None:
     assert overlap((0.0, 0.3), (0.1 + 0.2, 1.0)) == (0.3, 0.3)
     assert overlap((0.31, 0.5), (0.0, 0.3)) is None
     np.testing.assert_array_equal(loosened(np.array([np.inf, -np.inf])), [np.inf, -np.inf])
+
+
+def test_what_is_equal_but_for_a_solver_keeps_its_order() -> None:
+    """Of symmetric parts the last digits of a processor would name the first otherwise."""
+    assert descending(np.array([1.0, 3.0, 3.0 + 1e-9, 2.0, 3.0 - 1e-9])).tolist() == [1, 2, 4, 3, 0]
+    assert descending(np.zeros(3)).tolist() == [0, 1, 2]
+    assert descending(np.zeros(0)).tolist() == []
+
+
+def test_a_margin_within_rounding_is_zero() -> None:
+    limit = Limit("a", -np.inf, 0.3, 1.0, "mm")
+    assert limit.margins(np.array([0.1 + 0.2, 0.3 - 1e-11, 0.2, 0.4]))["margin_a"] == pytest.approx(
+        [0.0, 0.0, 0.1, -0.1], abs=1e-15
+    )
 
 
 @pytest.mark.parametrize(("name", "cost"), [("grades", 6.0), ("machines", 2.0)])

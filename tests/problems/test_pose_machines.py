@@ -16,7 +16,7 @@ from tolevo.errors import InputError
 from tolevo.models.manipulator.forward import exact_pose
 from tolevo.models.manipulator.geometry import Manipulator, TaskRing
 from tolevo.models.manipulator.maps import first_order, matrix, orientation_combinations
-from tolevo.models.manipulator.ring import GRID, Machines, grid, worst_quantile
+from tolevo.models.manipulator.ring import GRID, Machines, grid, main_plane, worst_quantile
 from tolevo.problems.pose_accuracy import PoseAccuracy
 from tolevo.problems.pose_accuracy.outputs import NINE, OVER_MACHINES, SOURCES
 from tolevo.problems.settings import Bound, PropagationSetting, Settings
@@ -143,7 +143,8 @@ def test_poses_between_those_of_the_sample_add_little() -> None:
     population = problem_of().population
     sigma = OPTIMUM[0, OWNERS]
     for name, within in (("squareness", 3e-4), ("yaw", 1.5e-3)):
-        field, plane = population.fields[name], population.planes[name]
+        field = population.fields[name]
+        plane = main_plane([field.at(population.poses).effects * population.typical])
         least, worst = worst_quantile(field.variances(sigma[None]), 0.9973)
         found = []
         for every in (5, 2):
@@ -151,7 +152,7 @@ def test_poses_between_those_of_the_sample_add_little() -> None:
             poses = np.append((GRID * along[:, None] + along).ravel(), worst)
             some = field.at(poses)
             effects, variances = some.effects * sigma, some.variances(sigma[None])[0]
-            machines = Machines.of([effects], variances, population.sample, plane)
+            machines = Machines.of([effects], variances, population.samples_about[name], plane)
             found.append(machines.quantile(0.9973, len(poses) - 1, float(least[0]))[0])
         np.testing.assert_allclose(found[0], found[1], rtol=within)
 

@@ -59,7 +59,7 @@ def test_two_normal_parts_in_classes(classes: int, ratio: float) -> None:
     variance = np.sum(p * (within * (sigma**2 + other**2) + gap**2)) - np.sum(p * gap) ** 2
     values = values_at(stack_of({"parts": ["pin", "bore"], "classes": classes}), ratio * 0.006, 0.006)
     assert values["std"] == pytest.approx(np.sqrt(variance), rel=0.005)
-    assert values["left_over_percent"] == pytest.approx(0.0, abs=1e-6)
+    assert values["left_over_percent"] == 0.0
 
 
 def test_an_assembly_drawn_part_by_part() -> None:

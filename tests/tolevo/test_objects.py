@@ -437,3 +437,39 @@ def test_no_discrete_design_is_asked_for_twice() -> None:
     assert len(search.ask()) == 0
     assert len(computed) == len(set(computed)) == 36
     assert len(search.result().front) == 6
+
+
+@pytest.mark.parametrize(("failed", "count"), [([True, False, False, False], 1), (["yes", "", "no", np.nan], 1)])
+def test_a_column_failed_counts_as_failed(failed: list[Any], count: int) -> None:
+    stack = seat()
+    search = tolevo.search(stack, tolevo.algorithms.NSGA2(population=4), seed=1)
+    x = search.ask()
+    search.tell(x, tolevo.evaluate(stack, x)[["cost", "variation"]].assign(failed=failed))
+    assert len(search.result().failed) == count
+    x = search.ask()
+    outputs = tolevo.evaluate(stack, x)[["cost", "variation"]].assign(failed="perhaps")
+    with pytest.raises(InputError, match=r"outputs\.failed: must be true or false"):
+        search.tell(x, outputs)
+
+
+class WithoutValues(Problem):
+    """Every evaluation fails."""
+
+    def __init__(self) -> None:
+        super().__init__(n_var=2, n_obj=1, n_ieq_constr=1, xl=0.0, xu=1.0)
+
+    def _evaluate(self, x: Any, out: dict[str, Any], *args: Any, **kwargs: Any) -> None:
+        out["F"], out["G"] = np.full((len(x), 1), np.nan), x[:, :1] - 0.5
+
+
+@pytest.mark.parametrize("algorithm", [tolevo.algorithms.GA(population=8), tolevo.algorithms.Hybrid(population=8)])
+def test_a_search_without_any_value_says_so(algorithm: Any) -> None:
+    run = tolevo.run(WithoutValues(), algorithm=algorithm, seed=1, settings=["algorithm.generations=2"])
+    assert run.status == "no_feasible_point"
+    assert run.lines[-1] == "no evaluation has a value, so that nothing is known of the limits"
+
+
+def test_a_certificate_of_designs_without_values_says_so() -> None:
+    lines = tolevo.certify(WithoutValues(), np.array([[0.1, 0.2], [0.3, 0.4]])).lines
+    assert lines[0] == "2 of 2 designs have no value: an objective is not finite there"
+    assert not any("0 of 2" in line for line in lines)

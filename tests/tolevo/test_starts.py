@@ -124,6 +124,8 @@ def test_other_faults_of_a_start(tmp_path: Path) -> None:
     for start in (3, [], ["nowhere.csv"], {"a_t": [0.1], "b_t": [0.1, 0.1]}, {"a_t": 0.1, "b_t": 0.1}):
         with pytest.raises(InputError, match="start"):
             tolevo.read(stack(start=start))
+    with pytest.raises(InputError, match=r"whose columns have no names: give pandas\.DataFrame"):
+        tolevo.read(stack(), start=np.array([[0.1, 0.1]]))  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"holds no front\.csv: name the directory of a run"):
         tolevo.read(stack(), start=tmp_path)
     with pytest.raises(InputError, match="must be at least 3, the designs of start"):

@@ -19,7 +19,7 @@ import pandas as pd
 from .. import tables
 from ..algorithms.archive import nondominated
 from ..algorithms.settings import Budget
-from ..asking import DESIGN_TOLERANCE, Search, askable, needed_outputs
+from ..asking import DESIGN_TOLERANCE, FAILED, Search, askable, failed_rows, needed_outputs
 from ..configuration.configuration import Configuration
 from ..configuration.source import BUDGET_AND_ENGINE_KEYS
 from ..directory import BUSY, CONFIGURATION, LOCK, OCCUPIED, TOLD, holds_search, is_occupied
@@ -29,7 +29,7 @@ from ..files import clear_parts, csv_text, read_own_csv, write_text
 from ..problems.tolerance_problem import designs_of
 
 DESIGNS, FRONT = "designs.csv", "front.csv"
-ID, FAILED = "id", "failed"
+ID = "id"
 MARKS = (FAILED, "nan", "na", "n/a", "error", "inf", "-inf")
 """Texts, in small letters, that mark an evaluation that failed."""
 
@@ -186,6 +186,11 @@ def _new_results(before: Standing, results: tables.Table, place: str) -> tuple[p
     open_designs = before.designs.set_index(ID)
     known = {at: values.tolist() for at, values in before.told.set_index(ID).iterrows()}
     variables = [name for name in open_designs.columns if name in cells]
+    if FAILED in cells and FAILED not in needed:
+        marked, word = failed_rows(cells[FAILED])
+        if word is not None:
+            raise refuse(f"{place}: column {FAILED}", f'must be true or false for each design, got "{word}"')
+        cells = cells.assign(**{name: cells[name].astype(object).mask(marked, FAILED) for name in needed})
     for line, record in zip(cells.index, cells.to_dict("records"), strict=True):
         row = {str(name): value for name, value in record.items()}
         where = f"{place}: row {line}"

@@ -211,7 +211,7 @@ def _fitted_bounds(problem: PlainProblem, points: pd.DataFrame, known: Array, rn
     if not chosen:
         return unproven("no objective agrees with a form that is convex and verified")
     if not points["feasible"].any():
-        return unproven("no design of the result keeps the limits")
+        return unproven("no design of the result keeps the limits with finite objectives")
     at_points = [name for name in problem.objectives if name != bounded and name in chosen]
     fixed = [n for n, high in limits.items() if n in chosen and n not in (bounded, *at_points) and np.isfinite(high)]
     used = [bounded, *at_points, *fixed]
@@ -282,7 +282,9 @@ def _compared(stated: Array | None, f: Array) -> list[str]:
 def _lines(points: pd.DataFrame, found: _Bounds, scatter: pd.DataFrame, problem: ToleranceProblem) -> list[str]:
     """All of it in sentences."""
     count, feasible = len(points), int(points["feasible"].sum())
-    lines = [f"{feasible} of {count} designs keep the limits"] if feasible < count else []
+    failed = int((~np.isfinite(points[list(problem.objectives)]).all(axis=1)).sum())
+    lines = [f"{failed} of {count} designs have no value: an objective is not finite there"] if failed else []
+    lines += [f"{feasible} of {count} designs keep the limits"] if failed < count and feasible < count else []
     gap = points["gap_percent"].dropna()
     if len(gap):
         middle, most = plain_number(float(gap.median())), plain_number(float(gap.max()))
@@ -300,7 +302,10 @@ def _lines(points: pd.DataFrame, found: _Bounds, scatter: pd.DataFrame, problem:
     measure = "least" if problem.n_obj == 1 else "hypervolume"
     reached = runs[runs["points"] > 0]
     if reached.empty:
-        return [*lines, f"scatter: from none of {seeds} hybrid found a design within the limits"]
+        kept = (
+            " within the limits" if any(limit.count for limit in problem.limits) else ", as no evaluation has a value"
+        )
+        return [*lines, f"scatter: from none of {seeds} hybrid found a design{kept}"]
     low, high, own = reached[measure].min(), reached[measure].max(), scatter.iloc[-1]
     text = f"scatter: {measure} from {plain_number(float(low))} to {plain_number(float(high))} over {seeds}"
     if missed := len(runs) - len(reached):

@@ -55,6 +55,12 @@ def open_start(top: Section, folder: Path) -> Opened | None:
         frame = stated
         _open(top, START, lambda: tables.table_of(frame, START), found)
         return found
+    if isinstance(stated, np.ndarray):
+        text = (
+            "is an array, whose columns have no names: give pandas.DataFrame(array, columns=[...]) with the variables"
+        )
+        top.fault(START, text)
+        return None
     names = stated if isinstance(stated, list) else [stated]
     if not names or not all(isinstance(name, str) and name for name in names):
         top.fault(START, "must name a table of designs, the directory of a run, or a list of these")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import tolevo
-from tolevo import tables
+from tolevo import tables, units
 
 PARTS = 12
 NAMES = ("Bohrung Ø D1", "Breite L2", "Lage P3")
@@ -487,3 +487,18 @@ def test_a_footer_with_remarks_and_last_rows_that_are_short(tmp_path: Path) -> N
     assert read(tmp_path, f"Teil;D1;L2;remark\n{rows}").frame["L2"].tolist() == pytest.approx(
         [2.05 + 0.1 * at for at in range(9)]
     )
+
+
+def test_a_table_of_prices_is_read_without_the_library_of_units(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """It takes a third of a second to read, at every start."""
+
+    def asked(name: str) -> None:
+        raise AssertionError(name)
+
+    monkeypatch.setattr(units, "look_up_unit", asked)
+    path = tmp_path / "prices.csv"
+    path.write_text("variable;t [um];cost [EUR]\npin_one_um;1;10,50\npin_two_um;1,6;6,72\n", encoding="utf-8")
+    columns = tolevo.read_table(path, decimal=",").columns.cells
+    assert columns == {"variable": ["pin_one_um", "pin_two_um"], "t": ["1", "1.6"], "cost [EUR]": ["10.50", "6.72"]}

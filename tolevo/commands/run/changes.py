@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...problems.limits import Limit, limits_of
+from ...problems.limits import Limit, descending, limits_of
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem
 from ...section import Array, Kind, Variable
@@ -220,7 +220,7 @@ def _select_steps(problem: ToleranceProblem, steps: list[Step], most: int) -> li
     """At most so many steps, those that save most."""
     if len(steps) <= most:
         return steps
-    order = np.argsort(problem.cost_of(np.stack([step[3] for step in steps])), kind="stable")[:most]
+    order = descending(-problem.cost_of(np.stack([step[3] for step in steps])))[:most]
     return [steps[at] for at in np.sort(order)]
 
 
@@ -362,7 +362,7 @@ def advice(problem: ToleranceProblem, tried: pd.DataFrame, design_values: Mappin
     worse = [kept[f"change_{name}"].to_numpy(dtype=float) / (abs(design_values[name]) or 1.0) for name in others]
     loss = np.max([np.zeros(len(kept)), *worse], axis=0)
     rate = -kept["cost_change"].to_numpy(dtype=float) / size / np.maximum(loss, VALUE_TOLERANCE)
-    best = kept.iloc[int(np.argmax(rate))].to_dict()
+    best = kept.iloc[int(descending(rate)[0])].to_dict()
     units = {o.name: o.unit for o in problem.outputs}
     text = f"Loosen first: {step_words(best)}: saves {_money(-float(best['cost_change']), currency)}"
     for name in others:
@@ -386,7 +386,7 @@ def step_words(row: Mapping[Any, Any]) -> str:
 
 def _list_steps(rows: pd.DataFrame) -> str:
     """The steps, the largest saving first, each with what it breaks."""
-    ordered = rows.sort_values("cost_change", kind="stable").to_dict("records")
+    ordered = rows.iloc[descending(-rows["cost_change"].to_numpy(dtype=float))].to_dict("records")
     named = [f"{step_words(row)}: {row['broken']}" for row in ordered[:NAMED]]
     more = len(ordered) - len(named)
     return "; ".join([*named, f"{more} more break{'s' if more == 1 else ''} a limit"] if more else named)

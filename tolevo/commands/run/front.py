@@ -185,7 +185,12 @@ def alternatives(problem: ToleranceProblem, front: pd.DataFrame) -> list[dict[st
         return []
     costs = [(label, _least(alternative, problem, row)) for label, alternative in others.items()]
     return [
-        {"label": label, "cost": cost, "this": base_cost, "more_percent": 100.0 * (cost / base_cost - 1.0)}
+        {
+            "label": label,
+            "cost": cost,
+            "this": base_cost,
+            "more_percent": round(100.0 * (cost / base_cost - 1.0), 9) + 0.0,
+        }
         for label, cost in costs
         if cost is not None
     ]

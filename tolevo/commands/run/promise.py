@@ -22,7 +22,7 @@ from ...algorithms.search import search
 from ...algorithms.settings import Budget
 from ...models.capability import Knowledge, PartSample, draw_cumulants, fraction_within_limits
 from ...problems.forms import Form, spread_of
-from ...problems.limits import loosened
+from ...problems.limits import descending, loosened
 from ...problems.settings import ASSURANCE, ASSURED, PROMISED, STATEMENTS, YIELD, Bound, Promise, VariableSetting
 from ...problems.stack import Stack, promises
 from ...problems.tolerance_problem import ToleranceProblem, designs_of
@@ -266,7 +266,7 @@ def next_parts(problem: ToleranceProblem, first: int = FIRST, least: Least | Non
         if least is None or not np.isfinite(least.cost):
             return pd.DataFrame()
         cost, gains = least.cost, shadow_gains(problem, least.design)
-    ranked = sorted(gains, key=lambda name: -gains[name])
+    ranked = [list(gains)[at] for at in descending(np.array(list(gains.values())))]
     rows = []
     for rank, name in enumerate(ranked, 1):
         reoptimised = rank <= first and start is not None

@@ -23,7 +23,7 @@ from ...algorithms.settings import AlgorithmSettings, Budget
 from ...errors import Fault, ModelError, raise_all
 from ...execution import pinned
 from ...problems.forms import Form, largest_parts, least_value, spread_of
-from ...problems.limits import Limit, loosened
+from ...problems.limits import Limit, descending, loosened
 from ...problems.tolerance_problem import ToleranceProblem, designs_of
 from ...records import RunResult
 from ...section import Array
@@ -412,6 +412,8 @@ def _least(problem: ToleranceProblem, name: str) -> tuple[float, Array]:
 
 LOOSER = 0.1
 """Fraction of its limit by which each requirement is relaxed."""
+LEAST_NAMED = 0.005
+"""Least part of what a requirement drives that is named: it is written in whole percent."""
 DRIVEN = 3
 """Parts named per requirement."""
 
@@ -477,7 +479,7 @@ def _table(
     for at, name in enumerate(form.outputs):
         part, unit = form.labels[at] if form.labels else ("", "")
         unit = unit or ("" if np.isfinite(form.own_limits[at]) else units.get(name, ""))
-        top = [int(j) for j in np.argsort(-fractions[at])[:DRIVEN] if fractions[at, j] > 0.0]
+        top = [int(j) for j in descending(fractions[at])[:DRIVEN] if fractions[at, j] >= LEAST_NAMED]
         names = [f"{form.features[j].variable} {100.0 * fractions[at, j]:.0f} %" for j in top]
         rows.append(
             {
@@ -546,7 +548,7 @@ def _drivers(form: Form, optimum: Optimum, combination: Combination) -> pd.DataF
     percent = 100.0 * np.divide(push, whole, out=np.zeros_like(push), where=whole > 0.0)
     rows = []
     for j, feature in enumerate(form.features):
-        first = int(np.argmax(np.abs(push[:, j])))
+        first = int(descending(np.abs(push[:, j]))[0])
         row = {
             "part": feature.variable,
             "t": optimum.t[0, j],

@@ -303,11 +303,13 @@ def compare(
 def distance(reference: Array, front: Array, sides: Array) -> float:
     """Distance from a reference (objectives,) to the nearest point of a front (n, objectives).
 
-    Euclidean, each objective in `sides` (nadir less ideal of the problem). NaN for an empty front.
+    Euclidean, each objective in `sides` (nadir less ideal of the problem). NaN for an empty front, 0 up to the
+    `OBJECTIVE_TOLERANCE`.
     """
     if not len(front):
         return np.nan
-    return float(np.min(np.linalg.norm((front - reference) / sides, axis=1)))
+    apart = float(np.min(np.linalg.norm((front - reference) / sides, axis=1)))
+    return apart if apart > OBJECTIVE_TOLERANCE else 0.0
 
 
 def gain_column(objective: str) -> str:
@@ -318,7 +320,7 @@ def gain_column(objective: str) -> str:
 def gains(reference: Array, front: Array, alike: Array) -> list[float]:
     """Gain in percent per objective at equal or better other objectives.
 
-    Values that differ by no more than `alike` (objectives,) are equal. NaN where no point of the
+    Values that differ by no more than `alike` (objectives,) are equal: their gain is 0. NaN where no point of the
     front is as good, and where the value of the reference is 0.
     """
     percentages = []
@@ -326,7 +328,8 @@ def gains(reference: Array, front: Array, alike: Array) -> list[float]:
         as_good = np.delete(front, at, axis=1) <= np.delete(reference + alike, at)
         best = front[np.all(as_good, axis=1), at]
         known = len(best) > 0 and reference[at] != 0.0
-        percentages.append(100.0 * (reference[at] - best.min()) / abs(reference[at]) if known else np.nan)
+        gain = reference[at] - best.min() if known else np.nan
+        percentages.append(0.0 if abs(gain) <= alike[at] else 100.0 * gain / abs(reference[at]))
     return percentages
 
 

@@ -637,8 +637,10 @@ def _lines(result: RunResult, status: str, out: Path, proof_lines: Sequence[str]
         lines.append(f"reference {row['label']}: {values}; {compliance}")
     answered = proof_lines if "proof" in result.answers else ()
     lines += [f"note: {note}" for note in result.notes if note not in answered]
-    if status == "no_feasible_point":
-        searched = result.summary["evaluations"]
+    searched = result.summary["evaluations"]
+    if status == "no_feasible_point" and searched and result.summary.get("failed_evaluations") == searched:
+        lines.append("no evaluation has a value, so that nothing is known of the limits")
+    elif status == "no_feasible_point":
         lines.append(
             f"the nearest miss is in {out / 'nearest_miss.csv'}{f' ({broken})' if broken else ''}; relax the limit it "
             f"breaks{', widen the ranges or raise the budget' if searched else ' or widen the ranges'}"
