@@ -11,6 +11,7 @@ import numpy as np
 
 from ...models.cost_reading import Joint
 from ...models.stack.conditioned import Conditioned, condition_on_piece
+from ...models.stack.joint_normal import JointNormal, joint_normal
 from ...models.stack.mechanism import (
     SIGMAS,
     Sample,
@@ -24,7 +25,7 @@ from ...models.stack.mechanism import (
 )
 from ...section import Array, Integers, Kind, Output, Variable
 from ..limits import Limit
-from ..settings import Bound, Promise, Settings, VariableSetting
+from ..settings import YIELD, Bound, Promise, Settings, VariableSetting
 from .definition import Definition, Part, Requirement, Sorting
 from .matched import outputs_of_matching
 from .promises import WINDOW, Interval, Measured, promise_limits, promise_outputs
@@ -289,6 +290,8 @@ def _linear_outputs(stack: Stack, designs: Array, wanted: Collection[str]) -> di
                 outputs[measured.name("variation")] = distribution.half_width(t, coverage)
         else:
             outputs[measured.name("yield_percent")] = measured.linear_yield(t)
+    if YIELD in wanted and stack.yields.joint is not None:
+        outputs[YIELD] = stack.yields.joint.yield_percent(t)[0]
     if stack.promises is not None:
         outputs |= stack.promises.outputs(t, True, stack.required_outputs)
     return outputs | joint_variations(stack.measured, outputs)
@@ -448,6 +451,13 @@ class Yields:
         ]
         return [*pairs, ("yield_percent", bounded)] if self.measured[0].requirement.key else pairs
 
+    @cached_property
+    def joint(self) -> JointNormal | None:
+        """The law of all requirements with limits together, where that is known and they are several."""
+        name, bounded = self._yields()[-1]
+        known = name == YIELD and len(bounded) > 1
+        return joint_normal([m.mechanism for m in bounded], [m.law for m in bounded]) if known else None
+
     @property
     def sampled(self) -> bool:
         """Whether a required output takes a sample."""
@@ -468,6 +478,8 @@ class Yields:
                 slopes[name] = np.where(np.isnan(slopes[name]), normal, slopes[name])
         for name, bounded in self._yields():
             if name not in self.required_outputs or (len(bounded) == 1 and bounded[0].distribution is not None):
+                continue
+            if len(bounded) > 1 and self.joint is not None:
                 continue
             if bounded:
                 slopes[name] = 100.0 * self._by_design(bounded, t, lambda c, row: c.within_slopes(row))
@@ -539,6 +551,8 @@ class Yields:
             whole, error = distribution.yield_percent(t)
             constant = bounded[0].linear.variance(t) == 0.0  # every unit is the mean, which may just keep a limit
             return {name: np.where(constant, 100.0 * bounded[0].means_kept(t), whole), names[1]: error}
+        if len(bounded) > 1 and self.joint is not None:
+            return dict(zip(names, self.joint.yield_percent(t), strict=True))
         estimates = np.full((2, len(t)), np.nan)
         if (integrated := self._estimate(bounded, searching)) is not None:
             for at in range(len(t)):
