@@ -19,8 +19,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from scipy.special import ndtr, ndtri, owens_t
 
-from ...section import Array, Integers
-from ..inputs import Normal
+from ...section import Array
 from ..propagation.monte_carlo import replicates
 from .mechanism import ROUNDING, Law, Mechanism, Tolerances, mean_of, root_of, spread_of
 
@@ -30,36 +29,37 @@ PARALLEL = 1e-13
 """Sine of the angle below which two edges count as parallel."""
 FRAMES = 256
 """Directions of integration that are tried in more than two dimensions."""
-ORDERS = {1: (96, 128), 2: (32, 48)}
-"""Orders of the Gauss-Legendre rules of one and two dimensions; of more dimensions a Sobol sample is taken."""
+ORDERS = {1: (48, 72), 2: (26, 36)}
+"""Orders of two Gauss-Legendre rules of one and two dimensions; the second has the value, their difference the error."""
 REACH, NO_WEIGHT = 7.5, 1e-12
 """Standard deviations up to which a dimension is integrated, beyond which 1e-13 lies, and a weight that is left out."""
 POINTS = 4096
-"""Points of a Sobol sample."""
+"""Points of the Sobol sample of more dimensions."""
+FAR = 40.0
+"""Distance of a limit that is never reached, in standard deviations."""
+MEMORY = 2**18
+"""Values held for a block of designs."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Probability:
-    """A probability, a bound of its error, and its derivatives by the rooms c (q,) and rows a (q, k)."""
+    """Probabilities (n,), bounds of their errors, and derivatives by the rooms c (n, q) and the rows a (n, q, k)."""
 
-    value: float
-    error: float
+    value: Array
+    error: Array
     by_room: Array
     by_rows: Array
 
 
 @lru_cache(maxsize=16)
-def _rule(dimensions: int) -> tuple[Integers, Array, Array]:
-    """Rules of the standard normal law: the number of the rule (m,), nodes (m, dimensions) and weights (m,)."""
+def _rules(dimensions: int) -> list[tuple[Array, Array]]:
+    """Nodes (m, dimensions) and weights (m,) of rules of the standard normal law."""
     if dimensions == 0:
-        rules = [(np.zeros((1, 0)), np.ones(1))]
-    elif dimensions in ORDERS:
-        rules = [_product_rule(order, dimensions) for order in ORDERS[dimensions]]
-    else:
-        samples = replicates(POINTS, dimensions, np.random.default_rng(0))
-        rules = [(ndtri(points), np.full(len(points), 1.0 / len(points))) for points in samples]
-    numbers = np.repeat(np.arange(len(rules)), [len(weights) for _, weights in rules])
-    return numbers, np.vstack([nodes for nodes, _ in rules]), np.concatenate([weights for _, weights in rules])
+        return [(np.zeros((1, 0)), np.ones(1))]
+    if dimensions in ORDERS:
+        return [_product_rule(order, dimensions) for order in ORDERS[dimensions]]
+    samples = replicates(POINTS, dimensions, np.random.default_rng(0))
+    return [(ndtri(points), np.full(len(points), 1.0 / len(points))) for points in samples]
 
 
 def _product_rule(order: int, dimensions: int) -> tuple[Array, Array]:
@@ -79,38 +79,73 @@ def _frames(dimensions: int) -> Array:
     return np.asarray(np.linalg.qr(normal)[0])
 
 
-def within_polytope(rows: Array, room: Array) -> Probability:
-    """P(rows z <= room) of standard normal z (k,), with rows (q, k) none of which is 0.
+def within_polytopes(rows: Array, room: Array) -> Probability:
+    """P(rows z <= room) of standard normal z (k,), with rows (n, q, k) of n designs.
 
     What breaks each limit is known: in more than two dimensions quadrature has only what breaks several.
     """
-    size = np.linalg.norm(rows, axis=1)
-    unit, distance = rows / size[:, None], room / size
-    kept = _tightest_of_parallel(unit, distance)
-    axes, normals = _spanned(unit[kept])
-    alone, bell = ndtr(-distance[kept]), _bell(distance[kept])
-    rule, nodes, weights = _rule(normals.shape[1] - 2)
-    outer, inner = normals[:, :-2], normals[:, -2:]
-    width = np.linalg.norm(inner, axis=1)
-    along = inner / width[:, None]
-    h = (distance[kept] - nodes @ outer.T) / width
-    whole, length, moment = _polygons(along, h)
-    rules = int(rule[-1]) + 1
-    by_rule = np.bincount(rule, weights * (whole + ndtr(-h).sum(axis=1))) - alone.sum()
-    weighted = weights[:, None] / rules / width * _bell(h)
-    face, moment = weighted * (length - 1.0), weighted * moment
-    by_normal = np.hstack(
-        [
-            face.T @ nodes,
-            np.sum(h * face, axis=0)[:, None] * along + moment.sum(axis=0)[:, None] * _across(along),
-        ]
-    )
-    by_room, by_rows = np.zeros(len(rows)), np.zeros_like(rows)
-    by_room[kept] = (face.sum(axis=0) + bell) / size[kept]
-    by_rows[kept] = -((by_normal + (distance[kept] * bell)[:, None] * normals) @ axes)[:, : rows.shape[1]]
-    by_rows[kept] /= size[kept, None]
-    error = np.ptp(by_rule) if rules <= 2 else by_rule.std(ddof=1) / np.sqrt(rules)
-    return Probability(float(np.clip(by_rule.mean(), 0.0, 1.0)), float(error), by_room, by_rows)
+    size = np.linalg.norm(rows, axis=2)
+    moving = size > 0.0
+    safe = np.where(moving, size, 1.0)
+    unit = rows / safe[:, :, None]
+    distance = np.where(moving, room / safe, np.where(room >= 0.0, FAR, -FAR))
+    if rows.shape[2] < 2:
+        unit = np.concatenate([unit, np.zeros_like(unit)], axis=2)
+    scale, axes = np.linalg.svd(unit)[1:]
+    rank = np.maximum(np.sum(scale > RANK * np.maximum(scale[:, :1], RANK), axis=1), 2)
+    value, error = np.empty(len(rows)), np.empty(len(rows))
+    by_room, by_rows = np.empty_like(unit[:, :, 0]), np.empty_like(unit)
+    for dimensions in np.unique(rank).tolist():
+        alike = np.flatnonzero(rank == dimensions)
+        block = max(1, MEMORY // (max(len(nodes) for nodes, _ in _rules(dimensions - 2)) * rows.shape[1] ** 2))
+        for at in (alike[first : first + block] for first in range(0, len(alike), block)):
+            spanned = _spanned(unit[at], axes[at, :dimensions])
+            value[at], error[at], by_room[at], by_rows[at] = _integrated(*spanned, distance[at])
+    by_room /= safe
+    by_rows = by_rows[:, :, : rows.shape[2]] / safe[:, :, None]
+    return Probability(np.clip(value, 0.0, 1.0), error, by_room, by_rows)
+
+
+def _spanned(unit: Array, axes: Array) -> tuple[Array, Array]:
+    """Orthonormal axes (n, d, k) of the span of rows (n, q, k), and the rows in them (n, q, d).
+
+    No row is close to what the first d - 2 axes span, so that all change but slowly along these.
+    """
+    normals = unit @ axes.swapaxes(1, 2)
+    if axes.shape[1] > 2:
+        frames = _frames(axes.shape[1])
+        width = np.linalg.norm(normals[:, None] @ frames[None, :, :, -2:], axis=3)
+        width = np.where(np.any(normals != 0.0, axis=2)[:, None], width, np.inf)
+        frame = frames[np.argmax(width.min(axis=2), axis=1)]
+        axes, normals = frame.swapaxes(1, 2) @ axes, normals @ frame
+    return axes, normals
+
+
+def _integrated(axes: Array, normals: Array, distance: Array) -> tuple[Array, Array, Array, Array]:
+    """Probabilities (n,), their errors, and the derivatives by distances (n, q) and unit rows (n, q, k)."""
+    outer, inner = normals[:, :, :-2], normals[:, :, -2:]
+    width = np.linalg.norm(inner, axis=2)
+    width = np.where(width > 0.0, width, 1.0)
+    along = inner / width[:, :, None]
+    alone, bell = ndtr(-distance).sum(axis=1), _bell(distance)
+    rules = _rules(outer.shape[2])
+    kept = rules if len(rules) > 2 else rules[-1:]
+    values, by_room, by_normal = [], bell.copy(), -(distance * bell)[:, :, None] * normals
+    for nodes, weights in rules:
+        h = (distance[:, None] - nodes @ outer.swapaxes(1, 2)) / width[:, None]
+        whole, length, moment = _polygons(along[:, None], h)
+        values.append((whole + ndtr(-h).sum(axis=2)) @ weights - alone)
+        if not any(nodes is own for own, _ in kept):
+            continue
+        weighted = weights[None, :, None] / len(kept) / width[:, None] * _bell(h)
+        face, turn = weighted * (length - 1.0), np.sum(weighted * moment, axis=1)
+        by_room += face.sum(axis=1)
+        by_normal[:, :, :-2] -= face.swapaxes(1, 2) @ nodes
+        by_normal[:, :, -2:] -= np.sum(h * face, axis=1)[:, :, None] * along + turn[:, :, None] * _across(along)
+    every = np.array(values)
+    if len(rules) > 2:
+        return every.mean(axis=0), every.std(axis=0, ddof=1) / np.sqrt(len(rules)), by_room, by_normal @ axes
+    return every[-1], np.abs(every[-1] - every[0]), by_room, by_normal @ axes
 
 
 def _bell(x: Array) -> Array:
@@ -119,53 +154,25 @@ def _bell(x: Array) -> Array:
 
 
 def _across(n: Array) -> Array:
-    """Vectors (q, 2) turned by 90 degrees."""
-    return np.stack([-n[:, 1], n[:, 0]], axis=1)
-
-
-def _tightest_of_parallel(unit: Array, distance: Array) -> Array:
-    """Indices of the rows but those of the same direction as one that is at least as tight."""
-    same = np.linalg.norm(unit[:, None] - unit[None, :], axis=2) <= PARALLEL
-    order = np.arange(len(unit))
-    tighter = (distance[None, :] < distance[:, None]) | (
-        (distance[None, :] == distance[:, None]) & (order[None, :] < order[:, None])
-    )
-    return np.flatnonzero(~np.any(same & tighter, axis=1))
-
-
-def _spanned(unit: Array) -> tuple[Array, Array]:
-    """Orthonormal axes (d, k or more) of the span of rows, at least two, and the rows in them (q, d).
-
-    No row is close to what the first d - 2 axes span, so that all change but slowly along these.
-    """
-    if unit.shape[1] < 2:
-        unit = np.hstack([unit, np.zeros((len(unit), 1))])
-    _, size, axes = np.linalg.svd(unit)
-    axes = axes[: max(int(np.sum(size > RANK * size[0])), 2)]
-    normals = unit @ axes.T
-    if len(axes) > 2:
-        frames = _frames(len(axes))
-        width = np.linalg.norm(normals @ frames[:, :, -2:], axis=2)
-        frame = frames[int(np.argmax(width.min(axis=1)))]
-        axes, normals = frame.T @ axes, normals @ frame
-    return axes, normals
+    """Vectors (..., 2) turned by 90 degrees."""
+    return np.stack([-n[..., 1], n[..., 0]], axis=-1)
 
 
 def _polygons(n: Array, h: Array) -> tuple[Array, Array, Array]:
-    """P(n z <= h) (m,) in the plane for unit normals n (q, 2) at distances h (m, q); the probability of each edge along
-    its line, and the first moment of that (m, q).
+    """P(n z <= h) (...,) in the plane for unit normals n (..., q, 2) at distances h (..., q); the probability of each
+    edge along its line, and the first moment of that (..., q).
     """
-    cosine, sine = n @ n.T, _across(n) @ n.T  # of edge i (rows) and constraint j (columns)
+    cosine, sine = n @ n.swapaxes(-1, -2), _across(n) @ n.swapaxes(-1, -2)  # of edge i (rows) and constraint j
     parallel = np.abs(sine) <= PARALLEL
-    room = h[:, None, :] - h[:, :, None] * cosine
+    room = h[..., None, :] - h[..., :, None] * np.where(parallel, np.sign(cosine), cosine)
     end = room / np.where(parallel, 1.0, sine)
-    last = np.where(~parallel & (sine > 0.0), end, np.inf).min(axis=2)
-    first = np.where(~parallel & (sine < 0.0), end, -np.inf).max(axis=2)
-    others = parallel & ~np.eye(len(n), dtype=bool)
-    outside = np.any(others & (room < 0.0), axis=2) | ~(first < last)
+    last = np.where(sine > PARALLEL, end, np.inf).min(axis=-1)
+    first = np.where(sine < -PARALLEL, end, -np.inf).max(axis=-1)
+    again = (cosine > 0.0) & np.tri(h.shape[-1], k=-1, dtype=bool)  # the same edge, of which one counts
+    outside = np.any(parallel & ((room < 0.0) | (again & (room == 0.0))), axis=-1) | ~(first < last)
     first, last = (np.where(outside, 0.0, value) for value in (first, last))
     safe = np.where(h == 0.0, np.finfo(float).tiny, h)
-    whole = np.all(h >= 0.0, axis=1) - np.sum(owens_t(safe, last / safe) - owens_t(safe, first / safe), axis=1)
+    whole = np.all(h >= 0.0, axis=-1) - np.sum(owens_t(safe, last / safe) - owens_t(safe, first / safe), axis=-1)
     return whole, ndtr(last) - ndtr(first), _bell(first) - _bell(last)
 
 
@@ -177,56 +184,43 @@ class JointNormal:
 
     def yield_percent(self, t: Tolerances) -> tuple[Array, Array]:
         """Units (n,) that keep all limits, in percent, and a bound of the error of that (n,)."""
-        values = np.array([self._at(t, row)[:2] for row in range(len(t))]).reshape(-1, 2)
-        return 100.0 * values[:, 0], 100.0 * values[:, 1] + ROUNDING
+        kept = self._within(t)
+        return 100.0 * kept.value, 100.0 * kept.error + ROUNDING
 
     def slopes(self, t: Tolerances) -> Array:
         """Derivatives (n, p) of the yield in percent by the spread of the parts."""
-        return 100.0 * np.array([self._at(t, row)[2] for row in range(len(t))]).reshape(spread_of(t).shape)
+        (directed, mean, deviations), kept = self._pieces, self._within(t)
+        along = directed * (kept.by_rows @ deviations.T - kept.by_room[:, :, None] * mean)
+        owner = self.mechanisms[0].owners[:, None] == np.arange(spread_of(t).shape[1])
+        return np.asarray(100.0 * along.sum(axis=1) @ owner)
 
     @cached_property
-    def _limits(self) -> tuple[Array, Array, Array]:
-        """Requirement, sign and limit (q,) of every limit."""
-        every = [
-            (at, sign, limit)
-            for at, mechanism in enumerate(self.mechanisms)
-            for sign, limit in ((1.0, mechanism.upper), (-1.0, mechanism.lower))
-            if np.isfinite(limit)
-        ]
-        requirement, sign, limit = np.array(every).T
-        return requirement.astype(np.int64), sign, limit
+    def _limits(self) -> list[tuple[Mechanism, float, float]]:
+        """Requirement, sign and limit of every limit."""
+        ends = [(m, side, limit) for m in self.mechanisms for side, limit in ((1.0, m.upper), (-1.0, m.lower))]
+        return [(mechanism, side, limit) for mechanism, side, limit in ends if np.isfinite(limit)]
 
     @cached_property
     def _pieces(self) -> tuple[Array, Array, Array]:
-        """Slopes (r, k), means (k,) at t = 1, and deviations (k, k) at t = 1 by independent ones."""
+        """Slopes (q, k) towards each limit, means (k,), and deviations (k, k) by independent ones, at t = 1."""
         first = self.mechanisms[0]
-        laws = [first.inputs[owner] for owner in first.owner]
-        moments = np.array([law.raw_moments(2) for law in laws])
+        moments = np.array([first.inputs[owner].raw_moments(2) for owner in first.owner])
         std = np.sqrt(np.maximum(moments[:, 2] - moments[:, 1] ** 2, 0.0))
         root = np.eye(len(std)) if first.correlation is None else root_of(first.correlation)
-        return np.array([mechanism.sensitivities for mechanism in self.mechanisms]), moments[:, 1], std[:, None] * root
+        directed = np.array([side * mechanism.sensitivities for mechanism, side, _ in self._limits])
+        return directed, moments[:, 1], std[:, None] * root
 
-    def _at(self, t: Tolerances, row: int) -> tuple[float, float, Array]:
-        """Probability, its error and its derivatives (p,) of one design."""
-        slopes, mean, deviations = self._pieces
-        requirement, sign, limit = self._limits
-        owners, parts = self.mechanisms[0].owners, spread_of(t).shape[1]
-        spread, shift = spread_of(t)[row][owners], mean_of(t)[row][owners]
-        directed = sign[:, None] * slopes[requirement]
-        centre = np.array([mechanism.centre for mechanism in self.mechanisms])[requirement]
-        room = sign * (limit - centre) - directed @ (mean * spread + shift)
-        rows = (directed * spread) @ deviations
-        moving = np.any(rows != 0.0, axis=1)
-        if np.any(room[~moving] < -ROUNDING * np.abs(limit[~moving])):
-            return 0.0, 0.0, np.zeros(parts)
-        if not np.any(moving):
-            return 1.0, 0.0, np.zeros(parts)
-        kept = within_polytope(rows[moving], room[moving])
-        along = directed[moving] * (kept.by_rows @ deviations.T - kept.by_room[:, None] * mean)
-        return kept.value, kept.error, np.bincount(owners, along.sum(axis=0), parts)
+    def _within(self, t: Tolerances) -> Probability:
+        directed, mean, deviations = self._pieces
+        owners = self.mechanisms[0].owners
+        spread, shift = spread_of(t)[:, owners], mean_of(t)[:, owners]
+        room = np.array([side * (limit - mechanism.centre) for mechanism, side, limit in self._limits])
+        size = np.array([abs(limit) for _, _, limit in self._limits])
+        room = room + ROUNDING * size - (mean * spread + shift) @ directed.T
+        return within_polytopes((directed * spread[:, None]) @ deviations, room)
 
 
 def joint_normal(mechanisms: Sequence[Mechanism], laws: Sequence[Law | str]) -> JointNormal | None:
     """The joint law of requirements with their own `laws`; None unless all are linear and of normal parts."""
     known = all(isinstance(law, Law) and law.covariance is not None for law in laws)
-    return JointNormal(tuple(mechanisms)) if known and len(laws) > 0 else None
+    return JointNormal(tuple(mechanisms)) if known else None
