@@ -228,7 +228,7 @@ def _cheapest_at_level(problem: ToleranceProblem, x: Array, level: Array) -> Arr
 
     objective, candidates = problem.objectives.index(problem.priced), [x]
     for start in x if not problem.declaration.sampled else ():
-        branch = Branch(Run(problem, Budget(), seed=0), start, scale_of(problem))
+        branch = Branch(Run(problem.smooth(), Budget(), seed=0), start, scale_of(problem))
         if not branch.smooth.analytic or not branch.smooth.size:
             continue
         first = branch.smooth.scaled(start[None, :])[0]

@@ -388,7 +388,7 @@ class Yields:
     required_outputs: frozenset[str]
     smooth: bool = False
     _conditioned: dict[tuple[tuple[int, ...], bool], Conditioned | None] = field(default_factory=dict, init=False)
-    _samples: dict[int, Sample] = field(default_factory=dict, init=False)
+    _samples: dict[tuple[int, bool], Sample] = field(default_factory=dict, init=False)
 
     def __getstate__(self) -> dict[str, object]:
         """Everything but the samples, which another process draws again."""
@@ -514,7 +514,7 @@ class Yields:
         if key not in self._conditioned:
             units = min(SEARCH_SAMPLES, self.settings.propagation.samples) // INTEGRATED[0]
             per_unit = INTEGRATED[1 if len(self.settings.objectives) == 1 else 2]
-            sample = self.drawn(units if searching else self.settings.propagation.samples // per_unit)
+            sample = self.drawn(units if searching else self.settings.propagation.samples // per_unit, searching)
             mechanisms = [measured.mechanism for measured in requirements]
             self._conditioned[key] = condition_on_piece(mechanisms, sample)
         return self._conditioned[key]
@@ -594,12 +594,14 @@ class Yields:
     @property
     def searching(self) -> Sample:
         """The sample of a search."""
-        return self.drawn(SEARCH_SAMPLES)
+        return self.drawn(SEARCH_SAMPLES, searching=True)
 
-    def drawn(self, most: int) -> Sample:
-        """At most so many units, drawn once; fewer are the first ones of more."""
+    def drawn(self, most: int, searching: bool = False) -> Sample:
+        """At most so many units, drawn once; fewer are the first ones of more. Those of a search are others than those
+        of a report, which it is tested on.
+        """
         samples = min(most, self.settings.propagation.samples)
-        if samples not in self._samples:
-            rng = np.random.default_rng(self.settings.seed)
-            self._samples[samples] = Sample.draw(self.measured[0].mechanism, samples, rng)
-        return self._samples[samples]
+        if (samples, searching) not in self._samples:
+            rng = np.random.default_rng((self.settings.seed, 1) if searching else self.settings.seed)
+            self._samples[samples, searching] = Sample.draw(self.measured[0].mechanism, samples, rng)
+        return self._samples[samples, searching]
