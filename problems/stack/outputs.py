@@ -558,6 +558,8 @@ class Yields:
             for at in range(len(t)):
                 if (kept := integrated.within(t[at : at + 1])) is not None:
                     estimates[:, at] = 100.0 * kept.mean(), 100.0 * kept.std(ddof=1) / np.sqrt(len(kept))
+                    if np.any(kept == 1.0):  # too few units decide for a scatter
+                        estimates[1, at] = max(estimates[1, at], 100.0 / integrated.sample.size)
         missing = np.isnan(estimates[0])
         if not searching:
             counted = estimates[0] * (100.0 - estimates[0]) / self.settings.propagation.samples
