@@ -33,7 +33,7 @@ ORDERS = {1: (48, 72), 2: (26, 36)}
 """Orders of two Gauss-Legendre rules of one and two dimensions; the second has the value, their difference the error."""
 REACH, NO_WEIGHT = 7.5, 1e-12
 """Standard deviations up to which a dimension is integrated, beyond which 1e-13 lies, and a weight that is left out."""
-POINTS = 4096
+POINTS = 2048
 """Points of the Sobol sample of more dimensions."""
 FAR = 40.0
 """Distance of a limit that is never reached, in standard deviations."""
