@@ -154,10 +154,11 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
         sentences += departures_from_normality(part.machines, f"part {part.name}")
     every = len(stack.definition.stated)  # a note on the first condition is one on all
     sentences += filter(None, [_ignored_means_note(stack, values) for values in stack.measured[:every]])
-    if YIELD in stack.required_outputs and stack.yields.joint is None and len(stack.measured) > 1:
+    together = sum(values.mechanism.bounded for values in stack.measured) > 1
+    if YIELD in stack.required_outputs and together and stack.yields.joint is None:
         sentences.append(
             f"{YIELD} is the share of the units of a sample that keep all requirements together; `exact` finds the "
-            "least cost by SLSQP on that sample"
+            "least cost by SLSQP on units of its own, and moves the limit until that sample keeps it"
         )
     if stack.declaration.objectives == stack.objectives == ("cost",) and stack.free and not stack.limits:
         sentences.append(
