@@ -30,7 +30,7 @@ PARALLEL = 1e-13
 FRAMES = 256
 """Directions of integration that are tried in more than two dimensions."""
 ORDERS = {1: (48, 72), 2: (26, 36)}
-"""Orders of two Gauss-Legendre rules of one and two dimensions; the second has the value, their difference the error."""
+"""Orders of two Gauss-Legendre rules of one and two dimensions: the second has the value, both together the error."""
 REACH, NO_WEIGHT = 7.5, 1e-12
 """Standard deviations up to which a dimension is integrated, beyond which 1e-13 lies, and a weight that is left out."""
 POINTS = 2048

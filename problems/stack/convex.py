@@ -296,7 +296,7 @@ def _statement(stack: Stack, rows: list[Row], left_out: tuple[str, ...]) -> str:
 
 
 def _omitted_limits(stack: Stack, rows: list[Row]) -> tuple[str, ...]:
-    """Limits that the form cannot keep: on other quantities, from below, or of requirements some of which have no row."""
+    """Limits that the form cannot keep: on other quantities, from below, or where some requirement has no row."""
     with_row = {row.measured for row in rows if row.output == YIELD}
     partial = {YIELD} if any(m.mechanism.bounded and m not in with_row for m in stack.measured) else set()
     tolerances = {f"{part.name}_t" for part in stack.definition.parts if not part.fixed}

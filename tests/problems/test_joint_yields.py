@@ -68,9 +68,7 @@ class Case:
         """By SLSQP of scipy on the bivariate normal law, with r1.variation of at most a level."""
         rules = [{"type": "ineq", "fun": lambda y: np.log(0.01) - np.log(max(self.outside(np.exp(y)), 1e-12))}]
         if np.isfinite(level):
-            rules.append(
-                {"type": "ineq", "fun": lambda y: np.log(level / np.linalg.norm(self.slopes[1] * np.exp(y)))}
-            )
+            rules.append({"type": "ineq", "fun": lambda y: np.log(level / np.linalg.norm(self.slopes[1] * np.exp(y)))})
         found = [
             minimize(lambda y: float(np.sum(1.0 + self.b / np.exp(y))), np.full(len(self.b), np.log(start)),
                      bounds=[(np.log(0.005), np.log(0.3))] * len(self.b), constraints=rules, method="SLSQP",

@@ -225,6 +225,8 @@ def test_contributions_without_derivatives_are_the_same() -> None:
         ("[rounding]\na_t = [5.0]\n", "rounding.a_t", "between 0.01 and 0.25"),
             ("[rounding]\nsteps = [5.0]\na_t = 0.1\n", "rounding.steps", "between 0.01 and 0.25 for b_t"),
         ("[rounding]\nsteps = 0.3\nb_t = 0.1\n", "rounding.steps", "a multiple between 0.01 and 0.25 for a_t"),
+        ("[rounding]\nsteps = [\"coarse\", -0.1]\n", "rounding.steps", "must hold values above 0, got -0.1"),
+        ("[rounding]\nsteps = [\"coarse\", -0.1]\n", "rounding.steps[0]", "must be a number"),
         ("[rounding]\nsteps = \"grade\"\n", "rounding.steps", "must be one of preferred, grades"),
         ("[rounding]\na_t = \"1 mm\"\n", "rounding.a_t", "a multiple between 0.01 and 0.25"),
         ("[rounding]\nc_t = 0.1\n", "rounding.c_t", "is fixed in this run"),
