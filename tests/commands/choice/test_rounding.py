@@ -225,8 +225,6 @@ def test_contributions_without_derivatives_are_the_same() -> None:
         ("[rounding]\na_t = [5.0]\n", "rounding.a_t", "between 0.01 and 0.25"),
             ("[rounding]\nsteps = [5.0]\na_t = 0.1\n", "rounding.steps", "between 0.01 and 0.25 for b_t"),
         ("[rounding]\nsteps = 0.3\nb_t = 0.1\n", "rounding.steps", "a multiple between 0.01 and 0.25 for a_t"),
-        ("[rounding]\nsteps = [\"coarse\", -0.1]\n", "rounding.steps", "must hold values above 0, got -0.1"),
-        ("[rounding]\nsteps = [\"coarse\", -0.1]\n", "rounding.steps[0]", "must be a number"),
         ("[rounding]\nsteps = \"grade\"\n", "rounding.steps", "must be one of preferred, grades"),
         ("[rounding]\na_t = \"1 mm\"\n", "rounding.a_t", "a multiple between 0.01 and 0.25"),
         ("[rounding]\nc_t = 0.1\n", "rounding.c_t", "is fixed in this run"),
@@ -239,6 +237,12 @@ def test_faults(parsed: Read, more: str, place: str, words: str) -> None:
     (fault,) = caught.value.faults
     assert fault.place == place
     assert words in fault.message
+
+
+def test_text_and_values_below_0_in_a_list_are_told_together(parsed: Read) -> None:
+    with pytest.raises(InputError) as caught:
+        parsed('[rounding]\nsteps = ["coarse", -0.1]\n')
+    assert [fault.place for fault in caught.value.faults] == ["rounding.steps[0]", "rounding.steps"]
 
 
 def test_steps_coarser_than_two_ranges_are_two_faults(parsed: Read) -> None:
