@@ -9,6 +9,8 @@ from scipy.special import ndtr
 
 import tolevo
 
+_minimize: Any = minimize  # its stubs do not know a list of rules
+
 OTHER_LAWS: list[dict[str, Any]] = [
     {},
     {"distribution": "uniform"},
@@ -66,21 +68,23 @@ class Case:
 
     def least_cost(self, level: float = np.inf) -> float:
         """By SLSQP of scipy on the bivariate normal law, with r1.variation of at most a level."""
-        rules = [{"type": "ineq", "fun": lambda y: np.log(0.01) - np.log(max(self.outside(np.exp(y)), 1e-12))}]
+        rules: list[dict[str, Any]] = [
+            {"type": "ineq", "fun": lambda y: np.log(0.01) - np.log(max(self.outside(np.exp(y)), 1e-12))}
+        ]
         if np.isfinite(level):
             rules.append({"type": "ineq", "fun": lambda y: np.log(level / np.linalg.norm(self.slopes[1] * np.exp(y)))})
         found = [
-            minimize(lambda y: float(np.sum(1.0 + self.b / np.exp(y))), np.full(len(self.b), np.log(start)),
+            _minimize(lambda y: float(np.sum(1.0 + self.b / np.exp(y))), np.full(len(self.b), np.log(start)),
                      bounds=[(np.log(0.005), np.log(0.3))] * len(self.b), constraints=rules, method="SLSQP",
                      options={"ftol": 1e-10, "maxiter": 300})
             for start in (0.05, 0.02)
         ]  # fmt: skip
-        return min(one.fun for one in found if all(rule["fun"](one.x) >= -1e-6 for rule in rules))
+        return float(min(one.fun for one in found if all(rule["fun"](one.x) >= -1e-6 for rule in rules)))
 
     def percent(self, front: Any, at: int, units: int = 1_000_000) -> float:
         """Percentage of other units within the limits."""
         rng, y = np.random.default_rng(1000 + self.seed), np.zeros((len(self.slopes), units))
-        mechanism = tolevo.read(self.source("cost")).plan().problem.measured[0].mechanism  # type: ignore[attr-defined]
+        mechanism = tolevo.read(self.source("cost")).plan().problem.measured[0].mechanism
         for part, owner in enumerate(mechanism.owner):
             z = mechanism.inputs[owner].quantile(rng.random(units))
             y += self.slopes[:, [part]] * float(front[f"p{part}_t"].iloc[at]) * z
