@@ -150,7 +150,7 @@ def feasible_afresh(
         if np.all(excess <= 0.0):
             accepted.append((max(over - HELD, 0.0), float(fresh[objective]), x))
         (values, violation), excess = branch.smooth.values(y), branch.smooth.constraints(excess)[0]
-        binding = len(moved) > 0 and np.abs(violation + moved) <= NEARLY
+        binding = len(moved) > 0 and violation + moved >= -NEARLY
         used_up = np.all(excess <= 0.0) and np.all(excess[binding] >= -2.0 * displacement[binding])
         if not left or (len(moved) and used_up and over <= HELD):
             break

@@ -90,9 +90,10 @@ class Exact(Solver):
                 run.choose(x)
                 run.evaluate(x)
             return
-        x = _improve_by_full_model(
-            run, form, exact_vectors(run.problem, form, points, partial(_report_optimum, run, form))
-        )
+        watch = partial(_report_optimum, run, form)
+        x = _front_by_full_model(run, form, points, watch)
+        if not len(x):
+            x = _improve_by_full_model(run, form, exact_vectors(run.problem, form, points, watch))
         if not len(x):
             return
         inexact = run.problem.n_obj == 1 and not form.exact and not form.tested
@@ -162,9 +163,17 @@ def closed_form(problem: ToleranceProblem) -> Form | None:
     return convex_pieces(restrict_form(form, used))
 
 
-def exact_vectors(problem: ToleranceProblem, form: Form, points: int, watch: Watch = ignore_progress) -> Array:
-    """Search vectors (k, variables) of the exact front, or of the one least cost."""
-    upper = _solved_limits(problem, form)
+def exact_vectors(
+    problem: ToleranceProblem,
+    form: Form,
+    points: int,
+    watch: Watch = ignore_progress,
+    within_limits: Array | None = None,
+) -> Array:
+    """Search vectors (k, variables) of the exact front, or of the one least cost, within upper limits (r,) of the form,
+    those of the problem if none are given.
+    """
+    upper = _solved_limits(problem, form) if within_limits is None else within_limits
     real = np.isfinite(upper)
     if np.any(np.abs(upper - tightest(form))[real] <= LIMIT_ROUNDING * np.abs(upper[real])):
         return _tightest_corner_design(problem, form, upper)
@@ -202,31 +211,71 @@ def _improve_by_full_model(run: Run, form: Form, x: Array) -> Array:
     Limits of a form that are moved by what it understates end near the optimum, at a place that
     depends on the way there. `x` is kept where nothing that keeps the limits is cheaper.
     """
+    if form.exact or has_only_point_ways(form) or run.problem.objectives != (run.problem.priced,) or len(x) != 1:
+        return x
+    if np.any(run.problem.tested(x)[1] > 0.0):
+        return x
+    return _cheapest_at_level(run.problem, x, np.full(1, np.inf))
+
+
+def _cheapest_at_level(problem: ToleranceProblem, x: Array, level: Array) -> Array:
+    """The cheapest design (1, variables) by SLSQP from each of `x` (k, variables), with the integers of that, or of `x`
+    itself, that keeps the limits and has objectives of at most `level` (m,); nothing where none does.
+    """
     from ..run import Run
     from .epsilon import scale_of
     from .local import Branch
 
-    problem = run.problem
-    if (
-        form.exact
-        or has_only_point_ways(form)
-        or problem.objectives != (problem.priced,)
-        or len(x) != 1
-        or problem.declaration.sampled
-    ):
-        return x
-    aside = Run(problem, Budget(), seed=0)
-    branch = Branch(aside, x[0], scale_of(problem))
-    if not branch.smooth.analytic or not branch.smooth.size or np.any(problem.tested(x)[1] > 0.0):
-        return x
-    first = branch.smooth.scaled(x)[0]
-    if branch.minimise(0, first, np.full(1, np.inf)) is None:
-        return x
-    steps = first + (1.0 - BACK)[:, None] * (branch.y[0] - first)
-    tried = branch.smooth.vectors(steps)
-    f, g = problem.tested(np.vstack([x, tried]))
-    better = np.all(g <= 0.0, axis=1) & (f[:, 0] <= f[0, 0])
-    return np.vstack([x, tried])[[int(np.argmin(np.where(better, f[:, 0], np.inf)))]]
+    objective, candidates = problem.objectives.index(problem.priced), [x]
+    for start in x if not problem.declaration.sampled else ():
+        branch = Branch(Run(problem.smooth(), Budget(), seed=0), start, scale_of(problem))
+        if not branch.smooth.analytic or not branch.smooth.size:
+            continue
+        first = branch.smooth.scaled(start[None, :])[0]
+        if branch.minimise(objective, first, level) is not None:
+            inner = first if np.all(problem.tested(start[None, :])[1] <= 0.0) else branch.tightest(first)
+            candidates.append(branch.smooth.vectors(inner + (1.0 - BACK)[:, None] * (branch.y[0] - inner)))
+    tried = np.vstack(candidates)
+    f, g = problem.tested(tried)
+    room = LIMIT_ROUNDING * np.abs(np.where(np.isfinite(level), level, 0.0))
+    kept = np.all(g <= 0.0, axis=1) & np.all(f <= level + room, axis=1)
+    best = np.argmin(np.where(kept, f[:, objective], np.inf))
+    return tried[[best]] if np.any(kept) else tried[:0]
+
+
+def _front_by_full_model(run: Run, form: Form, points: int, watch: Watch) -> Array:
+    """Search vectors (k, variables) of a front of which the form is only a bound: the points of the form's front,
+    and those that break a limit in the full model solved by SLSQP on that, at their values of the other objectives.
+
+    It ends at the least cost of the full model. Nothing where the full model has no derivatives.
+    """
+    problem, upper = run.problem, _solved_limits(run.problem, form)
+    swept = np.array([name in problem.objectives for name in form.outputs])
+    if form.exact or form.stands or problem.n_obj == 1 or not np.any(swept) or problem.declaration.sampled:
+        return np.empty((0, problem.n_var))
+    free = np.full(problem.n_obj, np.inf)
+    cheapest = _cheapest_design(problem, form, upper)
+    cheapest = _cheapest_at_level(problem, cheapest, free) if len(cheapest) else cheapest
+    if not len(cheapest):
+        return cheapest
+    names = {name for name, moves in zip(form.outputs, swept, strict=True) if moves}
+    if len(names) == 1:
+        designs = problem.complete(cheapest)
+        values = problem.form_values(form, designs, problem.needed_outputs(designs))[0]
+        upper = np.where(swept, np.minimum(upper, values), upper)
+    x = exact_vectors(problem, form, max(2, points - 1), watch, upper)
+    f, g = problem.tested(x)
+    most = upper_limit(problem, problem.priced)
+    solved, objective = [cheapest], problem.objectives.index(problem.priced)
+    for at, broken in enumerate(np.any(g > 0.0, axis=1)):
+        run.phase("points on the full model", EARLY * at / len(x))
+        if not broken:
+            solved.append(x[[at]])
+        elif f[at, objective] <= most:
+            level = f[at].copy()
+            level[objective] = np.inf
+            solved.append(_cheapest_at_level(problem, np.vstack([x[at], solved[-1]]), level))
+    return np.vstack(solved)
 
 
 def _cheapest_point_choice(problem: ToleranceProblem) -> Array:

@@ -569,7 +569,7 @@ class Sample:
         order = sorted(range(len(mechanism.owner)), key=lambda at: mechanism.names[at])
         kinds = [mechanism.inputs[mechanism.owner[at]] for at in order]
         correlation = mechanism.correlation
-        root = None if correlation is None else _root(correlation[np.ix_(order, order)])
+        root = None if correlation is None else root_of(correlation[np.ix_(order, order)])
         deviations = np.empty((REPLICATES, len(kinds), 2 ** power_of(samples)))
         # One replicate after the other: the points of all of them would double the memory.
         for replicate, uniform in zip(deviations, replicates(samples, len(kinds), rng), strict=True):
@@ -602,7 +602,7 @@ class Sample:
             yield chosen, np.stack(block, axis=1)
 
 
-def _root(correlation: Array) -> Array:
+def root_of(correlation: Array) -> Array:
     """L with L L' = correlation, also where it is singular."""
     values, vectors = np.linalg.eigh(correlation)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -142,7 +142,7 @@ def form_of(stack: Stack, gaussian: bool = False) -> Form | None:
     settled, correlation = _settled_parts(stack), _correlation(stack)
     kept = [at for at in range(len(parts)) if not settled[at]]
     within = correlation[np.ix_(kept, kept)]
-    left_out = _omitted_limits(stack, {row.output for row in rows})
+    left_out = _omitted_limits(stack, rows)
     independent = np.array_equal(within, np.eye(len(kept)))
     quantiles = tuple(quantile_of(row, kept, settled, t) for row in rows)
     rooted = [0.0 if row.probability else _square(row.spread, t, correlation, settled) for row in rows]
@@ -282,7 +282,8 @@ def _statement(stack: Stack, rows: list[Row], left_out: tuple[str, ...]) -> str:
         more += f"; each limit of {name} kept at the whole yield{', and two as if even about the mean' if even else ''}"
         more += ", which bounds all together"
     for measured in stack.measured:
-        if measured.name(YIELD) in left_out and isinstance(measured.law, str):
+        asked = {measured.name(YIELD), YIELD} if measured.mechanism.bounded else {measured.name(YIELD)}
+        if not asked.isdisjoint(left_out) and isinstance(measured.law, str):
             more += f" ({measured.law})"
     if stack.promises is not None and any(row.promised for row in rows):
         more += f"; promised: {stack.promises.promise.words()}, by normal processes as measured"
@@ -294,11 +295,13 @@ def _statement(stack: Stack, rows: list[Row], left_out: tuple[str, ...]) -> str:
     return f"least cost of the linearised stack ({methods}){more}"
 
 
-def _omitted_limits(stack: Stack, rows: set[str]) -> tuple[str, ...]:
-    """Limits that the form cannot keep: on other quantities, or from below."""
+def _omitted_limits(stack: Stack, rows: list[Row]) -> tuple[str, ...]:
+    """Limits that the form cannot keep: on other quantities, from below, or where some requirement has no row."""
+    with_row = {row.measured for row in rows if row.output == YIELD}
+    partial = {YIELD} if any(m.mechanism.bounded and m not in with_row for m in stack.measured) else set()
     tolerances = {f"{part.name}_t" for part in stack.definition.parts if not part.fixed}
     tested = _domains(stack)
-    known = {*rows, *stack.cost_names}
+    known = {*(row.output for row in rows), *stack.cost_names} - partial
     return tuple(
         limit.name
         for limit in stack.limits

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...models.cost_reading import Joint
 from ...models.stack.conditioned import Conditioned, condition_on_piece
+from ...models.stack.joint_normal import JointNormal, joint_normal
 from ...models.stack.mechanism import (
     SIGMAS,
     Sample,
@@ -24,7 +25,7 @@ from ...models.stack.mechanism import (
 )
 from ...section import Array, Integers, Kind, Output, Variable
 from ..limits import Limit
-from ..settings import Bound, Promise, Settings, VariableSetting
+from ..settings import YIELD, Bound, Promise, Settings, VariableSetting
 from .definition import Definition, Part, Requirement, Sorting
 from .matched import outputs_of_matching
 from .promises import WINDOW, Interval, Measured, promise_limits, promise_outputs
@@ -289,6 +290,8 @@ def _linear_outputs(stack: Stack, designs: Array, wanted: Collection[str]) -> di
                 outputs[measured.name("variation")] = distribution.half_width(t, coverage)
         else:
             outputs[measured.name("yield_percent")] = measured.linear_yield(t)
+    if YIELD in wanted and stack.yields.joint is not None:
+        outputs[YIELD] = stack.yields.joint.yield_percent(t)[0]
     if stack.promises is not None:
         outputs |= stack.promises.outputs(t, True, stack.required_outputs)
     return outputs | joint_variations(stack.measured, outputs)
@@ -385,7 +388,7 @@ class Yields:
     required_outputs: frozenset[str]
     smooth: bool = False
     _conditioned: dict[tuple[tuple[int, ...], bool], Conditioned | None] = field(default_factory=dict, init=False)
-    _samples: dict[int, Sample] = field(default_factory=dict, init=False)
+    _samples: dict[tuple[int, bool], Sample] = field(default_factory=dict, init=False)
 
     def __getstate__(self) -> dict[str, object]:
         """Everything but the samples, which another process draws again."""
@@ -452,6 +455,13 @@ class Yields:
         """Whether the variation of a requirement is the half-width of a sample."""
         return measured.requirement.method == "monte_carlo" and measured.distribution is None
 
+    @cached_property
+    def joint(self) -> JointNormal | None:
+        """The law of all requirements with limits together, where that is known and they are several."""
+        name, bounded = self._yields()[-1]
+        known = name == YIELD and len(bounded) > 1
+        return joint_normal([m.mechanism for m in bounded], [m.law for m in bounded]) if known else None
+
     @property
     def sampled(self) -> bool:
         """Whether a required output takes a sample."""
@@ -471,6 +481,8 @@ class Yields:
                 slopes[name] = np.where(np.isnan(slopes[name]), normal, slopes[name])
         for name, bounded in self._yields():
             if name not in self.required_outputs or (len(bounded) == 1 and bounded[0].distribution is not None):
+                continue
+            if len(bounded) > 1 and self.joint is not None:
                 continue
             if bounded:
                 slopes[name] = 100.0 * self._by_design(bounded, t, lambda c, row: c.within_slopes(row))
@@ -505,7 +517,7 @@ class Yields:
         if key not in self._conditioned:
             units = min(SEARCH_SAMPLES, self.settings.propagation.samples) // INTEGRATED[0]
             per_unit = INTEGRATED[1 if len(self.settings.objectives) == 1 else 2]
-            sample = self.drawn(units if searching else self.settings.propagation.samples // per_unit)
+            sample = self.drawn(units if searching else self.settings.propagation.samples // per_unit, searching)
             mechanisms = [measured.mechanism for measured in requirements]
             self._conditioned[key] = condition_on_piece(mechanisms, sample)
         return self._conditioned[key]
@@ -542,11 +554,15 @@ class Yields:
             whole, error = distribution.yield_percent(t)
             constant = bounded[0].linear.variance(t) == 0.0  # every unit is the mean, which may just keep a limit
             return {name: np.where(constant, 100.0 * bounded[0].means_kept(t), whole), names[1]: error}
+        if len(bounded) > 1 and self.joint is not None:
+            return dict(zip(names, self.joint.yield_percent(t), strict=True))
         estimates = np.full((2, len(t)), np.nan)
         if (integrated := self._estimate(bounded, searching)) is not None:
             for at in range(len(t)):
                 if (kept := integrated.within(t[at : at + 1])) is not None:
                     estimates[:, at] = 100.0 * kept.mean(), 100.0 * kept.std(ddof=1) / np.sqrt(len(kept))
+                    if np.any(kept == 1.0):  # too few units decide for a scatter
+                        estimates[1, at] = max(estimates[1, at], 100.0 / integrated.sample.size)
         missing = np.isnan(estimates[0])
         if not searching:
             counted = estimates[0] * (100.0 - estimates[0]) / self.settings.propagation.samples
@@ -583,12 +599,14 @@ class Yields:
     @property
     def searching(self) -> Sample:
         """The sample of a search."""
-        return self.drawn(SEARCH_SAMPLES)
+        return self.drawn(SEARCH_SAMPLES, searching=True)
 
-    def drawn(self, most: int) -> Sample:
-        """At most so many units, drawn once; fewer are the first ones of more."""
+    def drawn(self, most: int, searching: bool = False) -> Sample:
+        """At most so many units, drawn once; fewer are the first ones of more. Those of a search are others than those
+        of a report, which it is tested on.
+        """
         samples = min(most, self.settings.propagation.samples)
-        if samples not in self._samples:
-            rng = np.random.default_rng(self.settings.seed)
-            self._samples[samples] = Sample.draw(self.measured[0].mechanism, samples, rng)
-        return self._samples[samples]
+        if (samples, searching) not in self._samples:
+            rng = np.random.default_rng((self.settings.seed, 1) if searching else self.settings.seed)
+            self._samples[samples, searching] = Sample.draw(self.measured[0].mechanism, samples, rng)
+        return self._samples[samples, searching]

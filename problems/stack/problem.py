@@ -154,10 +154,11 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
         sentences += departures_from_normality(part.machines, f"part {part.name}")
     every = len(stack.definition.stated)  # a note on the first condition is one on all
     sentences += filter(None, [_ignored_means_note(stack, values) for values in stack.measured[:every]])
-    if YIELD in stack.required_outputs and len(stack.measured) > 1 and stack.definition.requirement.key:
+    together = sum(values.mechanism.bounded for values in stack.measured) > 1
+    if YIELD in stack.required_outputs and together and stack.yields.joint is None:
         sentences.append(
             f"{YIELD} is the share of the units of a sample that keep all requirements together; `exact` finds the "
-            "least cost by SLSQP on that sample"
+            "least cost by SLSQP on units of its own, and moves the limit until that sample keeps it"
         )
     if stack.declaration.objectives == stack.objectives == ("cost",) and stack.free and not stack.limits:
         sentences.append(
@@ -532,6 +533,8 @@ class Stack(ToleranceProblem):
         derivatives |= self.promises.slopes(t, self.required_outputs) if self.promises is not None else {}
         if all(requirement.name("variation") in values for requirement in self.measured):
             derivatives |= joint_slopes(self.measured, values, derivatives)
+        if YIELD in self.yields.required_outputs and self.yields.joint is not None:
+            derivatives[YIELD] = self.yields.joint.slopes(t)
         if not any(part.by_machine for part in self._parts):
             derivatives |= self.yields.slopes(t, coverage)
         derivatives = slopes_by_limit(self, designs, derivatives) | {"cost": self._by_part(designs, slope=True)}

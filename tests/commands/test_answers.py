@@ -218,6 +218,16 @@ def test_nothing_is_loosened_where_every_step_breaks_a_limit(name: str, tmp_path
     assert expected[name] in result.answers["loosen"]
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_it_is_told_that_steps_begin_at_values_that_the_drawing_does_not_have(seed: int) -> None:
+    result, _ = tried(random_stack(seed))
+    first = result.choices.iloc[0]
+    drawn = result.allocation[result.allocation["point"] == first["point"]]
+    pairs = zip(drawn["rounded"], (first[name] for name in drawn["variable"]), strict=True)
+    moved = any(a != b if isinstance(b, str) else not np.isclose(float(a), b, 1e-9, 0.0) for a, b in pairs)
+    assert ("These steps begin at the values before rounding." in first["loosen_first"]) == moved
+
+
 def test_a_lower_limit_is_lowered_and_what_it_saves_is_solved_again() -> None:
     """By the closed form: (least cost at 99.73 %) - (least cost at 99.703 %), by a run of each."""
     path = CASES / "loosen_first" / "end_play_yield_sign.toml"

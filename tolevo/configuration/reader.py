@@ -167,10 +167,11 @@ def _step(section: Section, key: str, variable: Variable) -> Step | None:
         return None
     if isinstance(value, list):
         numbers = section.numbers(key)
-        if numbers is not None and not numbers:
+        least = min(numbers or [one for one in value if isinstance(one, (int, float))], default=inf)
+        if not value:
             section.fault(key, "must hold at least one value")
-        elif numbers and variable.tolerance and min(numbers) <= 0.0:
-            section.fault(key, f"must hold values above 0, got {min(numbers):g}")
+        elif variable.tolerance and least <= 0.0:
+            section.fault(key, f"must hold values above 0, got {least:g}")
         else:
             return numbers
         return None

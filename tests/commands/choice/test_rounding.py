@@ -239,6 +239,12 @@ def test_faults(parsed: Read, more: str, place: str, words: str) -> None:
     assert words in fault.message
 
 
+def test_text_and_values_below_0_in_a_list_are_told_together(parsed: Read) -> None:
+    with pytest.raises(InputError) as caught:
+        parsed('[rounding]\nsteps = ["coarse", -0.1]\n')
+    assert [fault.place for fault in caught.value.faults] == ["rounding.steps[0]", "rounding.steps"]
+
+
 def test_steps_coarser_than_two_ranges_are_two_faults(parsed: Read) -> None:
     with pytest.raises(InputError) as caught:
         parsed("[rounding]\nsteps = [5.0, 10.0]\n")

@@ -90,6 +90,11 @@ def decide(
     )
 
 
+def _begun_at(rounded: Array, own: Array) -> str:
+    """Where the steps of an advice begin, if the drawing has other values than the design (all variables,) itself."""
+    return "" if np.allclose(rounded, own, 1e-9, 0.0) else " These steps begin at the values before rounding."
+
+
 def rounded_choice(problem: ToleranceProblem, task: RoundingTask) -> Rounded:
     """The design of a task with every value at one that can be ordered."""
     return round_design(problem, *task)
@@ -173,8 +178,11 @@ def _table(
             for at, point in enumerate(choices.values())
         ]
     table["loosen_first"] = [
-        advice(problem, steps, records[at]) if len(steps := tried[tried["point"] == point]) else ""
-        for at, point in enumerate(choices.values())
+        text + _begun_at(rounded[point].design, own)
+        if len(steps) and (text := advice(problem, steps, records[at]))
+        else ""
+        for at, (point, own) in enumerate(zip(choices.values(), designs_of(problem, selected), strict=True))
+        for steps in [tried[tried["point"] == point]]
     ]
     table["rounded_feasible"] = after["feasible"]
     table["rounded_violated_limits"] = broken
