@@ -71,8 +71,8 @@ def contradictory(bounds: Mapping[str, Bound], place: str = "limits") -> list[Fa
     return [
         Fault(
             f"{place}.{name}",
-            f"limits in all conditions and in this one contradict each other: at least {bound.low:g} and at most "
-            f"{bound.high:g}",
+            f"limits in all conditions and in {name.partition('.')[0]} contradict each other: at least {bound.low:g} "
+            f"and at most {bound.high:g}",
         )
         for name, bound in bounds.items()
         if bound.low > bound.high
@@ -471,9 +471,17 @@ class InConditions(ToleranceProblem):
             for note in problem.effect_notes()
         )
 
+    @cached_property
+    def _shown(self) -> int:
+        """The first condition that limits or minimises what units are shown by, the first of all without one."""
+        limit = self.plain.shown_limit()
+        asked = {name for name in (*self.settings.limits, *self.objectives) if limit}
+        own = [f"{name}.{limit[0]}" in asked for name in self.operating.names] if limit else []
+        return own.index(True) if True in own else 0
+
     def shown_limit(self) -> tuple[str, float] | None:
         limit = self.plain.shown_limit()
-        return None if limit is None else (f"{self.operating.names[0]}.{limit[0]}", limit[1])
+        return None if limit is None else (f"{self.operating.names[self._shown]}.{limit[0]}", limit[1])
 
     def sketch(self) -> dict[str, Any]:
         """That of the first condition."""
@@ -488,8 +496,8 @@ class InConditions(ToleranceProblem):
         return {**sketch, "parts": parts}
 
     def shown_units(self, design: Array) -> UnitsShown | None:
-        """Those of the first condition."""
-        return self.alone[0].shown_units(design)
+        """Those of the condition of `shown_limit`."""
+        return self.alone[self._shown].shown_units(design)
 
     def more_tables(self) -> dict[str, Any]:
         return {

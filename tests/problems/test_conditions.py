@@ -220,7 +220,7 @@ def test_conditions_without_a_limit_and_contradictory_limits_are_faults() -> Non
         "all conditions"
     ]
     faults = faults_of({**TWO, "limits": {"backlash_max_arcmin": {"min": 1.5}}})
-    assert [fault.split(": ")[0] for fault in faults] == ["limits.cold.backlash_max_arcmin"]
+    assert [fault.split(": ")[0] for fault in faults] == ["condition[0].limits.backlash_max_arcmin"]
     assert "contradict" in faults[0]
 
 
@@ -421,3 +421,12 @@ def test_the_drawing_of_an_arm_has_the_shares_of_the_first_condition() -> None:
     shares = [part["share"] for part in drawn(problem, front)["machine"]["parts"]]
     assert sum(shares) == pytest.approx(100.0, abs=0.1)
     assert {name for part in problem.sketch()["parts"] for name in part["shares"]} <= set(front)
+
+
+def test_units_are_shown_of_the_condition_that_limits_what_shows_them() -> None:
+    """Also where that condition is not the first; a limit of all conditions is at its own key."""
+    warm_first = problem_of({**TWO, "condition": [WARM, COLD]})
+    assert warm_first.shown_limit() == ("cold.backlash_max_arcmin", 1.0)
+    assert problem_of(TWO).shown_limit() == ("cold.backlash_max_arcmin", 1.0)
+    (fault,) = faults_of({**TWO, "limits": {"backlash_max_arcmin": 0.001}, "condition": [COLD, WARM]})
+    assert fault.startswith("limits.backlash_max_arcmin: at most 0.001 arcmin")

@@ -247,7 +247,14 @@ def read_table(
     """
     top = Section(table, "", faults)
     if "problem" in top or "model" not in top:
-        return _read_problem(top, faults, notes, folder, reachable)
+        try:
+            return _read_problem(top, faults, notes, folder, reachable)
+        except InputError as error:
+            if "condition" not in top:
+                raise
+            from .conditions import as_written
+
+            raise InputError(list(dict.fromkeys(as_written(fault, top) for fault in error.faults))) from None
     return _read_model(top, faults)
 
 
@@ -310,7 +317,7 @@ def _read_problem(
     robust = read_robust(top, declared)
     declared = with_columns(declared, cost_columns)
     settings = replace(
-        _settings(top, declared, model, notes),
+        _settings(top, declared, model, notes, reachable),
         seed=seed,
         effects=effects,
         zero=zero,
@@ -384,7 +391,9 @@ def _check_as_a_whole(problem: ToleranceProblem, choice: ChoiceSettings, algorit
     raise_all(contradictions(problem, algorithm) if reachable else [])
 
 
-def _settings(top: Section, declared: Declaration, model: ModelClass | None, notes: Sequence[str]) -> Settings:
+def _settings(
+    top: Section, declared: Declaration, model: ModelClass | None, notes: Sequence[str], reachable: bool
+) -> Settings:
     """The settings of a problem; parameters that only its model knows are accepted as well."""
     of_model = model.parameters if model else ()
     known = {p.name: p for p in (*of_model, *declared.parameters)}
@@ -407,13 +416,13 @@ def _settings(top: Section, declared: Declaration, model: ModelClass | None, not
         variables=variables,
         costs=costs,
         propagation=read_propagation(top.section("propagation")),
-        **_objectives_and_limits(top, declared),
+        **_objectives_and_limits(top, declared, reachable),
         money=money,
         notes=tuple(messages),
     )
 
 
-def _objectives_and_limits(top: Section, declared: Declaration) -> dict[str, Any]:
+def _objectives_and_limits(top: Section, declared: Declaration, reachable: bool) -> dict[str, Any]:
     """`objectives` and `limits` of a run, with `minimise` and `limits` of each condition among them."""
     objectives = read_objectives(top.section("objectives"), declared.outputs)
     limits = read_limits(top.section("limits"), declared.outputs, declared.variables)
@@ -435,7 +444,7 @@ def _objectives_and_limits(top: Section, declared: Declaration) -> dict[str, Any
     if sections:
         from .conditions import read_as_a_whole
 
-        limits = read_as_a_whole(top, sections, declared, objectives, limits)
+        limits = read_as_a_whole(top, sections, declared, objectives, limits, reachable)
     return {"objectives": objectives, "limits": limits}
 
 
