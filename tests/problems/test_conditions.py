@@ -430,3 +430,10 @@ def test_units_are_shown_of_the_condition_that_limits_what_shows_them() -> None:
     assert problem_of(TWO).shown_limit() == ("cold.backlash_max_arcmin", 1.0)
     (fault,) = faults_of({**TWO, "limits": {"backlash_max_arcmin": 0.001}, "condition": [COLD, WARM]})
     assert fault.startswith("limits.backlash_max_arcmin: at most 0.001 arcmin")
+
+
+def test_what_no_condition_changes_is_limited_in_the_limits_of_the_run() -> None:
+    limits = {"cost": 12.0, "pitch_um": 3.0, "backlash_max_arcmin": 1.0}
+    text = "is the same in all conditions: limit it in the run's own [limits]"
+    found = faults_of({**TWO, "condition": [{**COLD, "limits": limits}, WARM]})
+    assert sorted(found) == [f"condition[0].limits.{name}: {text}" for name in ("cost", "pitch_um")]

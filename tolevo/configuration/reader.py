@@ -427,6 +427,7 @@ def _objectives_and_limits(top: Section, declared: Declaration, reachable: bool)
     objectives = read_objectives(top.section("objectives"), declared.outputs)
     limits = read_limits(top.section("limits"), declared.outputs, declared.variables)
     sections: dict[str, Section] = {}
+    common = {one.name for one in (*declared.outputs, *declared.variables)}
     for section in top.items("condition") if declared.conditions else ():
         name = section.take("name")
         if name not in declared.conditions or name in sections:
@@ -437,7 +438,11 @@ def _objectives_and_limits(top: Section, declared: Declaration, reachable: bool)
         section.accept(section.all_keys())
         more = tuple(prefix + name for name in read_objectives(section, own, "an output of a condition"))
         objectives = (objectives or declared.objectives) + more if more else objectives
-        for name, bound in read_limits(section.section("limits"), own, ()).items():
+        table = section.section("limits")
+        for key in sorted(common.intersection(table.all_keys()).difference(o.name for o in own)):
+            table.take(key)
+            table.fault(key, "is the same in all conditions: limit it in the run's own [limits]")
+        for name, bound in read_limits(table, own, ()).items():
             if prefix + name in limits:
                 section.fault(f"limits.{name}", f"is given twice: here and as limits.{prefix}{name}")
             limits[prefix + name] = bound
