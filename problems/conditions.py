@@ -457,8 +457,11 @@ class InConditions(ToleranceProblem):
                 yield f"{text}, as disc and housing grow alike; state temperatures that differ, or {APART}"
 
     def validity(self) -> tuple[str, ...]:
-        texts = tuple(dict.fromkeys(text for problem in self.alone for text in problem.validity()))
-        return (*texts, "Units and errors of their parts are the same in all conditions.")
+        """Those of all conditions, and those of some with the names of these."""
+        each = dict(zip(self.operating.names, (problem.validity() for problem in self.alone), strict=True))
+        own = {text: [name for name, texts in each.items() if text in texts] for text in sum(each.values(), ())}
+        shared = (text if len(names) == len(each) else f"{', '.join(names)}: {text}" for text, names in own.items())
+        return (*shared, "Units and errors of their parts are the same in all conditions.")
 
     def counterparts(self) -> tuple[str, ...]:
         """What each effect that acts in all conditions does, in the last of them."""
@@ -511,7 +514,10 @@ class GreatestBound:
 
     def __init__(self, bounds: Mapping[str, CostBound]) -> None:
         self.bounds = {name: bound for name, bound in bounds.items() if not bound.missing}
-        self._missing = "; ".join(f"{name}: {bound.missing}" for name, bound in bounds.items())
+        why: dict[str, list[str]] = {}
+        for name, bound in bounds.items():
+            why.setdefault(bound.missing, []).append(name)
+        self._missing = "; ".join(f"{', '.join(names)}: {text}" for text, names in why.items())
 
     @property
     def missing(self) -> str:

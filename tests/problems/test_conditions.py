@@ -437,3 +437,16 @@ def test_what_no_condition_changes_is_limited_in_the_limits_of_the_run() -> None
     text = "is the same in all conditions: limit it in the run's own [limits]"
     found = faults_of({**TWO, "condition": [{**COLD, "limits": limits}, WARM]})
     assert sorted(found) == [f"condition[0].limits.{name}: {text}" for name in ("cost", "pitch_um")]
+
+
+def test_limits_of_validity_of_some_conditions_name_these() -> None:
+    """A run with a warm and a worn condition ended in "No temperature, no wear."."""
+    old = {"name": "old", "hours": 3000.0, "limits": {"lost_motion_arcmin": 2.0}}
+    problem = problem_of({**TWO, "parameters": {**SMALL, **WORN}, "condition": [COLD, WARM, old]})
+    texts = problem.validity()
+    assert not [text for text in texts if text.startswith(("No temperature", "No wear"))]
+    named = [text for text in texts if text.split(": ")[0] in ("cold", "warm", "old")]
+    assert {text.split(": ")[0] for text in named} == {"cold", "warm", "old"}
+    cool = problem_of({**TWO, "condition": [COLD, {**WARM, "temperature_difference_K": -1.0}]})
+    (note,) = cool.effect_notes()
+    assert "changes by +0.736 um against the discs" in note and "warmer" not in note
