@@ -427,7 +427,7 @@ def _objectives_and_limits(top: Section, declared: Declaration, reachable: bool)
     objectives = read_objectives(top.section("objectives"), declared.outputs)
     limits = read_limits(top.section("limits"), declared.outputs, declared.variables)
     sections: dict[str, Section] = {}
-    common = {one.name for one in (*declared.outputs, *declared.variables)}
+    common = {output.name for output in declared.outputs} | {variable.name for variable in declared.variables}
     for section in top.items("condition") if declared.conditions else ():
         name = section.take("name")
         if name not in declared.conditions or name in sections:
