@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -174,7 +175,7 @@ class Reducer:
         ratio = (3 * TEETH) / (3 * TEETH + 4)
         return Turn(ratio * (value[0] - value[1]), self._slopes(locals()))
 
-    def _slopes(self, at: Mapping[str, Array]) -> dict[str, Array]:
+    def _slopes(self, at: Mapping[str, Any]) -> dict[str, Array]:
         """Derivatives of y by the pins that touch."""
         z, total = self.z, {name: np.zeros(at["value"].shape[1:]) for name in (*ERRORS, "dr_rp", "dr_p")}
         unit, p = np.arange(at["count"])[None, :], np.arange(self.positions)[:, None]
@@ -241,7 +242,8 @@ class Reducer:
         warmer than the housing by so many kelvin, in new units. The radial gap is 0.03 mm at least.
         """
         count, b, k = len(ERRORS), *np.array(list(COSTS.values())).T
-        wider, known = -GROWTH_PER_K * warmer, {}
+        wider = -GROWTH_PER_K * warmer
+        known: dict[bytes, tuple[Array, Array]] = {}
 
         def design(x: Array) -> Array:
             return np.concatenate([np.exp(x[:count]), 10.0 * x[count:]])
@@ -272,8 +274,8 @@ class Reducer:
         best = np.inf, x
         for _ in range(3):
             bounds = [(v - 0.7, v + 0.7) for v in x[:count]] + [(v - 1.0, v + 1.0) for v in x[count:]]
-            found = minimize(cost, x, jac=True, method="SLSQP", bounds=bounds, constraints=rules,
-                             options={"maxiter": 40, "ftol": 1e-6})  # fmt: skip
+            given: Any = {"bounds": bounds, "constraints": rules, "options": {"maxiter": 40, "ftol": 1e-6}}
+            found: Any = minimize(lambda at: cost(at)[0], x, jac=lambda at: cost(at)[1], method="SLSQP", **given)
             x = found.x
             if limits(x)[0].min() > -1e-5:
                 if found.fun > best[0] * (1.0 - 1e-4):
