@@ -71,8 +71,8 @@ def contradictory(bounds: Mapping[str, Bound], place: str = "limits") -> list[Fa
     return [
         Fault(
             f"{place}.{name}",
-            f"limits in all conditions and in this one contradict each other: at least {bound.low:g} and at most "
-            f"{bound.high:g}",
+            f"limits in all conditions and in {name.partition('.')[0]} contradict each other: at least {bound.low:g} "
+            f"and at most {bound.high:g}",
         )
         for name, bound in bounds.items()
         if bound.low > bound.high
@@ -458,8 +458,11 @@ class InConditions(ToleranceProblem):
                 yield f"{text}, as disc and housing grow alike; state temperatures that differ, or {APART}"
 
     def validity(self) -> tuple[str, ...]:
-        texts = tuple(dict.fromkeys(text for problem in self.alone for text in problem.validity()))
-        return (*texts, "Units and errors of their parts are the same in all conditions.")
+        """Those of all conditions, and those of some with the names of these."""
+        each = dict(zip(self.operating.names, (problem.validity() for problem in self.alone), strict=True))
+        own = {text: [name for name, texts in each.items() if text in texts] for text in sum(each.values(), ())}
+        shared = (text if len(names) == len(each) else f"{', '.join(names)}: {text}" for text, names in own.items())
+        return (*shared, "Units and errors of their parts are the same in all conditions.")
 
     def counterparts(self) -> tuple[str, ...]:
         """What each effect that acts in all conditions does, in the last of them."""
@@ -472,9 +475,17 @@ class InConditions(ToleranceProblem):
             for note in problem.effect_notes()
         )
 
+    @cached_property
+    def _shown(self) -> int:
+        """The first condition that limits or minimises what units are shown by, the first of all without one."""
+        limit = self.plain.shown_limit()
+        asked = {name for name in (*self.settings.limits, *self.objectives) if limit}
+        own = [f"{name}.{limit[0]}" in asked for name in self.operating.names] if limit else []
+        return own.index(True) if True in own else 0
+
     def shown_limit(self) -> tuple[str, float] | None:
         limit = self.plain.shown_limit()
-        return None if limit is None else (f"{self.operating.names[0]}.{limit[0]}", limit[1])
+        return None if limit is None else (f"{self.operating.names[self._shown]}.{limit[0]}", limit[1])
 
     def sketch(self) -> dict[str, Any]:
         """That of the first condition."""
@@ -489,8 +500,8 @@ class InConditions(ToleranceProblem):
         return {**sketch, "parts": parts}
 
     def shown_units(self, design: Array) -> UnitsShown | None:
-        """Those of the first condition."""
-        return self.alone[0].shown_units(design)
+        """Those of the condition of `shown_limit`."""
+        return self.alone[self._shown].shown_units(design)
 
     def more_tables(self) -> dict[str, Any]:
         return {
@@ -504,7 +515,10 @@ class GreatestBound:
 
     def __init__(self, bounds: Mapping[str, CostBound]) -> None:
         self.bounds = {name: bound for name, bound in bounds.items() if not bound.missing}
-        self._missing = "; ".join(f"{name}: {bound.missing}" for name, bound in bounds.items())
+        why: dict[str, list[str]] = {}
+        for name, bound in bounds.items():
+            why.setdefault(bound.missing, []).append(name)
+        self._missing = "; ".join(f"{', '.join(names)}: {text}" for text, names in why.items())
 
     @property
     def missing(self) -> str:

@@ -103,7 +103,7 @@ def _wear(values: Mapping[str, float], model: BacklashModel) -> Change:
 COUNTERPARTS: Mapping[str, tuple[Callable[[Mapping[str, float], BacklashModel], Change], str]] = {
     "differential_thermal_expansion": (
         _expansion,
-        "the warmer disc fills the pin circle: phi_2 changes by {cycloid:+.4g} arcmin",
+        "discs and housing differ in temperature: phi_2 changes by {cycloid:+.4g} arcmin",
     ),
     "process_mean_shift": (_shift, "every unit's backlash changes by {effective:+.4g} arcmin"),
     "spread_inflation": (_inflation, "the backlash scatters {growth:.4g} % more about its mean"),

@@ -103,7 +103,8 @@ _IN_BEARINGS = "every crank bearing has {bearing:.4g} um more clearance inside t
 COUNTERPARTS: Mapping[str, tuple[Callable[[Mapping[str, float], ContactGeometry], Change], str]] = {
     "differential_thermal_expansion": (
         _expansion,
-        "the warmer disc fills the pin circle: it grows by {circle:+.4g} um more than the discs",
+        "discs and housing differ in temperature: the radius of the pin circle changes by {circle:+.4g} um against "
+        "the discs",
     ),
     "process_mean_shift": (
         _shift,

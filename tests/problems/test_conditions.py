@@ -220,7 +220,7 @@ def test_conditions_without_a_limit_and_contradictory_limits_are_faults() -> Non
         "all conditions"
     ]
     faults = faults_of({**TWO, "limits": {"backlash_max_arcmin": {"min": 1.5}}})
-    assert [fault.split(": ")[0] for fault in faults] == ["limits.cold.backlash_max_arcmin"]
+    assert [fault.split(": ")[0] for fault in faults] == ["condition[0].limits.backlash_max_arcmin"]
     assert "contradict" in faults[0]
 
 
@@ -421,3 +421,32 @@ def test_the_drawing_of_an_arm_has_the_shares_of_the_first_condition() -> None:
     shares = [part["share"] for part in drawn(problem, front)["machine"]["parts"]]
     assert sum(shares) == pytest.approx(100.0, abs=0.1)
     assert {name for part in problem.sketch()["parts"] for name in part["shares"]} <= set(front)
+
+
+def test_units_are_shown_of_the_condition_that_limits_what_shows_them() -> None:
+    """Also where that condition is not the first; a limit of all conditions is at its own key."""
+    warm_first = problem_of({**TWO, "condition": [WARM, COLD]})
+    assert warm_first.shown_limit() == ("cold.backlash_max_arcmin", 1.0)
+    assert problem_of(TWO).shown_limit() == ("cold.backlash_max_arcmin", 1.0)
+    (fault,) = faults_of({**TWO, "limits": {"backlash_max_arcmin": 0.001}, "condition": [COLD, WARM]})
+    assert fault.startswith("limits.backlash_max_arcmin: at most 0.001 arcmin")
+
+
+def test_what_no_condition_changes_is_limited_in_the_limits_of_the_run() -> None:
+    limits = {"cost": 12.0, "pitch_um": 3.0, "backlash_max_arcmin": 1.0}
+    text = "is the same in all conditions: limit it in the run's own [limits]"
+    found = faults_of({**TWO, "condition": [{**COLD, "limits": limits}, WARM]})
+    assert sorted(found) == [f"condition[0].limits.{name}: {text}" for name in ("cost", "pitch_um")]
+
+
+def test_limits_of_validity_of_some_conditions_name_these() -> None:
+    """A run with a warm and a worn condition ended in "No temperature, no wear."."""
+    old = {"name": "old", "hours": 3000.0, "limits": {"lost_motion_arcmin": 2.0}}
+    problem = problem_of({**TWO, "parameters": {**SMALL, **WORN}, "condition": [COLD, WARM, old]})
+    texts = problem.validity()
+    assert not [text for text in texts if text.startswith(("No temperature", "No wear"))]
+    named = [text for text in texts if text.split(": ")[0] in ("cold", "warm", "old")]
+    assert {text.split(": ")[0] for text in named} == {"cold", "warm", "old"}
+    cool = problem_of({**TWO, "condition": [COLD, {**WARM, "temperature_difference_K": -1.0}]})
+    (note,) = cool.effect_notes()
+    assert "changes by +0.736 um against the discs" in note and "warmer" not in note

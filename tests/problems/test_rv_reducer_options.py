@@ -251,7 +251,7 @@ def test_white_pitch_errors_move_the_cost_as_the_note_says() -> None:
     limits = {name: Bound(high=value) for name, value in LIMITS.items()}
 
     def cost(**spectrum: Value) -> float:
-        given = {"search_units": 8192, "search_positions": 61, "report_units": 64, "involute_cosine": False, **spectrum}
+        given = {"search_units": 8192, "report_units": 8192, "involute_cosine": False, **spectrum}
         problem = RvReducer(Settings(given, fixed, objectives=("cost",), limits=limits, seed=1))
         return float(problem.cost_of(problem.complete(search(problem, Exact(), Budget(), 1).chosen))[0])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -297,7 +298,7 @@ def test_conditions_limits_and_parts_that_do_not_mate_are_refused_at_once() -> N
         "matched[0].classes",
         "matched[0].parts",
         "condition[2].limits.std.min",
-        "limits.cold.variation",
+        "condition[0].limits.variation",
     ]
     assert "do not mate" in found[3]
     assert faults(limits={"cold": {"std": 0.01}, "room": {"std": 0.01}}) == [
@@ -320,3 +321,12 @@ def test_an_output_without_its_condition_cannot_be_minimised() -> None:
     assert faults(condition=conditions, limits={"warm": {"std": 0.02}}) == [
         "condition[0].limits.std: is given twice: here and as limits.warm.std"
     ]
+
+
+def test_a_sheet_needs_no_limit_in_conditions_where_others_have_some(tmp_path: Path) -> None:
+    """`run` refuses an idle condition; `analyse` shows it beside those that are limited."""
+    table = configuration(limits={"cold": {"std": 0.01}, "room": {"std": 0.01}})
+    rows = tolevo.analyse(table, tmp_path / "sheet").requirements
+    assert rows["requirement"].str.contains("warm").any()
+    with pytest.raises(InputError, match="warm has no limit"):
+        tolevo.run(table, tmp_path / "run")

@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import inf
 from typing import Any
 
 from .. import registry
-from ..errors import nearest
+from ..errors import Fault, nearest
 from ..models.effects.measurements import Active
 from ..problems.conditions import (
     APART,
@@ -73,9 +74,11 @@ def read_as_a_whole(
     declared: Declaration,
     objectives: Sequence[str],
     limits: Mapping[str, Bound],
+    searched: bool,
 ) -> dict[str, Bound]:
     """The limits of a run that do not contradict those in conditions, whose tables are `sections`; a fault for
-    each that does, and for each condition that no limit, of the choice neither, and no objective belongs to.
+    each that does, and, where designs are `searched`, for each condition that no limit, of the choice neither, and no
+    objective belongs to.
     """
     outputs = {output.name for output in declared.outputs}
     plain = {output.partition(".")[2] for output in outputs if output.partition(".")[0] in sections} & outputs
@@ -85,7 +88,7 @@ def read_as_a_whole(
     misread = any(fault.place.startswith(("limits", "objectives", "promise")) for fault in top.faults)
     limited = {name.partition(".")[0] for name in limits}
     listed = "condition" in declared.tables and limited.isdisjoint(sections)  # the sheet of a stack, not a search
-    if not (misread or listed or "promise" in top or plain.intersection(asked)):
+    if searched and not (misread or listed or "promise" in top or plain.intersection(asked)):
         chosen = top.section("choice").take("limits")
         asked += flat(chosen) if isinstance(chosen, dict) else {}
         held = {name.partition(".")[0] for name in asked}
@@ -96,6 +99,25 @@ def read_as_a_whole(
     for fault in wrong:
         top.fault(fault.place, fault.message)
     return {name: bound for name, bound in limits.items() if f"limits.{name}" not in {fault.place for fault in wrong}}
+
+
+def as_written(fault: Fault, top: Section) -> Fault:
+    """The fault of a limit in a condition at the key that states it, the tighter one of two."""
+    condition, _, output = fault.place.removeprefix("limits.").partition(".")
+    own = next((section for section in top.items("condition") if section.take("name") == condition), None)
+    if not fault.place.startswith("limits.") or not output or own is None:
+        return fault
+    tables = {"limits": top.take("limits"), f"{own.place()}.limits": own.take("limits")}
+    found = {place: flat(table) for place, table in tables.items() if isinstance(table, dict)}
+    keys = {f"{place}.{key}": value for place, values in found.items() for key, value in values.items()}
+
+    def most(place: str) -> float:
+        value = keys.get(place, keys.get(f"{place}.max"))
+        return float(value) if isinstance(value, int | float) else inf
+
+    places = (fault.place, f"{own.place()}.limits.{output}", f"limits.{output}")
+    written = [place for place in places if any(f"{key}.".startswith(f"{place}.") for key in keys)]
+    return replace(fault, place=min(written, key=most, default=fault.place))
 
 
 def _condition(section: Section, plain: Declaration, known: Mapping[str, Any], taken: list[str]) -> Condition | None:

@@ -248,7 +248,14 @@ def read_table(
     """
     top = Section(table, "", faults)
     if "problem" in top or "model" not in top:
-        return _read_problem(top, faults, notes, folder, reachable)
+        try:
+            return _read_problem(top, faults, notes, folder, reachable)
+        except InputError as error:
+            if "condition" not in top:
+                raise
+            from .conditions import as_written
+
+            raise InputError(list(dict.fromkeys(as_written(fault, top) for fault in error.faults))) from None
     return _read_model(top, faults)
 
 
@@ -311,7 +318,7 @@ def _read_problem(
     robust = read_robust(top, declared)
     declared = with_columns(declared, cost_columns)
     settings = replace(
-        _settings(top, declared, model, notes),
+        _settings(top, declared, model, notes, reachable),
         seed=seed,
         effects=effects,
         zero=zero,
@@ -385,7 +392,9 @@ def _check_as_a_whole(problem: ToleranceProblem, choice: ChoiceSettings, algorit
     raise_all(contradictions(problem, algorithm) if reachable else [])
 
 
-def _settings(top: Section, declared: Declaration, model: ModelClass | None, notes: Sequence[str]) -> Settings:
+def _settings(
+    top: Section, declared: Declaration, model: ModelClass | None, notes: Sequence[str], reachable: bool
+) -> Settings:
     """The settings of a problem; parameters that only its model knows are accepted as well."""
     of_model = model.parameters if model else ()
     known = {p.name: p for p in (*of_model, *declared.parameters)}
@@ -408,17 +417,18 @@ def _settings(top: Section, declared: Declaration, model: ModelClass | None, not
         variables=variables,
         costs=costs,
         propagation=read_propagation(top.section("propagation")),
-        **_objectives_and_limits(top, declared),
+        **_objectives_and_limits(top, declared, reachable),
         money=money,
         notes=tuple(messages),
     )
 
 
-def _objectives_and_limits(top: Section, declared: Declaration) -> dict[str, Any]:
+def _objectives_and_limits(top: Section, declared: Declaration, reachable: bool) -> dict[str, Any]:
     """`objectives` and `limits` of a run, with `minimise` and `limits` of each condition among them."""
     objectives = read_objectives(top.section("objectives"), declared.outputs)
     limits = read_limits(top.section("limits"), declared.outputs, declared.variables)
     sections: dict[str, Section] = {}
+    common = {output.name for output in declared.outputs} | {variable.name for variable in declared.variables}
     for section in top.items("condition") if declared.conditions else ():
         name = section.take("name")
         if name not in declared.conditions or name in sections:
@@ -429,14 +439,18 @@ def _objectives_and_limits(top: Section, declared: Declaration) -> dict[str, Any
         section.accept(section.all_keys())
         more = tuple(prefix + name for name in read_objectives(section, own, "an output of a condition"))
         objectives = (objectives or declared.objectives) + more if more else objectives
-        for name, bound in read_limits(section.section("limits"), own, ()).items():
+        table = section.section("limits")
+        for key in sorted(common.intersection(table.all_keys()).difference(o.name for o in own)):
+            table.take(key)
+            table.fault(key, "is the same in all conditions: limit it in the run's own [limits]")
+        for name, bound in read_limits(table, own, ()).items():
             if prefix + name in limits:
                 section.fault(f"limits.{name}", f"is given twice: here and as limits.{prefix}{name}")
             limits[prefix + name] = bound
     if sections:
         from .conditions import read_as_a_whole
 
-        limits = read_as_a_whole(top, sections, declared, objectives, limits)
+        limits = read_as_a_whole(top, sections, declared, objectives, limits, reachable)
     return {"objectives": objectives, "limits": limits}
 
 
