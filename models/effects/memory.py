@@ -249,12 +249,14 @@ class DoubleLoadCreep(LoadCreep):
     formula = "a u1 + b u2, du_i/dt = (T - u_i)/t_i"
     mistaken_for = ("load_creep", "creep", "delay", "torsional_compliance")
     together = 2
+    reach = "fast_time"  # at its least the fast part follows the load at once: a compliance
     stems: ClassVar[Mapping[str, str]] = {"fast_time": "t1, of the fast part", "slow_time": "t2, of the slow part"}
 
 
-COARSE, FIRST, FEWEST, KEPT = 100, 128, 32, 16
+COARSE, FIRST, FEWEST, KEPT, FINEST = 100, 128, 32, 16, 1.0 / 128.0
 """Points of a grid of each of two numbers; the part of the rows it is searched in first, as a divisor, and how many at
-least; and around how many of its points the search goes on.
+least; around how many sets of its points that jump in the same rows the search goes on, and until which fraction of
+the first spacing.
 """
 SHOWN = 0.5
 """Fraction of the squares left by a play that does not stick, under which jumps are there: of noise, and of a smooth
@@ -287,7 +289,7 @@ class BacklashStickSlip(Memory, OneColumn):
 
     def read_from(self, gap: Array, measurements: Measurements, target: Target) -> dict[str, float]:
         """The play and the wind-up whose jumps are where those of a gap are: searched on a coarse grid in its first
-        rows, then closer by in twice as many, until all are in it, since a jump depends on all before.
+        rows, and closer by, in twice as many rows at a time, since a jump depends on all before.
         """
         from .memory_kernel import stick_slip  # imports numba
 
@@ -295,6 +297,7 @@ class BacklashStickSlip(Memory, OneColumn):
         y, numbers = gap[order], self.shape_parameters(target)
         low, high = np.log([(number.low, number.high) for number in numbers]).T
         spacing, rows = (high - low) / (COARSE - 1), min(max(len(y) // FIRST, FEWEST), len(y))
+        finest = FINEST * spacing
 
         def left(points: Array, rows: int) -> Array:
             """Fraction of the squares of the first rows that each point leaves."""
@@ -305,17 +308,21 @@ class BacklashStickSlip(Memory, OneColumn):
                 fractions[k] = 1.0 - (off @ of) ** 2 / max(float(off @ off) * float(of @ of), np.finfo(float).tiny)
             return fractions
 
-        points = low + spacing * _pairs(np.arange(COARSE))
-        play = float(left(points[::COARSE], len(y)).min())
+        grid = points = low + spacing * _pairs(np.arange(COARSE))
+        play = float(left(grid[::COARSE], len(y)).min())
         while True:
             fractions = left(points, rows)
-            best = points[np.argsort(fractions, kind="stable")[:KEPT]]
-            if rows == len(y):
-                values = np.exp(best[0]).tolist()
+            levels, which = np.unique(np.round(fractions, 9), return_inverse=True)
+            if rows == len(y) and (spacing <= finest).all():
+                values = np.exp(points[int(np.argmin(fractions))]).tolist()
                 shown = float(fractions.min()) < SHOWN * play
                 return dict(zip((number.name for number in numbers), values, strict=True)) if shown else {}
+            around = [] if rows == len(y) else [grid]
+            for tied in (points[which == k] for k in range(min(KEPT, len(levels)))):
+                half = np.maximum(0.5 * np.ptp(tied, axis=0), spacing)  # what the rows do not tell apart stays as wide
+                around += [tied[:1], tied.mean(axis=0) + 0.5 * half * _pairs(np.arange(-2, 3))]
+            points = np.clip(np.concatenate(around), low, high)
             spacing, rows = 0.5 * spacing, min(2 * rows, len(y))
-            points = np.clip((best[:, None] + spacing * _pairs(np.arange(-2, 3))).reshape(-1, 2), low, high)
 
     def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         from .memory_kernel import stick_slip  # imports numba

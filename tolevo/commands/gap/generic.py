@@ -26,7 +26,7 @@ from ...section import Array
 from ...units import converted
 from .data import GapData
 from .fit import Fitter, Member, is_term
-from .library import Candidate
+from .library import Candidate, highest_order
 from .linear import Groups, basis, project_out
 
 HIGHEST = 130.0
@@ -298,7 +298,7 @@ def order_grid(data: GapData) -> Array:
     highest = OVER_A_WORKSPACE if Role.POSITION in data.measurements else HIGHEST
     if data.target.gear is not None:
         highest = min(max(highest, data.target.gear.waves[-1] + ORDERS_BEYOND_GEAR), MAX_ORDER)
-    return np.arange(max(0.25, least), highest + 0.1, 0.25)
+    return np.arange(max(0.25, least), min(highest, highest_order(data)) + 0.1, 0.25)
 
 
 def _orders(data: GapData) -> list[tuple[Form, Array]]:
@@ -387,7 +387,7 @@ def term_of(form: Form, data: GapData, output: str) -> Term | None:
     columns = {c.name: c for c in data.inputs}
     turns = form.direction == "odd"
     if form.kind == "direction":
-        name = next(c.name for c in data.inputs if c.role is Role.DIRECTION)
+        name = next(c.name for role in (Role.DIRECTION, Role.SPEED) for c in data.inputs if c.role is role)
         return Term(output, name, "constant", turns=True)
     if form.shape == LEVELS and not data.target.population:
         labels, _ = labels_of(data.measurements.table[form.variable])

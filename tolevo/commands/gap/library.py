@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from itertools import product
-from math import log
+from math import inf, log, pi, tau
 from types import MappingProxyType
 from typing import Any
 
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ... import registry
 from ...journal import recall_columns
 from ...models.effects import Effect, EffectParameter, Target
+from ...models.effects.angle import GearOrder
 from ...models.effects.effect import Action, InsideSeveral, Measurements
 from ...models.effects.measurements import (
     Active,
@@ -160,6 +161,10 @@ LINEAR_STEP = 0.05
 """A change of an internal quantity, in its unit, at which the outputs are still linear."""
 STILL = 1e-6
 """[rad] Range of an angle that did not change."""
+WHOLE_TURN = 0.95 * tau
+"""[rad] Range of an angle over which whole orders that follow each other are different waves."""
+IN_STEP = 0.7
+"""Mean of the wave whose length is one step of the angle, from which the rows are in equal steps."""
 NO_TRACE = "the data contain no trace of it"
 LEAST_UNITS = 3
 """Units of a lot from which its separate offset can be estimated."""
@@ -354,13 +359,16 @@ def candidates(names: Iterable[str], data: GapData, own: Iterable[Effect] = ()) 
     """The effects of these names, and of the user's own, that apply to the model and the columns of the data."""
     applicable = []
     for effect in (*(registry.load("effects", name)() for name in names), *own):
-        applies = effect.applies(data.target) and not _at_one_angle(effect, data)
+        applies = effect.applies(data.target) and not _too_few_waves(effect, data)
         known = effect.shown(data.measured, data.target) if applies else None
         if known is not None:
             numbers = effect.parameters(data.target)
             linear = tuple(p for p in numbers if p.linear)
             fixed = {name: (value,) for name, value in known.items()}
             shape = tuple(replace(p, choices=fixed.get(p.name, p.choices)) for p in numbers if not p.linear)
+            if data.target.gear is None and isinstance(effect, GearOrder):
+                most = highest_order(data)
+                shape = tuple(replace(p, choices=tuple(k for k in p.choices if k <= most)) for p in shape)
             candidate = Candidate(effect, linear, shape, _lacks_variable(effect, data))
             applicable.append(replace(candidate, on_scatter=_changes_scatter(candidate, data)))
     return applicable
@@ -401,8 +409,8 @@ def _reason(effect: Effect, data: GapData) -> str:
     """The reason why an effect is no candidate, empty where it is a candidate."""
     if why := effect.left_out(data.target):
         return why
-    if _at_one_angle(effect, data):
-        return "fewer than half a wave over the angle"
+    if few := _too_few_waves(effect, data):
+        return few
     return NO_TRACE if effect.shown(data.measured, data.target) is None else ""
 
 
@@ -416,15 +424,25 @@ def _matters(effect: Effect, why: str, data: GapData) -> bool:
     return data.target.model == "table"
 
 
-def _at_one_angle(effect: Effect, data: GapData) -> bool:
-    """Whether the rows hold a single angle, or less than half a wave of an order of an effect: its waves
-    then fit any offset or slope.
+def _too_few_waves(effect: Effect, data: GapData) -> str:
+    """Why the rows hold too few waves of an effect over the angle: of a single angle, or of less than half a wave,
+    they fit any offset or slope; empty where they hold enough.
     """
     if Role.ANGLE not in effect.needs or Role.ANGLE not in data.measurements:
-        return False
+        return ""
     reach = float(np.ptp(np.asarray(data.measurements[Role.ANGLE], dtype=float)))
     orders = effect.orders_of(data.target) if isinstance(effect, Orders) else ()
-    return reach < STILL or bool(orders and min(orders) * reach < np.pi)
+    if data.target.gear is None and isinstance(effect, GearOrder) and (reach < WHOLE_TURN or highest_order(data) < 3.0):
+        return "no whole turn tells whole orders apart"
+    return "fewer than half a wave over the angle" if reach < STILL or min(orders, default=inf) * reach < pi else ""
+
+
+def highest_order(data: GapData) -> float:
+    """The highest order whose waves are no others of rows in equal steps of the angle: half of the rows per turn."""
+    angle = np.asarray(data.measurements[Role.ANGLE], dtype=float)
+    places = np.unique(np.round(angle / max(float(np.ptp(angle)), STILL), 9)) * float(np.ptp(angle))
+    per_turn = tau / max(float(np.median(np.diff(places))), STILL) if len(places) > 1 else 0.0
+    return 0.5 * per_turn if abs(np.mean(np.exp(1j * per_turn * angle))) > IN_STEP else inf
 
 
 def _lacks_variable(effect: Effect, data: GapData) -> bool:
@@ -475,7 +493,7 @@ def grid(candidate: Candidate, spread: float) -> list[dict[str, float]]:
     """
     free = sum(not parameter.choices for parameter in candidate.shape)
     coarse = FEW if free > 2 else 6
-    axes = [_axis(parameter, spread, len(candidate.shape), coarse) for parameter in candidate.shape]
+    axes = [_axis(parameter, spread, free, coarse) for parameter in candidate.shape]
     while np.prod([len(axis) for axis in axes]) > MAX_GRID_POINTS:
         longest = max(range(len(axes)), key=lambda k: len(axes[k]))
         axes[longest] = axes[longest][::2]
@@ -483,11 +501,11 @@ def grid(candidate: Candidate, spread: float) -> list[dict[str, float]]:
     return [dict(zip(names, point, strict=True)) for point in product(*axes)]
 
 
-def _axis(parameter: EffectParameter, spread: float, dimensions: int, coarse: int) -> list[float]:
+def _axis(parameter: EffectParameter, spread: float, free: int, coarse: int) -> list[float]:
     if parameter.choices:
         return list(parameter.choices)
     low, high = parameter.low, parameter.high
-    count = 15 if dimensions == 1 else 24 if parameter.phase or parameter.unit == "Hz" else coarse
+    count = 15 if free == 1 else 24 if parameter.phase or parameter.unit == "Hz" else coarse
     if parameter.phase:
         return [float(x) for x in np.linspace(low, high, count, endpoint=False)]
     if np.isfinite(high) and low == -high and parameter.unit == "s":  # a delay of either sign
