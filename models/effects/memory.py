@@ -253,10 +253,10 @@ class DoubleLoadCreep(LoadCreep):
     stems: ClassVar[Mapping[str, str]] = {"fast_time": "t1, of the fast part", "slow_time": "t2, of the slow part"}
 
 
-COARSE, FIRST, FEWEST, KEPT, FINEST = 100, 128, 32, 16, 1.0 / 128.0
+COARSE, FIRST, FEWEST, KEPT, CLOSER = 200, 128, 32, 60, 7
 """Points of a grid of each of two numbers; the part of the rows it is searched in first, as a divisor, and how many at
-least; around how many sets of its points that jump in the same rows the search goes on, and until which fraction of
-the first spacing.
+least; around how many sets of points that jump in the same rows the search goes on, and how often in all rows, half as
+far from each other at a time.
 """
 SHOWN = 0.5
 """Fraction of the squares left by a play that does not stick, under which jumps are there: of noise, and of a smooth
@@ -291,38 +291,35 @@ class BacklashStickSlip(Memory, OneColumn):
         """The play and the wind-up whose jumps are where those of a gap are: searched on a coarse grid in its first
         rows, and closer by, in twice as many rows at a time, since a jump depends on all before.
         """
-        from .memory_kernel import stick_slip  # imports numba
+        from .memory_kernel import left_by_stick_slip  # imports numba
 
         order, x, starts = self.path(measurements, target)
         y, numbers = gap[order], self.shape_parameters(target)
         low, high = np.log([(number.low, number.high) for number in numbers]).T
         spacing, rows = (high - low) / (COARSE - 1), min(max(len(y) // FIRST, FEWEST), len(y))
-        finest = FINEST * spacing
 
         def left(points: Array, rows: int) -> Array:
             """Fraction of the squares of the first rows that each point leaves."""
-            fractions, of = np.empty(len(points)), y[:rows] - y[:rows].mean()
-            for k, (width, breakaway) in enumerate(np.exp(points).tolist()):
-                off = stick_slip(x[:rows], starts[:rows], width, breakaway)
-                off = off - off.mean()
-                fractions[k] = 1.0 - (off @ of) ** 2 / max(float(off @ off) * float(of @ of), np.finfo(float).tiny)
-            return fractions
+            return np.asarray(left_by_stick_slip(x[:rows], starts[:rows], np.exp(points), y[:rows]))
 
         grid = points = low + spacing * _pairs(np.arange(COARSE))
-        play = float(left(grid[::COARSE], len(y)).min())
+        whole = apart = np.broadcast_to(spacing, grid.shape)  # by how much points are apart from their neighbours
+        play, closer = float(left(grid[::COARSE], len(y)).min()), 0
         while True:
             fractions = left(points, rows)
-            levels, which = np.unique(np.round(fractions, 9), return_inverse=True)
-            if rows == len(y) and (spacing <= finest).all():
+            closer += rows == len(y)
+            if closer > CLOSER:
                 values = np.exp(points[int(np.argmin(fractions))]).tolist()
                 shown = float(fractions.min()) < SHOWN * play
                 return dict(zip((number.name for number in numbers), values, strict=True)) if shown else {}
-            around = [] if rows == len(y) else [grid]
-            for tied in (points[which == k] for k in range(min(KEPT, len(levels)))):
-                half = np.maximum(0.5 * np.ptp(tied, axis=0), spacing)  # what the rows do not tell apart stays as wide
-                around += [tied[:1], tied.mean(axis=0) + 0.5 * half * _pairs(np.arange(-2, 3))]
-            points = np.clip(np.concatenate(around), low, high)
-            spacing, rows = 0.5 * spacing, min(2 * rows, len(y))
+            levels, which = np.unique(np.round(fractions, 9), return_inverse=True)
+            around, widths = ([], []) if rows == len(y) else ([grid], [whole])
+            for same in (which == k for k in range(min(KEPT, len(levels)))):  # which jump in the same rows
+                half = np.maximum(0.5 * np.ptp(points[same], axis=0), apart[same].max(axis=0))
+                around += [points[same][:1], points[same].mean(axis=0) + 0.5 * half * _pairs(np.arange(-2, 3))]
+                widths += [np.broadcast_to(0.5 * half, (len(part), 2)) for part in around[-2:]]
+            points, apart = np.clip(np.concatenate(around), low, high), np.concatenate(widths)
+            rows = min(2 * rows, len(y))
 
     def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         from .memory_kernel import stick_slip  # imports numba
