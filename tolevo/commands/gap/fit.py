@@ -248,9 +248,14 @@ class Fitter:
         size = np.linalg.norm(columns, axis=0)
         moving = size > np.sqrt(GONE) * np.linalg.norm(whole, axis=0)
         columns, owners = columns[:, moving] / size[moving], owners[moving]
-        inverse = np.linalg.inv(columns.T @ columns + GONE * np.eye(len(owners)))
+        gram = columns.T @ columns + GONE * np.eye(len(owners))
         large = (numbers[numbers != 0.0][moving] * size[moving]) ** 2 > least
-        bad = large & (np.diag(inverse) > MAX_CONTRIBUTION**2)
+        inflated = []
+        for at, owner in enumerate(owners):  # sizes that have one sign do not cancel each other
+            united = fit.members[owner].candidate.effect.together > 1
+            kept = np.flatnonzero((owners != owner) | (np.arange(len(owners)) == at) | (not united))
+            inflated.append(np.diag(np.linalg.inv(gram[np.ix_(kept, kept)]))[kept == at][0])
+        bad = large & (np.array(inflated) > MAX_CONTRIBUTION**2)
         sized = [
             k
             for k in effects

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from ...models.effects import EffectParameter
 from ...section import Array
-from .analysis import CURVED, Analysis, analysis_without_effect, variables_of, with_curves
+from .analysis import BETTER, CURVED, Analysis, analysis_without_effect, variables_of, with_curves
 from .blocks import HeldOut
 from .close import Corrected, corrected
 from .fit import Fit, Fitter, Member, is_term
@@ -35,6 +35,8 @@ STEP = 1e-4
 """Relative step of a derivative."""
 ALIKE, MORE_ALIKE, TWICE = 0.5, 0.1, 4.0
 """Fractions of the squares of a curve that resembled effects, and each of them, explain; squares of twice its size."""
+SAME = 0.1
+"""Fraction of a column apart from others under which it says the same."""
 EITHER = 0.36
 """Variance of a value between two ends, over the square of their distance, such that an interval of
 90 % about one end contains the other."""
@@ -71,11 +73,11 @@ def misfit_of(analysis: Analysis, fit: Fit, curved: Fit) -> dict[tuple[str, str]
                 variances[member.name, number] = max(EITHER * bias, (whole - bias) / count * common) / size
     alone, moves = fitter.fit(fit.effects), [resemblance(analysis, fit, at).moved for at in terms]
     readings = [(other.fit, fit) for other in analysis.rivals]
-    readings += [(reading, alone) for at in terms for reading in _readings(analysis, fit, alone, at)]
-    for reading, than in readings if named else ():
-        if not analysis.search.cancelling(reading):
-            before = _sizes(than)
-            moves.append({key: size - before[key] for key, size in _sizes(reading).items() if size and key in before})
+    readings = [each for each in readings if not analysis.search.cancelling(each[0])] if named else []
+    readings += [(reading, alone) for at in (terms if named else ()) for reading in _readings(analysis, fit, alone, at)]
+    for reading, than in readings:
+        before = _sizes(than)
+        moves.append({key: size - before[key] for key, size in _sizes(reading).items() if size and key in before})
     sizes = _sizes(fit)
     for key, away in chain.from_iterable(moved.items() for moved in moves):
         if abs(away) > FORM_OFF * abs(sizes.get(key, 0.0)):
@@ -94,21 +96,37 @@ def _sizes(fit: Fit) -> dict[tuple[str, str], float]:
 
 
 def _readings(analysis: Analysis, fit: Fit, whole: Fit, at: int) -> Iterator[Fit]:
-    """Fits of the effects (`whole`), one over a curve's variables exchanged, off by at most twice the curve's size."""
+    """Fits of the effects (`whole`), one over a curve's variables exchanged, off by at most twice the curve's size, or
+    one more that explains most of the curve: by as much is the form of the effects off.
+    """
     search, data = analysis.search, analysis.setup.data
     over, most = variables_of(fit.members[at], data), fit.rss + TWICE * (whole.rss - fit.rss)
+    if effect_of(fit.members[at]).term.shape not in CURVED:
+        return
     for k, member in enumerate(whole.members):
-        if variables_of(member, data) != over or effect_of(fit.members[at]).term.shape not in CURVED:
-            continue
         rest = whole.without(k)
-        without = search.fitter.fit(rest).rss
-        for other in scan(search.fitter, search.white, search.dictionary, rest):
-            if without - other.gain > most:
-                break
-            if other.member.name != member.name and variables_of(other.member, data) == over:
-                reading = search.fitter.fit((*rest, other.member))
-                if reading.rss < most:
-                    yield reading
+        for other in _over(analysis, rest, over) if variables_of(member, data) == over else ():
+            reading = search.fitter.fit((*rest, other))
+            if other.name != member.name and reading.rss < most and not search.cancelling(reading):
+                yield reading
+    for other in _over(analysis, whole.members, over):
+        more = search.fitter.refined((*whole.members, other))
+        if whole.rss - more.rss > ALIKE * (whole.rss - fit.rss) and not _collinear(search.fitter, more):
+            yield more
+
+
+def _over(analysis: Analysis, members: Sequence[Member], over: tuple[frozenset[str], bool]) -> list[Member]:
+    """The effects that act in these variables, or follow the direction alone, as they fit best beside some members."""
+    search, data = analysis.search, analysis.setup.data
+    others = [result.member for result in scan(search.fitter, search.white, search.dictionary, members)]
+    return [other for other in others if variables_of(other, data) in (over, (frozenset(), over[1]))]
+
+
+def _collinear(fitter: Fitter, fit: Fit) -> bool:
+    """Whether the last member of a fit is hardly anything but the others."""
+    columns = fitter.white(fit.members[-1])
+    apart = project_out(columns, fitter.spanned(fit.members[:-1]))
+    return bool((np.linalg.norm(apart, axis=0) < SAME * np.linalg.norm(columns, axis=0)).any())
 
 
 @dataclass(frozen=True)
@@ -323,7 +341,20 @@ def _form_of(end: Ending, at: int) -> str:
     over = [k for k, others, opposite in acting if (inputs or turns) and inputs <= others and turns <= opposite]
     preferred = [k for k in end.identified if members[k].candidate.effect.family == effect.yields_to]
     forms = [k for k in preferred if _is_form(end, at, k, 0.0)] + [k for k in over if _is_form(end, at, k)]
-    return next((members[k].name for k in forms), "")
+    return next((members[k].name for k in forms or (over if over and _outdone(end, at) else ())), "")
+
+
+def _outdone(end: Ending, at: int) -> bool:
+    """Whether another effect over its variables fits better beside the others, its numbers undetermined: which of
+    the two there is does not show.
+    """
+    search, member = end.analysis.search, end.fit.members[at]
+    rest, here = [each for each in end.fit.effects if each is not member], search.fitter.refined(end.fit.effects)
+    for other in _over(end.analysis, rest, variables_of(member, end.setup.data)):
+        reading = search.fitter.refined((*rest, other))
+        if other.name != member.name and search.worse(here, reading) > BETTER and search.cancelling(reading):
+            return True
+    return False
 
 
 def _is_form(end: Ending, small: int, large: int, least_alike: float = FORM_ALIKE) -> bool:
