@@ -35,8 +35,8 @@ class GearOrder(Shape):
     """A wave over the angle, its order named by its number.
 
     With a declared gear, an order that no named effect covers (a tooth mesh, a wave generator);
-    where no gear is declared, any whole number, of rows over a whole turn: over less of it, whole numbers next
-    to each other have nearly the same waves. Reference: Smith, Gear Noise and Vibration, 2003,
+    where no gear is declared, any whole number of which the rows show two waves, with two rows in each.
+    Reference: Smith, Gear Noise and Vibration, 2003,
     chapter 9; ISO 21771 for the tooth numbers.
     """
 

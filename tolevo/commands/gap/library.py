@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ... import registry
 from ...journal import recall_columns
 from ...models.effects import Effect, EffectParameter, Target
-from ...models.effects.angle import GearOrder
+from ...models.effects.angle import GearOrder, choices
 from ...models.effects.effect import Action, InsideSeveral, Measurements
 from ...models.effects.measurements import (
     Active,
@@ -161,8 +161,8 @@ LINEAR_STEP = 0.05
 """A change of an internal quantity, in its unit, at which the outputs are still linear."""
 STILL = 1e-6
 """[rad] Range of an angle that did not change."""
-WHOLE_TURN = 0.95 * tau
-"""[rad] Range of an angle over which whole orders that follow each other are different waves."""
+WAVES = 2
+"""Waves of an order that nobody declared, at least."""
 IN_STEP = 0.7
 """Mean of the wave whose length is one step of the angle, from which the rows are in equal steps."""
 NO_TRACE = "the data contain no trace of it"
@@ -366,9 +366,8 @@ def candidates(names: Iterable[str], data: GapData, own: Iterable[Effect] = ()) 
             linear = tuple(p for p in numbers if p.linear)
             fixed = {name: (value,) for name, value in known.items()}
             shape = tuple(replace(p, choices=fixed.get(p.name, p.choices)) for p in numbers if not p.linear)
-            if data.target.gear is None and isinstance(effect, GearOrder):
-                most = highest_order(data)
-                shape = tuple(replace(p, choices=tuple(k for k in p.choices if k <= most)) for p in shape)
+            if isinstance(effect, GearOrder):
+                shape = (replace(shape[0], choices=orders_shown(data)),)
             candidate = Candidate(effect, linear, shape, _lacks_variable(effect, data))
             applicable.append(replace(candidate, on_scatter=_changes_scatter(candidate, data)))
     return applicable
@@ -432,9 +431,16 @@ def _too_few_waves(effect: Effect, data: GapData) -> str:
         return ""
     reach = float(np.ptp(np.asarray(data.measurements[Role.ANGLE], dtype=float)))
     orders = effect.orders_of(data.target) if isinstance(effect, Orders) else ()
-    if data.target.gear is None and isinstance(effect, GearOrder) and (reach < WHOLE_TURN or highest_order(data) < 3.0):
-        return "no whole turn tells whole orders apart"
+    if isinstance(effect, GearOrder) and not orders_shown(data):
+        return f"fewer than {WAVES} waves of an order over the angle"
     return "fewer than half a wave over the angle" if reach < STILL or min(orders, default=inf) * reach < pi else ""
+
+
+def orders_shown(data: GapData) -> tuple[float, ...]:
+    """The orders that are tried; where no gear declares them, those that the rows show several waves of."""
+    orders, reach = choices(data.target), float(np.ptp(np.asarray(data.measurements[Role.ANGLE], dtype=float)))
+    most = highest_order(data)
+    return orders if data.target.gear is not None else tuple(k for k in orders if WAVES * tau <= k * reach <= most * reach)
 
 
 def highest_order(data: GapData) -> float:

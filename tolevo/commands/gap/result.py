@@ -9,8 +9,9 @@ from itertools import chain
 import numpy as np
 
 from ...models.effects import EffectParameter
+from ...models.effects.angle import GearOrder
 from ...section import Array
-from .analysis import BETTER, CURVED, Analysis, analysis_without_effect, variables_of, with_curves
+from .analysis import CURVED, Analysis, analysis_without_effect, variables_of, with_curves
 from .blocks import HeldOut
 from .close import Corrected, corrected
 from .fit import Fit, Fitter, Member, is_term
@@ -315,9 +316,18 @@ def _weakest_effect(end: Ending, needed: Collection[str]) -> tuple[str, str] | N
             continue
         larger = "" if name in needed else _form_of(end, at)
         member = end.fit.members[at]
-        if larger or end.model.nothing(member) or end.model.undetermined(member):
+        if larger or end.model.nothing(member) or end.model.undetermined(member) or _sideband(end, at):
             return name, larger
     return None
+
+
+def _sideband(end: Ending, at: int) -> bool:
+    """Whether an order that nobody declared may be part of a larger remainder over the angle, of which another effect
+    has the main part.
+    """
+    contribution = float(np.linalg.norm(end.analysis.search.fitter.contribution(end.fit, at)))
+    undeclared = isinstance(end.fit.members[at].candidate.effect, GearOrder) and end.setup.data.target.gear is None
+    return undeclared and bool(_containing(end, at)) and _remains_of(end, at) > contribution
 
 
 def _predicts_as_well(end: Ending) -> bool:
@@ -335,24 +345,31 @@ def _is_renamed(end: Ending, name: str, reduced: Ending) -> bool:
 
 def _form_of(end: Ending, at: int) -> str:
     """The larger effect of the same variables of whose form this effect may be an error, or ""."""
-    data, members = end.setup.data, end.fit.members
-    (inputs, turns), effect = variables_of(members[at], data), members[at].candidate.effect
-    acting = [(k, *variables_of(members[k], data)) for k in end.identified if k != at]
-    over = [k for k, others, opposite in acting if (inputs or turns) and inputs <= others and turns <= opposite]
+    members, over = end.fit.members, _containing(end, at)
+    effect = members[at].candidate.effect
     preferred = [k for k in end.identified if members[k].candidate.effect.family == effect.yields_to]
     forms = [k for k in preferred if _is_form(end, at, k, 0.0)] + [k for k in over if _is_form(end, at, k)]
     return next((members[k].name for k in forms or (over if over and _outdone(end, at) else ())), "")
 
 
+def _containing(end: Ending, at: int) -> list[int]:
+    """The other effects that act in all variables of an effect."""
+    members, data = end.fit.members, end.setup.data
+    inputs, turns = variables_of(members[at], data)
+    acting = [(k, *variables_of(members[k], data)) for k in end.identified if k != at]
+    return [k for k, others, opposite in acting if (inputs or turns) and inputs <= others and turns <= opposite]
+
+
 def _outdone(end: Ending, at: int) -> bool:
-    """Whether another effect over its variables fits better beside the others, its numbers undetermined: which of
+    """Whether another effect over its variables fits as well beside the others, its numbers undetermined: which of
     the two there is does not show.
     """
     search, member = end.analysis.search, end.fit.members[at]
     rest, here = [each for each in end.fit.effects if each is not member], search.fitter.refined(end.fit.effects)
     for other in _over(end.analysis, rest, variables_of(member, end.setup.data)):
         reading = search.fitter.refined((*rest, other))
-        if other.name != member.name and search.worse(here, reading) > BETTER and search.cancelling(reading):
+        near = search.worse(reading, here) <= search.settings.set_distance
+        if other.name != member.name and near and search.cancelling(reading):
             return True
     return False
 
