@@ -298,7 +298,29 @@ def finish_analysis(analysis: Analysis) -> Ending:
             taken_back, reduced = before.pop()
             needed.add(taken_back)
         ending = reduced
-    return ending
+    return _with_names(ending, needed) if ending.rows else ending
+
+
+def _with_names(end: Ending, needed: Collection[str]) -> Ending:
+    """The ending in which an effect replaces the term with its only column, where nothing speaks against it: what
+    excluded it may be gone.
+    """
+    search, members = end.analysis.search, list(end.analysis.fit.members)
+    for at, term in enumerate(members):
+        for other in search.dictionary.members if is_term(term) else ():
+            white = [search.fitter.white(each) for each in (other, term)]
+            if other.shape or any(columns.shape[1] != 1 for columns in white):
+                continue
+            if np.linalg.norm(project_out(white[1], basis(white[0]))) < STEP * np.linalg.norm(white[1]):
+                fit = search.fitter.fit(sorted([*members[:at], other, *members[at + 1 :]], key=is_term))
+                selection = replace(end.analysis.selection, fit=fit)
+                identified = replace(end.analysis.identified, confirmed=fit.identified)
+                excluded = end.analysis.excluded - {other.name}
+                analysis = replace(end.analysis, selection=selection, identified=identified, excluded=excluded)
+                named = _widen_ending(analysis)
+                if np.any(fit.coefficients[fit.names.index(other.name)]) and not _weakest_effect(named, needed):
+                    return named
+    return end
 
 
 def _weakest_effect(end: Ending, needed: Collection[str]) -> tuple[str, str] | None:
