@@ -87,6 +87,34 @@ def choices(target: Target) -> tuple[float, ...]:
     return tuple(float(k) for k in range(3, HIGHEST + 1) if k not in ENCODER_MOUNTING_ORDERS)
 
 
+WAVES = 2
+"""Waves of an order that nobody declared, at least."""
+IN_STEP = 0.7
+"""Mean of the wave whose length is one step of the angle, from which rows are in equal steps."""
+FINE = 1e-9
+"""Part of the range of an angle that is no step."""
+
+
+def orders_shown(target: Target, measurements: Measurements) -> tuple[float, ...]:
+    """The orders that are tried; where no gear declares them, those of which the rows show several waves."""
+    angle = np.asarray(measurements[Role.ANGLE], dtype=float)
+    reach, most = float(np.ptp(angle)), highest_order(angle)
+    declared = target.gear is not None
+    return tuple(k for k in choices(target) if declared or (WAVES * tau <= k * reach and k <= most))
+
+
+def highest_order(angle: Array) -> float:
+    """The highest order whose waves are no others of rows (n,) in equal steps of the angle [rad]: half of the rows
+    per turn; any order of other rows.
+    """
+    reach = float(np.ptp(angle))
+    places = np.unique(np.round((angle - angle.min()) / (FINE * reach))) * FINE * reach if reach > 0.0 else angle[:1]
+    if len(places) < 2:
+        return inf
+    per_turn = tau / float(np.median(np.diff(places)))
+    return 0.5 * per_turn if abs(np.mean(np.exp(1j * per_turn * angle))) > IN_STEP else inf
+
+
 class OutputEccentricity(Orders):
     """One wave per turn of the output."""
 

@@ -40,7 +40,7 @@ class BearingClearance(LoadShape):
 class DirectionalOffset(Shape):
     """Dry friction with different magnitudes in + and - motion.
 
-    It does not apply to positions: of an angle or a position the half sum of both is `friction_hysteresis`, and the half
+    It does not apply to positions: of these the half sum of both is `friction_hysteresis`, and the half
     difference its zero. Reference: Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30, 1994,
     section 2.1 (friction that depends on the direction).
     """
@@ -103,7 +103,8 @@ class FrictionHysteresis(Shape):
             return (loop,)
         either = target.model == TABLE and Load.role(target) is not None
         along = all(kind_of(output.unit) == "length" for output in target.outputs)
-        moving = replace(MOVING, low=-inf) if along else MOVING  # ISO 230-2: a reversal error has either sign
+        # ISO 230-2: the reversal error is the difference of the two directions, of either sign
+        moving = replace(MOVING, low=-inf, meaning="a, half of the reversal error") if along else MOVING
         return (moving, loop) if either else (moving,)
 
     def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:

@@ -37,7 +37,7 @@ from .records import (
     Score,
     UnresolvedTerm,
 )
-from .result import Ending, finish_analysis, resemblance
+from .result import Ending, finish_analysis
 from .scan import scan
 from .selection import correlation
 from .separations import separating
@@ -525,7 +525,7 @@ def _term_remainders(end: Ending, members: Sequence[Member]) -> Remainder:
     words = dict.fromkeys(term.words for term in terms)
     if len(words) > 1 and all(t.shape in CURVED and (t.turns, t.times) == (turns, "") for t in terms):
         words = {f"a curve over {first.variable}" + (", opposite in the two directions" if turns else ""): None}
-    resembled = [str(resemblance(end.analysis, end.fit, end.fit.members.index(member))) for member in members]
+    resembled = [str(end.resembled[member.name]) for member in members]
     text = ", ".join([", and ".join(words), *filter(None, resembled)])
     offer = Offer(terms, [_weights(end, member) for member in members], setup.data.target.columns, text)
     texts = offer.formula(), offer.plugin()

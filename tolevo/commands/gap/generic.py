@@ -16,6 +16,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ...models.effects.angle import highest_order
 from ...models.effects.effect import kind_of
 from ...models.effects.measurements import SESSION, labels_of, unit_numbers
 from ...models.effects.memory import FORCES
@@ -26,7 +27,7 @@ from ...section import Array
 from ...units import converted
 from .data import GapData
 from .fit import Fitter, Member, is_term
-from .library import Candidate, highest_order
+from .library import Candidate
 from .linear import Groups, basis, project_out
 
 HIGHEST = 130.0
@@ -298,7 +299,7 @@ def order_grid(data: GapData) -> Array:
     highest = OVER_A_WORKSPACE if Role.POSITION in data.measurements else HIGHEST
     if data.target.gear is not None:
         highest = min(max(highest, data.target.gear.waves[-1] + ORDERS_BEYOND_GEAR), MAX_ORDER)
-    return np.arange(max(0.25, least), min(highest, highest_order(data)) + 0.1, 0.25)
+    return np.arange(max(0.25, least), min(highest, highest_order(angle)) + 0.1, 0.25)
 
 
 def _orders(data: GapData) -> list[tuple[Form, Array]]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from itertools import product
-from math import inf, log, pi, tau
+from math import inf, log, pi
 from types import MappingProxyType
 from typing import Any
 
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ... import registry
 from ...journal import recall_columns
 from ...models.effects import Effect, EffectParameter, Target
-from ...models.effects.angle import GearOrder, choices
+from ...models.effects.angle import WAVES, GearOrder, orders_shown
 from ...models.effects.effect import Action, InsideSeveral, Measurements
 from ...models.effects.measurements import (
     Active,
@@ -161,10 +161,6 @@ LINEAR_STEP = 0.05
 """A change of an internal quantity, in its unit, at which the outputs are still linear."""
 STILL = 1e-6
 """[rad] Range of an angle that did not change."""
-WAVES = 2
-"""Waves of an order that nobody declared, at least."""
-IN_STEP = 0.7
-"""Mean of the wave whose length is one step of the angle, from which the rows are in equal steps."""
 NO_TRACE = "the data contain no trace of it"
 LEAST_UNITS = 3
 """Units of a lot from which its separate offset can be estimated."""
@@ -367,7 +363,7 @@ def candidates(names: Iterable[str], data: GapData, own: Iterable[Effect] = ()) 
             fixed = {name: (value,) for name, value in known.items()}
             shape = tuple(replace(p, choices=fixed.get(p.name, p.choices)) for p in numbers if not p.linear)
             if isinstance(effect, GearOrder):
-                shape = (replace(shape[0], choices=orders_shown(data)),)
+                shape = (replace(shape[0], choices=orders_shown(data.target, data.measurements)),)
             candidate = Candidate(effect, linear, shape, _lacks_variable(effect, data))
             applicable.append(replace(candidate, on_scatter=_changes_scatter(candidate, data)))
     return applicable
@@ -431,24 +427,9 @@ def _too_few_waves(effect: Effect, data: GapData) -> str:
         return ""
     reach = float(np.ptp(np.asarray(data.measurements[Role.ANGLE], dtype=float)))
     orders = effect.orders_of(data.target) if isinstance(effect, Orders) else ()
-    if isinstance(effect, GearOrder) and not orders_shown(data):
+    if isinstance(effect, GearOrder) and not orders_shown(data.target, data.measurements):
         return f"fewer than {WAVES} waves of an order over the angle"
     return "fewer than half a wave over the angle" if reach < STILL or min(orders, default=inf) * reach < pi else ""
-
-
-def orders_shown(data: GapData) -> tuple[float, ...]:
-    """The orders that are tried; where no gear declares them, those that the rows show several waves of."""
-    orders, reach = choices(data.target), float(np.ptp(np.asarray(data.measurements[Role.ANGLE], dtype=float)))
-    most = highest_order(data)
-    return orders if data.target.gear is not None else tuple(k for k in orders if WAVES * tau <= k * reach <= most * reach)
-
-
-def highest_order(data: GapData) -> float:
-    """The highest order whose waves are no others of rows in equal steps of the angle: half of the rows per turn."""
-    angle = np.asarray(data.measurements[Role.ANGLE], dtype=float)
-    places = np.unique(np.round(angle / max(float(np.ptp(angle)), STILL), 9)) * float(np.ptp(angle))
-    per_turn = tau / max(float(np.median(np.diff(places))), STILL) if len(places) > 1 else 0.0
-    return 0.5 * per_turn if abs(np.mean(np.exp(1j * per_turn * angle))) > IN_STEP else inf
 
 
 def _lacks_variable(effect: Effect, data: GapData) -> bool:

@@ -36,8 +36,6 @@ STEP = 1e-4
 """Relative step of a derivative."""
 ALIKE, MORE_ALIKE, TWICE = 0.5, 0.1, 4.0
 """Fractions of the squares of a curve that resembled effects, and each of them, explain; squares of twice its size."""
-SAME = 0.1
-"""Fraction of a column apart from others under which it says the same."""
 EITHER = 0.36
 """Variance of a value between two ends, over the square of their distance, such that an interval of
 90 % about one end contains the other."""
@@ -47,9 +45,11 @@ LEAST_CHANCE = 0.05
 """Least variance of their difference, as a fraction of that of the wider fit."""
 
 
-def misfit_of(analysis: Analysis, fit: Fit, curved: Fit) -> dict[tuple[str, str], float]:
+def misfit_of(
+    analysis: Analysis, fit: Fit, curved: Fit, resembled: Mapping[str, Resemblance]
+) -> dict[tuple[str, str], float]:
     """Added variance of the effects' parameters, by owner and name, due to the generic terms of a fit;
-    in the `curved` one they are curves of which the effects explain nothing.
+    in the `curved` one they are curves of which the effects explain nothing, `resembled` what these are like.
     """
     fitter, of_forms, fit = analysis.search.fitter, fit, curved
     terms = [k for k, member in enumerate(fit.members) if is_term(member)]
@@ -72,7 +72,7 @@ def misfit_of(analysis: Analysis, fit: Fit, curved: Fit) -> dict[tuple[str, str]
             if common > NEGLIGIBLE_FRACTION:
                 bias, whole = float(g @ added) ** 2 / size, float(added @ added)
                 variances[member.name, number] = max(EITHER * bias, (whole - bias) / count * common) / size
-    alone, moves = fitter.fit(fit.effects), [resemblance(analysis, fit, at).moved for at in terms]
+    alone, moves = fitter.fit(fit.effects), [alike.moved for alike in resembled.values()]
     readings = [(other.fit, fit) for other in analysis.rivals]
     readings = [each for each in readings if not analysis.search.cancelling(each[0])] if named else []
     readings += [(reading, alone) for at in (terms if named else ()) for reading in _readings(analysis, fit, alone, at)]
@@ -112,7 +112,7 @@ def _readings(analysis: Analysis, fit: Fit, whole: Fit, at: int) -> Iterator[Fit
                 yield reading
     for other in _over(analysis, whole.members, over):
         more = search.fitter.refined((*whole.members, other))
-        if whole.rss - more.rss > ALIKE * (whole.rss - fit.rss) and not _collinear(search.fitter, more):
+        if whole.rss - more.rss > ALIKE * (whole.rss - fit.rss):
             yield more
 
 
@@ -121,13 +121,6 @@ def _over(analysis: Analysis, members: Sequence[Member], over: tuple[frozenset[s
     search, data = analysis.search, analysis.setup.data
     others = [result.member for result in scan(search.fitter, search.white, search.dictionary, members)]
     return [other for other in others if variables_of(other, data) in (over, (frozenset(), over[1]))]
-
-
-def _collinear(fitter: Fitter, fit: Fit) -> bool:
-    """Whether the last member of a fit is hardly anything but the others."""
-    columns = fitter.white(fit.members[-1])
-    apart = project_out(columns, fitter.spanned(fit.members[:-1]))
-    return bool((np.linalg.norm(apart, axis=0) < SAME * np.linalg.norm(columns, axis=0)).any())
 
 
 @dataclass(frozen=True)
@@ -144,7 +137,7 @@ class Resemblance:
         return f"{100.0 * self.fraction:.0f} % like {' and '.join(self.names)}" if self.names else ""
 
 
-def resemblance(analysis: Analysis, fit: Fit, at: int) -> Resemblance:
+def _resemblance(analysis: Analysis, fit: Fit, at: int) -> Resemblance:
     """The one or two effects over the variables of a curve that explain most of it beside those that are there."""
     search, data, members = analysis.search, analysis.setup.data, fit.members
     fitter, over = search.fitter, variables_of(members[at], data)
@@ -222,13 +215,14 @@ VISIBLE = 0.4
 
 @dataclass(frozen=True)
 class Ending:
-    """An analysis with the final fit of its identified effects."""
+    """An analysis with the final fit of its identified effects, and what its terms resemble."""
 
     analysis: Analysis
     fit: Fit
     model: Corrected
     before: HeldOut
     after: HeldOut
+    resembled: Mapping[str, Resemblance]
 
     @property
     def setup(self) -> Setup:
@@ -429,10 +423,13 @@ def _widen_ending(analysis: Analysis) -> Ending:
     if not withdrawn and not analysis.scatter and not analysis.setup.data.target.population:
         fit = analysis.fit  # as it was tested
     tested, curved = search.tested(fit), with_curves(search.fitter, fit, analysis.setup.data)
-    extra_widths, fit = misfit_of(analysis, fit, curved), curved
+    resembled = {
+        curved.names[at]: _resemblance(analysis, curved, at) for at, m in enumerate(curved.members) if is_term(m)
+    }
+    extra_widths, fit = misfit_of(analysis, fit, curved, resembled), curved
     model = corrected(analysis.setup, search.fitter.space, fit)
     null_model = analysis.initial_null_model
-    end = Ending(analysis, fit, model, null_model.search.tested(null_model.null_fit), tested)
+    end = Ending(analysis, fit, model, null_model.search.tested(null_model.null_fit), tested, resembled)
     if end.identified and end.rows and not analysis.setup.free and not search.fitter.space.is_plain:
         weighed = variance_of_weights(model, corrected(analysis.setup, search.fitter.space, fit, plain=True))
         extra_widths = {key: extra_widths.get(key, 0.0) + weighed.get(key, 0.0) for key in {**extra_widths, **weighed}}
