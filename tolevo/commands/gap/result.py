@@ -112,7 +112,8 @@ def _readings(analysis: Analysis, fit: Fit, whole: Fit, at: int) -> Iterator[Fit
                 yield reading
     for other in _over(analysis, whole.members, over):
         more = search.fitter.refined((*whole.members, other))
-        if whole.rss - more.rss > ALIKE * (whole.rss - fit.rss):
+        determined = not other.shape or not search.cancelling(more)
+        if determined and whole.rss - more.rss > ALIKE * (whole.rss - fit.rss):
             yield more
 
 
