@@ -126,6 +126,11 @@ class Column:
     role: Role = Role.INPUT
     sense: int = 1
 
+    @property
+    def origin(self) -> float:
+        """Where laws of it begin, in its unit: 20 degC of a temperature, else 0."""
+        return float(converted(20.0, "C", self.unit)) if self.role is Role.TEMPERATURE else 0.0
+
 
 @dataclass(frozen=True, slots=True)
 class Changeable:

@@ -56,6 +56,10 @@ class GearOrder(Shape):
             return "each order of the gear is covered by another effect"
         return no_waves(target)
 
+    def lacks(self, measurements: Measurements, target: Target) -> str:
+        few = Role.ANGLE in measurements and not orders_shown(target, measurements)
+        return f"fewer than {WAVES} waves of an order over the angle" if few else super().lacks(measurements, target)
+
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("cos", "c, cosine component", low=-inf), Weight("sin", "s, sine component", low=-inf))
 

@@ -188,7 +188,7 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
         family=member.candidate.effect.family,
         cause=member.candidate.effect.cause,
         parameters=tuple(
-            FoundParameter(p.name, values[p.name], *_ends(end, member.name, p, values, spread), p.unit, _meaning(p))
+            FoundParameter(p.name, values[p.name], *_ends(end, member.name, p, values, spread), p.unit, p.words)
             for p in member.candidate.parameters
         ),
         gain=gain,
@@ -198,23 +198,9 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
         share=min(1.0, gain / total),
         frequency=float("nan") if spread is None else spread.frequency(member.name),
         at_bound=tuple(
-            p.name
-            for p in member.candidate.parameters
-            if not p.choices and _is_at_bound(values[p.name], shortest[p.linear] * p.low, p.high, several)
+            p.name for p in member.candidate.parameters if p.stops(values[p.name], shortest[p.linear], several)
         ),
     )
-
-
-def _is_at_bound(value: float, low: float, high: float, several: bool) -> bool:
-    """Whether a parameter is at a physical bound; 0 is one below if the effect has several sizes."""
-    width, stops = abs(value) * 1e-6, np.isfinite(low) and (low != 0.0 or several)
-    return bool((np.isfinite(high) and value >= high - width) or (stops and value <= low + width))
-
-
-def _meaning(parameter: EffectParameter) -> str:
-    """The meaning of a parameter, with its choices where it was chosen instead of fitted."""
-    choices = ", ".join(f"{choice:g}" for choice in parameter.choices)
-    return f"{parameter.meaning} (chosen out of {choices}, not fitted)" if choices else parameter.meaning
 
 
 def _ends(

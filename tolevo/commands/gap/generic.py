@@ -24,7 +24,6 @@ from ...models.effects.unresolved import RADII, Term, Unresolved, cubic_splines,
 from ...models.gear import SUN
 from ...models.measurable import Column, Role
 from ...section import Array
-from ...units import converted
 from .data import GapData
 from .fit import Fitter, Member, is_term
 from .library import Candidate
@@ -215,14 +214,9 @@ def _raw_products(inputs: list[Column], values: dict[str, Array], sign: Array | 
     return forms
 
 
-def origin(column: Column) -> float:
-    """Where a law of an input begins, in its unit: 20 degC of a temperature, else 0."""
-    return float(converted(20.0, "C", column.unit)) if column.role is Role.TEMPERATURE else 0.0
-
-
 def from_origin(column: Column, x: Array) -> Array:
     """An input (n,) relative to its origin, scaled to magnitude 1 at most."""
-    away = x - origin(column)
+    away = x - column.origin
     return np.asarray(away / max(float(np.abs(away).max()), 1e-300))
 
 
@@ -436,7 +430,7 @@ def _product(base: Term, form: Form, data: GapData, columns: dict[str, Column]) 
         term = replace(base, shape="product", zero=float(x.mean()), scale=float(x.std()))
         return replace(term, times=second, times_zero=float(y.mean()), times_scale=float(y.std()))
     p, q = form.powers
-    ends = [origin(columns[n]) for n in (form.variable, second)]
+    ends = [columns[n].origin for n in (form.variable, second)]
     sizes = [float(np.abs(v - z).max()) for v, z in zip((x, y), ends, strict=True)]
     return replace(
         base,

@@ -10,6 +10,8 @@ import numpy as np
 
 from ...models.effects import EffectParameter
 from ...models.effects.angle import GearOrder
+from ...models.effects.memory import Memory
+from ...models.measurable import Role
 from ...section import Array
 from .analysis import CURVED, Analysis, analysis_without_effect, variables_of, with_curves
 from .blocks import HeldOut
@@ -340,11 +342,15 @@ def _weakest_effect(end: Ending, needed: Collection[str]) -> tuple[str, str] | N
 
 def _sideband(end: Ending, at: int) -> bool:
     """Whether an order that nobody declared may be part of a larger remainder over the angle, of which another effect
-    has the main part.
+    has the main part, or, of less than a turn, an error of the form of a memory.
     """
+    data, effects = end.setup.data, [member.candidate.effect for member in end.fit.effects]
+    if not isinstance(end.fit.members[at].candidate.effect, GearOrder) or data.target.gear is not None:
+        return False
+    if np.ptp(data.measurements[Role.ANGLE]) < 2.0 * np.pi and any(isinstance(effect, Memory) for effect in effects):
+        return True
     contribution = float(np.linalg.norm(end.analysis.search.fitter.contribution(end.fit, at)))
-    undeclared = isinstance(end.fit.members[at].candidate.effect, GearOrder) and end.setup.data.target.gear is None
-    return undeclared and bool(_containing(end, at)) and _remains_of(end, at) > contribution
+    return bool(_containing(end, at)) and _remains_of(end, at) > contribution
 
 
 def _predicts_as_well(end: Ending) -> bool:
