@@ -83,7 +83,7 @@ def misfit_of(
         moves.append({key: size - before[key] for key, size in _sizes(reading).items() if size and key in before})
     sizes = _sizes(fit)
     for key, away in chain.from_iterable(moved.items() for moved in moves):
-        if abs(away) > FORM_OFF * abs(sizes.get(key, 0.0)):
+        if FORM_OFF < abs(away) / max(abs(sizes.get(key, 0.0)), 1e-300) < OTHER_CAUSE:
             variances[key] = max(variances.get(key, 0.0), EITHER * away**2)
     return variances
 
@@ -206,6 +206,8 @@ def _columns(fitter: Fitter, fit: Fit, at: int) -> Array:
     return np.hstack(columns)
 
 
+OTHER_CAUSE = 0.5
+"""Fraction of a size by which another reading of the form moves it, beyond which it is another cause."""
 FORM_OFF, FORM_FAR_OFF, FORM_ALIKE = 0.05, 0.12, 0.3
 """Limits of the part of an effect that is orthogonal to a larger effect of its variables, as a
 fraction of the latter (the second where what remains over them is no small part of it), and of their
