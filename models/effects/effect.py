@@ -321,6 +321,12 @@ class Effect(ABC):
         kinds = (*self.dimensions, "")
         return tuple(o for o in target.outputs if not self.dimensions or kind_of(o.unit) in kinds)
 
+    def acts_in(self, target: Target | None = None) -> set[Role]:
+        """The roles of the variables that it follows, with those along whose path it has a memory in a target; a
+        force stands for a torque.
+        """
+        return {*self.needs, Role.FORCE} if Role.TORQUE in self.needs else {*self.needs}
+
     def left_out(self, target: Target) -> str:
         """Why it does not apply to this model with these columns; empty where it does."""
         if self.applies(target):

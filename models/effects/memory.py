@@ -47,6 +47,11 @@ class Memory(Shape):
         roles = target.paths if target.largest else target.travelled()
         return next((role for role in self.drives if role in roles), None)
 
+    def acts_in(self, target: Target | None = None) -> set[Role]:
+        driving = self.driven_by(target) if target is not None else None
+        load = {Role.FORCE} if driving is Role.TORQUE else set()
+        return super().acts_in(target) | ({driving} if driving else set()) | load
+
     def own_applies(self, target: Target) -> bool:
         role = self.driven_by(target)
         shows = role in target.reversing or not (self.of_reversals and target.largest)

@@ -20,7 +20,7 @@ from ...models.effects.angle import highest_order
 from ...models.effects.effect import kind_of
 from ...models.effects.measurements import SESSION, labels_of, unit_numbers
 from ...models.effects.memory import FORCES
-from ...models.effects.unresolved import RADII, Term, Unresolved, cubic_splines, fewest_plays, plays, wave
+from ...models.effects.unresolved import RADII, Term, Unresolved, fewest_plays, knots, plays, spline, wave
 from ...models.gear import SUN
 from ...models.measurable import Column, Role
 from ...section import Array
@@ -148,19 +148,6 @@ def stretches(column: Column, rows: int) -> int:
     return min(6 if column.role in (Role.TORQUE, Role.FORCE) else 4, max(2, rows // 25))
 
 
-def knots(values: Array, count: int) -> Array:
-    """The ends of `count` stretches of values (n,) with equally many rows."""
-    return np.asarray(np.unique(np.quantile(values, np.linspace(0, 1, count + 1))))
-
-
-def spline(values: Array, count: int) -> Array:
-    """Cubic B-splines (n, count + 3) of values (n,), their knots at quantiles."""
-    inner = knots(values, count)
-    if len(inner) < 3:
-        return values[:, None].astype(float)
-    return cubic_splines(values, inner)
-
-
 def _smooth(column: Column, x: Array, sign: Array | None) -> list[tuple[Form, Array]]:
     """Smooth functions of one input, equal in both directions and opposite in them."""
     kind = "trend" if column.role is Role.TIME else "interval"
@@ -206,18 +193,12 @@ def _raw_products(inputs: list[Column], values: dict[str, Array], sign: Array | 
     """Products of two unscaled inputs, one column each: a usual form of laws of two variables."""
     forms = []
     for first, second in combinations(inputs, 2):
-        a, b = (from_origin(c, values[c.name]) for c in (first, second))
+        a, b = (c.from_origin(values[c.name]) for c in (first, second))
         for p, q in ((1, 1), (2, 1), (1, 2)):
             form = Form("product", first.name, further_variables=(second.name,), powers=(p, q))
             both = [(form, (a**p * b**q)[:, None])]
             forms += both + _directional_forms(both, sign)
     return forms
-
-
-def from_origin(column: Column, x: Array) -> Array:
-    """An input (n,) relative to its origin, scaled to magnitude 1 at most."""
-    away = x - column.origin
-    return np.asarray(away / max(float(np.abs(away).max()), 1e-300))
 
 
 def _swings(inputs: list[Column], values: dict[str, Array]) -> list[tuple[Form, Array]]:

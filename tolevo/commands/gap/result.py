@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import chain
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -47,11 +48,9 @@ LEAST_CHANCE = 0.05
 """Least variance of their difference, as a fraction of that of the wider fit."""
 
 
-def misfit_of(
-    analysis: Analysis, fit: Fit, curved: Fit, resembled: Mapping[str, Resemblance]
-) -> dict[tuple[str, str], float]:
+def misfit_of(analysis: Analysis, fit: Fit, curved: Fit) -> dict[tuple[str, str], float]:
     """Added variance of the effects' parameters, by owner and name, due to the generic terms of a fit;
-    in the `curved` one they are curves of which the effects explain nothing, `resembled` what these are like.
+    in the `curved` one they are curves of which the effects explain nothing.
     """
     fitter, of_forms, fit = analysis.search.fitter, fit, curved
     terms = [k for k, member in enumerate(fit.members) if is_term(member)]
@@ -74,17 +73,15 @@ def misfit_of(
             if common > NEGLIGIBLE_FRACTION:
                 bias, whole = float(g @ added) ** 2 / size, float(added @ added)
                 variances[member.name, number] = max(EITHER * bias, (whole - bias) / count * common) / size
-    alone, moves = fitter.fit(fit.effects), [alike.moved for alike in resembled.values()]
-    readings = [(other.fit, fit) for other in analysis.rivals]
-    readings = [each for each in readings if not analysis.search.cancelling(each[0])] if named else []
-    readings += [(reading, alone) for at in (terms if named else ()) for reading in _readings(analysis, fit, alone, at)]
-    for reading, than in readings:
+    alone, sizes = fitter.fit(fit.effects), _sizes(fit)
+    readings = [(other.fit, fit) for other in analysis.rivals if not analysis.search.cancelling(other.fit)]
+    readings += [(reading, alone) for at in terms for reading in _readings(analysis, fit, alone, at)]
+    for reading, than in readings if named else ():
         before = _sizes(than)
-        moves.append({key: size - before[key] for key, size in _sizes(reading).items() if size and key in before})
-    sizes = _sizes(fit)
-    for key, away in chain.from_iterable(moved.items() for moved in moves):
-        if FORM_OFF < abs(away) / max(abs(sizes.get(key, 0.0)), 1e-300) < OTHER_CAUSE:
-            variances[key] = max(variances.get(key, 0.0), EITHER * away**2)
+        for key, size in _sizes(reading).items():
+            away = abs(size - before.get(key, size)) if size else 0.0
+            if FORM_OFF < away / max(abs(sizes.get(key, 0.0)), 1e-300) < OTHER_CAUSE:
+                variances[key] = max(variances.get(key, 0.0), EITHER * away**2)
     return variances
 
 
@@ -128,13 +125,10 @@ def _over(analysis: Analysis, members: Sequence[Member], over: tuple[frozenset[s
 
 @dataclass(frozen=True)
 class Resemblance:
-    """Effects `names` that a curve resembles, the fraction of its squares that they explain, and by how much the
-    sizes of the effects beside it would differ, by owner and name, if these were its cause.
-    """
+    """Effects `names` that a curve resembles, and the fraction of its squares that they explain."""
 
     names: tuple[str, ...] = ()
     fraction: float = 0.0
-    moved: Mapping[tuple[str, str], float] = field(default_factory=dict)
 
     def __str__(self) -> str:
         return f"{100.0 * self.fraction:.0f} % like {' and '.join(self.names)}" if self.names else ""
@@ -161,9 +155,7 @@ def _resemblance(analysis: Analysis, fit: Fit, at: int) -> Resemblance:
             off = curve - project_out(whole, fitter.q) @ sizes
             fraction, own = 1.0 - float(off @ off) / float(curve @ curve), sizes[len(sizes) - apart.sum() :]
             if fraction > best[0] and (own >= low).all() and (own <= high).all():
-                linear = [(members[k].name, number.name) for k in beside for number in members[k].candidate.linear]
-                moved = dict(zip(linear, sizes.tolist(), strict=False))
-                best = fraction, Resemblance((*found.names, member.name), fraction, moved), columns[:, apart]
+                best = fraction, Resemblance((*found.names, member.name), fraction), columns[:, apart]
         if not best[1].names:
             break
         found, open_to = best[1], [member for member in open_to if member.name not in best[1].names]
@@ -220,14 +212,13 @@ VISIBLE = 0.4
 
 @dataclass(frozen=True)
 class Ending:
-    """An analysis with the final fit of its identified effects, and what its terms resemble."""
+    """An analysis with the final fit of its identified effects."""
 
     analysis: Analysis
     fit: Fit
     model: Corrected
     before: HeldOut
     after: HeldOut
-    resembled: Mapping[str, Resemblance]
 
     @property
     def setup(self) -> Setup:
@@ -245,6 +236,12 @@ class Ending:
             return "partial"
         rivals = self.analysis.rivals or len(self.analysis.scatter) > 1 or self.on_scatter_instead
         return "ambiguous" if rivals else "named"
+
+    @cached_property
+    def resembled(self) -> dict[str, Resemblance]:
+        """What each term resembles."""
+        terms = [(at, member.name) for at, member in enumerate(self.fit.members) if is_term(member)]
+        return {name: _resemblance(self.analysis, self.fit, at) for at, name in terms}
 
     @property
     def identified(self) -> tuple[int, ...]:
@@ -304,21 +301,21 @@ def _with_names(end: Ending, needed: Collection[str]) -> Ending:
     """The ending in which an effect replaces the term with its only column, where nothing speaks against it: what
     excluded it may be gone.
     """
-    search, members = end.analysis.search, list(end.analysis.fit.members)
-    for at, term in enumerate(members):
-        for other in search.dictionary.members if is_term(term) else ():
-            white = [search.fitter.white(each) for each in (other, term)]
-            if other.shape or any(columns.shape[1] != 1 for columns in white):
-                continue
-            if np.linalg.norm(project_out(white[1], basis(white[0]))) < STEP * np.linalg.norm(white[1]):
-                fit = search.fitter.fit(sorted([*members[:at], other, *members[at + 1 :]], key=is_term))
-                selection = replace(end.analysis.selection, fit=fit)
-                identified = replace(end.analysis.identified, confirmed=fit.identified)
-                excluded = end.analysis.excluded - {other.name}
-                analysis = replace(end.analysis, selection=selection, identified=identified, excluded=excluded)
-                named = _widen_ending(analysis)
-                if np.any(fit.coefficients[fit.names.index(other.name)]) and not _weakest_effect(named, needed):
-                    return named
+    search, analysis, members = end.analysis.search, end.analysis, end.analysis.fit.members
+    for at, other in product(range(len(members)), search.dictionary.members):
+        columns, own = (search.fitter.white(member) for member in (members[at], other))
+        if not is_term(members[at]) or other.shape or {columns.shape[1], own.shape[1]} != {1}:
+            continue
+        if np.linalg.norm(project_out(columns, basis(own))) < STEP * np.linalg.norm(columns):
+            fit = search.fitter.fit(sorted([*members[:at], other, *members[at + 1 :]], key=is_term))
+            selection, named = (
+                replace(analysis.selection, fit=fit),
+                replace(analysis.identified, confirmed=fit.identified),
+            )
+            excluded = analysis.excluded - {other.name}
+            ending = _widen_ending(replace(analysis, selection=selection, identified=named, excluded=excluded))
+            if np.any(fit.coefficients[fit.names.index(other.name)]) and not _weakest_effect(ending, needed):
+                return ending
     return end
 
 
@@ -432,13 +429,10 @@ def _widen_ending(analysis: Analysis) -> Ending:
     if not withdrawn and not analysis.scatter and not analysis.setup.data.target.population:
         fit = analysis.fit  # as it was tested
     tested, curved = search.tested(fit), with_curves(search.fitter, fit, analysis.setup.data)
-    resembled = {
-        curved.names[at]: _resemblance(analysis, curved, at) for at, m in enumerate(curved.members) if is_term(m)
-    }
-    extra_widths, fit = misfit_of(analysis, fit, curved, resembled), curved
+    extra_widths, fit = misfit_of(analysis, fit, curved), curved
     model = corrected(analysis.setup, search.fitter.space, fit)
     null_model = analysis.initial_null_model
-    end = Ending(analysis, fit, model, null_model.search.tested(null_model.null_fit), tested, resembled)
+    end = Ending(analysis, fit, model, null_model.search.tested(null_model.null_fit), tested)
     if end.identified and end.rows and not analysis.setup.free and not search.fitter.space.is_plain:
         weighed = variance_of_weights(model, corrected(analysis.setup, search.fitter.space, fit, plain=True))
         extra_widths = {key: extra_widths.get(key, 0.0) + weighed.get(key, 0.0) for key in {**extra_widths, **weighed}}
