@@ -126,6 +126,16 @@ class Column:
     role: Role = Role.INPUT
     sense: int = 1
 
+    @property
+    def origin(self) -> float:
+        """Where laws of it begin, in its unit: 20 degC of a temperature, else 0."""
+        return float(converted(20.0, "C", self.unit)) if self.role is Role.TEMPERATURE else 0.0
+
+    def from_origin(self, values: Array) -> Array:
+        """Values (n,) relative to its origin, scaled to magnitude 1 at most."""
+        away = values - self.origin
+        return np.asarray(away / max(float(np.abs(away).max()), 1e-300))
+
 
 @dataclass(frozen=True, slots=True)
 class Changeable:

@@ -108,6 +108,12 @@ def raise_all(faults: Iterable[Fault]) -> None:
         raise InputError(collected)
 
 
+def abbreviated_list(names: Iterable[str]) -> str:
+    """The first ten of some names."""
+    first = [*islice(names, 11)]
+    return ", ".join(first[:10] + ["..."] * (len(first) > 10))
+
+
 def nearest(name: str, valid: Iterable[str]) -> str:
     """' (did you mean `x`?)' for the closest valid name, else an empty string."""
     if len(name) > MAX_COMPARED_NAME:

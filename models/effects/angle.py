@@ -35,7 +35,8 @@ class GearOrder(Shape):
     """A wave over the angle, its order named by its number.
 
     With a declared gear, an order that no named effect covers (a tooth mesh, a wave generator);
-    where no gear is declared, any whole number. Reference: Smith, Gear Noise and Vibration, 2003,
+    where no gear is declared, any whole number of which the rows show two waves, with two rows in each.
+    Reference: Smith, Gear Noise and Vibration, 2003,
     chapter 9; ISO 21771 for the tooth numbers.
     """
 
@@ -54,6 +55,10 @@ class GearOrder(Shape):
         if turns(target) and target.gear is not None:
             return "each order of the gear is covered by another effect"
         return no_waves(target)
+
+    def lacks(self, measurements: Measurements, target: Target) -> str:
+        few = Role.ANGLE in measurements and not orders_shown(target, measurements)
+        return f"fewer than {WAVES} waves of an order over the angle" if few else super().lacks(measurements, target)
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("cos", "c, cosine component", low=-inf), Weight("sin", "s, sine component", low=-inf))
@@ -84,6 +89,34 @@ def choices(target: Target) -> tuple[float, ...]:
     if target.gear is not None:
         return target.gear.unnamed
     return tuple(float(k) for k in range(3, HIGHEST + 1) if k not in ENCODER_MOUNTING_ORDERS)
+
+
+WAVES = 2
+"""Waves of an order that nobody declared, at least."""
+IN_STEP = 0.7
+"""Mean of the wave whose length is one step of the angle, from which rows are in equal steps."""
+FINE = 1e-9
+"""Part of the range of an angle that is no step."""
+
+
+def orders_shown(target: Target, measurements: Measurements) -> tuple[float, ...]:
+    """The orders that are tried; where no gear declares them, those of which the rows show several waves."""
+    angle = np.asarray(measurements[Role.ANGLE], dtype=float)
+    reach, most = float(np.ptp(angle)), highest_order(angle)
+    declared = target.gear is not None
+    return tuple(k for k in choices(target) if declared or (WAVES * tau <= k * reach and k <= most))
+
+
+def highest_order(angle: Array) -> float:
+    """The highest order whose waves are no others of rows (n,) in equal steps of the angle [rad]: half of the rows
+    per turn; any order of other rows.
+    """
+    reach = float(np.ptp(angle))
+    places = np.unique(np.round((angle - angle.min()) / (FINE * reach))) * FINE * reach if reach > 0.0 else angle[:1]
+    if len(places) < 2:
+        return inf
+    per_turn = tau / float(np.median(np.diff(places)))
+    return 0.5 * per_turn if abs(np.mean(np.exp(1j * per_turn * angle))) > IN_STEP else inf
 
 
 class OutputEccentricity(Orders):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from math import inf
+from math import inf, isfinite
 from types import MappingProxyType
 from typing import Any, ClassVar
 
@@ -59,7 +59,67 @@ class EffectParameter:
         """The name without its unit."""
         return self.name.removesuffix(f"_{unit_key(self.unit)}") if self.unit else self.name
 
+    @property
+    def words(self) -> str:
+        """Its meaning, with its choices where it is chosen instead of fitted."""
+        choices = ", ".join(f"{choice:g}" for choice in self.choices)
+        return f"{self.meaning} (chosen out of {choices}, not fitted)" if choices else self.meaning
 
+    @property
+    def small(self) -> float:
+        """A small value of a linear parameter, at which a model is still linear in it."""
+        end = self.high if self.high > 0 else self.low
+        return 0.01 * end if isfinite(end) else 1.0
+
+    @property
+    def inner(self) -> float:
+        """A value within its bounds."""
+        if isfinite(self.low) and isfinite(self.high):
+            return 0.5 * (self.low + self.high)
+        return self.low + 1.0 if isfinite(self.low) else 0.5 * min(self.high, 2.0)
+
+    def scale(self, value: float) -> float:
+        """The scale of a nonlinear parameter there: about one cell of the grid."""
+        if self.phase:
+            return 15.0
+        return 0.3 * abs(value) if value else 1.0
+
+    def grid(self, spread: float, free: int, coarse: int) -> list[float]:
+        """Values of one of `free` nonlinear parameters, `coarse` ones where there are several; `spread` is the scale
+        of one without a bound.
+        """
+        if self.choices:
+            return list(self.choices)
+        low, high = self.low, self.high
+        count = 15 if free == 1 else 24 if self.phase or self.unit == "Hz" else coarse
+        if self.phase:
+            return [float(x) for x in np.linspace(low, high, count, endpoint=False)]
+        if isfinite(high) and low == -high and self.unit == "s":  # a delay of either sign
+            half = np.geomspace(high * SHORTEST_DELAY, high, count // 2)
+            return [float(x) for x in (*-half[::-1], *half)]
+        if not isfinite(high):
+            high = max(low, 0.0) + 10.0 * spread
+        if not isfinite(low):
+            low = -high
+        if low >= 0.0:
+            return [float(x) for x in np.geomspace(max(low, high * 1e-3), high, count)]
+        return [float(x) for x in np.linspace(low, high, count)]
+
+    def stops(self, value: float, factor: float, several: bool) -> bool:
+        """Whether a value is at a physical bound, or under the lower one times a factor; 0 is a bound below if the
+        effect has `several` sizes.
+        """
+        width, low = abs(value) * 1e-6, factor * self.low
+        stops_below = isfinite(low) and (low != 0.0 or several)
+        at_end = (isfinite(self.high) and value >= self.high - width) or (stops_below and value <= low + width)
+        return at_end and not self.choices
+
+
+FEW = "fewer than half a wave over the angle"
+STILL = 1e-6
+"""[rad] Range of an angle that did not change."""
+SHORTEST_DELAY = 0.01
+"""Smallest delay that is tried, as a fraction of the longest."""
 MOTION = frozenset({Role.SPEED, Role.DIRECTION, Role.TIME})
 """Roles of columns that give the travel together."""
 KINDS = {
@@ -249,10 +309,23 @@ class Effect(ABC):
         """Whether the effect has a place in this model, with the columns of this table."""
         return self.place(target) is not None or (bool(self.reached(target)) and self.own_applies(target))
 
+    def lacks(self, measurements: Measurements, target: Target) -> str:
+        """Why the rows do not show it, where it applies: of a single angle, or of less than half a wave, waves fit any
+        offset or slope. Else empty.
+        """
+        still = Role.ANGLE in {*self.needs} & {*measurements.by_role} and np.ptp(measurements[Role.ANGLE]) < STILL
+        return FEW if still else ""
+
     def reached(self, target: Target) -> tuple[Output, ...]:
         """The outputs that it can act on: of its `dimensions`, or of an unknown unit."""
         kinds = (*self.dimensions, "")
         return tuple(o for o in target.outputs if not self.dimensions or kind_of(o.unit) in kinds)
+
+    def acts_in(self, target: Target | None = None) -> set[Role]:
+        """The roles of the variables that it follows, with those along whose path it has a memory in a target; a
+        force stands for a torque.
+        """
+        return {*self.needs, Role.FORCE} if Role.TORQUE in self.needs else {*self.needs}
 
     def left_out(self, target: Target) -> str:
         """Why it does not apply to this model with these columns; empty where it does."""

@@ -40,9 +40,8 @@ class BearingClearance(LoadShape):
 class DirectionalOffset(Shape):
     """Dry friction with different magnitudes in + and - motion.
 
-    Where the zero of an output is free (angles) the half sum of both is friction and the half
-    difference is that zero: the effect is then identical with `friction_hysteresis`, and does not
-    apply. Reference: Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30, 1994,
+    It does not apply to positions: of these the half sum of both is `friction_hysteresis`, and the half
+    difference its zero. Reference: Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30, 1994,
     section 2.1 (friction that depends on the direction).
     """
 
@@ -56,11 +55,11 @@ class DirectionalOffset(Shape):
     reference = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30, 1994"
 
     def own_applies(self, target: Target) -> bool:
-        angles = all(kind_of(output.unit) == "angle" for output in target.outputs)
-        return not angles and super().own_applies(target)
+        positions = all(kind_of(output.unit) in POSITIONS for output in target.outputs)
+        return not positions and super().own_applies(target)
 
     def own_reason(self, target: Target) -> str:
-        return "the zero of an angle is free, so that the effect is identical with friction_hysteresis"
+        return "of an angle or a position it is friction_hysteresis and a zero"
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("forward", "a, friction in + motion"), Weight("backward", "b, friction in - motion"))
@@ -104,7 +103,8 @@ class FrictionHysteresis(Shape):
             return (loop,)
         either = target.model == TABLE and Load.role(target) is not None
         along = all(kind_of(output.unit) == "length" for output in target.outputs)
-        moving = replace(MOVING, low=-inf) if along else MOVING  # ISO 230-2: a reversal error has either sign
+        # ISO 230-2: the reversal error is the difference of the two directions, of either sign
+        moving = replace(MOVING, low=-inf, meaning="a, half of the reversal error") if along else MOVING
         return (moving, loop) if either else (moving,)
 
     def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:

@@ -47,6 +47,11 @@ class Memory(Shape):
         roles = target.paths if target.largest else target.travelled()
         return next((role for role in self.drives if role in roles), None)
 
+    def acts_in(self, target: Target | None = None) -> set[Role]:
+        driving = self.driven_by(target) if target is not None else None
+        load = {Role.FORCE} if driving is Role.TORQUE else set()
+        return super().acts_in(target) | ({driving} if driving else set()) | load
+
     def own_applies(self, target: Target) -> bool:
         role = self.driven_by(target)
         shows = role in target.reversing or not (self.of_reversals and target.largest)
@@ -249,12 +254,14 @@ class DoubleLoadCreep(LoadCreep):
     formula = "a u1 + b u2, du_i/dt = (T - u_i)/t_i"
     mistaken_for = ("load_creep", "creep", "delay", "torsional_compliance")
     together = 2
+    reach = "fast_time"  # at its least the fast part follows the load at once: a compliance
     stems: ClassVar[Mapping[str, str]] = {"fast_time": "t1, of the fast part", "slow_time": "t2, of the slow part"}
 
 
-COARSE, FIRST, FEWEST, KEPT = 100, 128, 32, 16
+COARSE, FIRST, FEWEST, KEPT, CLOSER = 200, 128, 32, 60, 7
 """Points of a grid of each of two numbers; the part of the rows it is searched in first, as a divisor, and how many at
-least; and around how many of its points the search goes on.
+least; around how many sets of points that jump in the same rows the search goes on, and how often in all rows, half as
+far from each other at a time.
 """
 SHOWN = 0.5
 """Fraction of the squares left by a play that does not stick, under which jumps are there: of noise, and of a smooth
@@ -287,9 +294,9 @@ class BacklashStickSlip(Memory, OneColumn):
 
     def read_from(self, gap: Array, measurements: Measurements, target: Target) -> dict[str, float]:
         """The play and the wind-up whose jumps are where those of a gap are: searched on a coarse grid in its first
-        rows, then closer by in twice as many, until all are in it, since a jump depends on all before.
+        rows, and closer by, in twice as many rows at a time, since a jump depends on all before.
         """
-        from .memory_kernel import stick_slip  # imports numba
+        from .memory_kernel import left_by_stick_slip  # imports numba
 
         order, x, starts = self.path(measurements, target)
         y, numbers = gap[order], self.shape_parameters(target)
@@ -298,24 +305,26 @@ class BacklashStickSlip(Memory, OneColumn):
 
         def left(points: Array, rows: int) -> Array:
             """Fraction of the squares of the first rows that each point leaves."""
-            fractions, of = np.empty(len(points)), y[:rows] - y[:rows].mean()
-            for k, (width, breakaway) in enumerate(np.exp(points).tolist()):
-                off = stick_slip(x[:rows], starts[:rows], width, breakaway)
-                off = off - off.mean()
-                fractions[k] = 1.0 - (off @ of) ** 2 / max(float(off @ off) * float(of @ of), np.finfo(float).tiny)
-            return fractions
+            return np.asarray(left_by_stick_slip(x[:rows], starts[:rows], np.exp(points), y[:rows]))
 
-        points = low + spacing * _pairs(np.arange(COARSE))
-        play = float(left(points[::COARSE], len(y)).min())
+        grid = points = low + spacing * _pairs(np.arange(COARSE))
+        whole = apart = np.broadcast_to(spacing, grid.shape)  # by how much points are apart from their neighbours
+        play, closer = float(left(grid[::COARSE], len(y)).min()), 0
         while True:
             fractions = left(points, rows)
-            best = points[np.argsort(fractions, kind="stable")[:KEPT]]
-            if rows == len(y):
-                values = np.exp(best[0]).tolist()
+            closer += rows == len(y)
+            if closer > CLOSER:
+                values = np.exp(points[int(np.argmin(fractions))]).tolist()
                 shown = float(fractions.min()) < SHOWN * play
                 return dict(zip((number.name for number in numbers), values, strict=True)) if shown else {}
-            spacing, rows = 0.5 * spacing, min(2 * rows, len(y))
-            points = np.clip((best[:, None] + spacing * _pairs(np.arange(-2, 3))).reshape(-1, 2), low, high)
+            levels, which = np.unique(np.round(fractions, 9), return_inverse=True)
+            around, widths = ([], []) if rows == len(y) else ([grid], [whole])
+            for same in (which == k for k in range(min(KEPT, len(levels)))):  # which jump in the same rows
+                half = np.maximum(0.5 * np.ptp(points[same], axis=0), apart[same].max(axis=0))
+                around += [points[same][:1], points[same].mean(axis=0) + 0.5 * half * _pairs(np.arange(-2, 3))]
+                widths += [np.broadcast_to(0.5 * half, (len(part), 2)) for part in around[-2:]]
+            points, apart = np.clip(np.concatenate(around), low, high), np.concatenate(widths)
+            rows = min(2 * rows, len(y))
 
     def column(self, measurements: Measurements, values: Values, target: Target) -> Array:
         from .memory_kernel import stick_slip  # imports numba

@@ -14,6 +14,7 @@ from ...section import Array
 
 FINE = 0.2
 """Largest step of an integration, as a fraction of the presliding length."""
+TINY = float(np.finfo(float).tiny) ** 0.5
 SATURATED = 12.0
 """Presliding lengths after which the state is that of steady sliding."""
 
@@ -75,6 +76,32 @@ def stick_slip(x: Array, starts: Array, width: float, breakaway: float) -> Array
             y = x[i] + width
         off[i] = y - x[i]
     return off
+
+
+@_compile
+def left_by_stick_slip(x: Array, starts: Array, points: Array, y: Array) -> Array:
+    """Fraction (k,) of the squares of y (n,) about its mean that `stick_slip`, in any size and with any offset,
+    leaves at each of `points` (k, 2), the width and the breakaway.
+    """
+    fractions = np.empty(len(points))
+    of = y - y.mean()
+    squares = max((of * of).sum(), TINY)
+    for k in range(len(points)):
+        width, breakaway = points[k]
+        table = total = square = product = 0.0
+        for i in range(x.size):
+            if starts[i]:
+                table = x[i]
+            if x[i] - table > width + breakaway:
+                table = x[i] - width
+            elif table - x[i] > width + breakaway:
+                table = x[i] + width
+            off = table - x[i]
+            total += off
+            square += off * off
+            product += off * of[i]
+        fractions[k] = 1.0 - product * product / (max(square - total * total / x.size, TINY) * squares)
+    return fractions
 
 
 @_compile

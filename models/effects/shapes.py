@@ -6,14 +6,14 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from math import atan2, degrees, hypot, inf
+from math import atan2, degrees, hypot, inf, pi
 from typing import ClassVar
 
 import numpy as np
 
 from ...section import Array, Output
 from ..measurable import Role
-from .effect import Action, Effect, EffectParameter, Measurements, Target, Values, quantity, value_or_zero
+from .effect import FEW, Action, Effect, EffectParameter, Measurements, Target, Values, quantity, value_or_zero
 
 Columns = Mapping[str, Callable[[], Array]]
 """Columns (n,) by the stems of their weights, each computed when it is called."""
@@ -123,6 +123,11 @@ class Orders(Shape):
 
     def own_reason(self, target: Target) -> str:
         return no_waves(target, *(name for name, _ in self.follows))
+
+    def lacks(self, measurements: Measurements, target: Target) -> str:
+        angle = measurements[Role.ANGLE] if Role.ANGLE in measurements else np.array([0.0, inf])
+        few = min(self.orders_of(target), default=inf) * float(np.ptp(angle)) < pi
+        return FEW if few else super().lacks(measurements, target)
 
     def orders_of(self, target: Target) -> tuple[float, ...]:
         """Its orders in this target; none where the gear does not have them."""

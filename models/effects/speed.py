@@ -56,18 +56,22 @@ GONE = 1e-6
 """Fraction of the excess at rest below which it is 0: rows at such speeds say nothing of rest."""
 
 
+FORMS = (1.0, 2.0)
+"""Exponents with which the excess at rest falls."""
+
+
 class Stribeck(Shape):
     """Friction s at rest that falls to c as a film builds up, within a speed v_s.
 
     What viscous friction adds at speed is `viscous_friction`. Reference: Stribeck, Z. VDI 46, 1902;
-    the Gaussian form of Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30, 1994,
-    equation 4 with exponent 2.
+    Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30, 1994, equation 4: exponent 1 is the form
+    of Tustin (J. IEE 94, 1947), exponent 2, which holds where none is given, the Gaussian one.
     """
 
     name = "stribeck"
     family = "speed"
     cause = "Contacts rub at low speed, and are separated by their oil film as the speed rises."
-    formula = "d (c + e exp(-(v/v_s)^2)), e = s - c"
+    formula = "d (c + e exp(-(v/v_s)^n)), e = s - c, n 1 or 2"
     needs = (Role.SPEED, Role.DIRECTION)
     mistaken_for = ("friction_hysteresis", "viscous_friction", "delay")
     reference = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30, 1994"
@@ -82,7 +86,14 @@ class Stribeck(Shape):
         fastest = target.largest.get(Role.SPEED, 0.0)
         ends = (SLOWEST * fastest, FASTEST * fastest) if fastest > 0.0 else (0.0, inf)
         meaning = "v_s, speed at which e has fallen to 1/e of itself"
-        return (quantity("speed", speed_unit(target), meaning, *ends, linear=False),)
+        form = "n, exponent with which e falls"
+        return (
+            quantity("speed", speed_unit(target), meaning, *ends, linear=False),
+            quantity("exponent", "", form, *FORMS, linear=False, choices=FORMS),
+        )
+
+    def missing(self, values: Values, target: Target) -> tuple[str, ...]:
+        return tuple(name for name in super().missing(values, target) if name != "exponent")
 
     def columns(self, measurements: Measurements, values: Values, target: Target) -> Columns:
         direction = np.asarray(measurements[Role.DIRECTION], dtype=float)
@@ -91,7 +102,7 @@ class Stribeck(Shape):
         falls = max(values[name], np.finfo(float).tiny)
 
         def excess() -> Array:
-            left = np.exp(-((speed / falls) ** 2))
+            left = np.exp(-((speed / falls) ** values.get("exponent", FORMS[1])))
             return np.asarray(direction * np.where(left < GONE, 0.0, left))
 
         return {"excess": excess, "level": lambda: direction}

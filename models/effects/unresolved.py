@@ -169,6 +169,19 @@ def cubic_splines(x: Array, knots: Array) -> Array:
     return np.asarray(scipy.interpolate.BSpline.design_matrix(np.clip(x, knots[0], knots[-1]), ends, 3).toarray())
 
 
+def knots(values: Array, count: int) -> Array:
+    """The ends of `count` stretches of values (n,) with equally many rows."""
+    return np.asarray(np.unique(np.quantile(values, np.linspace(0, 1, count + 1))))
+
+
+def spline(values: Array, count: int) -> Array:
+    """Cubic B-splines (n, count + 3) of values (n,), their knots at quantiles."""
+    inner = knots(values, count)
+    if len(inner) < 3:
+        return values[:, None].astype(float)
+    return cubic_splines(values, inner)
+
+
 def wave(phase: Array) -> Array:
     """Cosine and sine (n, 2) of a phase (n,)."""
     return np.column_stack([np.cos(phase), np.sin(phase)])

@@ -31,7 +31,6 @@ from .linear import basis, project_out, ranked, rms
 from .null_model import (
     Identified,
     NullModel,
-    acts_in,
     alike,
     build_null_model,
     change_noise,
@@ -108,8 +107,7 @@ def variables_of(member: Member, data: GapData) -> tuple[frozenset[str], bool]:
     effect = member.candidate.effect
     if isinstance(effect, Unresolved):
         return frozenset(effect.term.variables), effect.term.turns
-    driving = effect.driven_by(data.target) if isinstance(effect, Memory) else None
-    roles = acts_in((*effect.needs, driving) if driving else effect.needs)
+    roles = effect.acts_in(data.target)
     return frozenset(c.name for c in data.inputs if c.role in roles - {Role.DIRECTION}), Role.DIRECTION in roles
 
 
@@ -144,8 +142,6 @@ def with_curves(fitter: Fitter, fit: Fit, data: GapData) -> Fit:
 # the held-out error and fits no effect stays as a generic term, so that its omission does not bias
 # the parameters of the effects.
 
-MEMORY = "memory"
-"""The family of the effects that depend on the rows before."""
 TRIED = 4
 """Number of forms and effects that are tried at each step, the likeliest first."""
 SETTLE_ROUNDS = 40
@@ -191,7 +187,7 @@ class Settling:
         """
         plays = [k for k, member in enumerate(fit.members) if is_plays(member)]
         known = {member.name: member.candidate.effect for member in self.search.dictionary.members}
-        names = frozenset(name for name, effect in known.items() if MEMORY in (effect.family, effect.yields_to))
+        names = frozenset(name for name, effect in known.items() if Memory.family in (effect.family, effect.yields_to))
         effects = [k for k, name in enumerate(fit.names) if name in names]
         if not effects or len(plays) + len(effects) < 2:
             return fit

@@ -37,7 +37,7 @@ from .records import (
     Score,
     UnresolvedTerm,
 )
-from .result import Ending, finish_analysis, resemblance
+from .result import Ending, finish_analysis
 from .scan import scan
 from .selection import correlation
 from .separations import separating
@@ -188,7 +188,7 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
         family=member.candidate.effect.family,
         cause=member.candidate.effect.cause,
         parameters=tuple(
-            FoundParameter(p.name, values[p.name], *_ends(end, member.name, p, values, spread), p.unit, _meaning(p))
+            FoundParameter(p.name, values[p.name], *_ends(end, member.name, p, values, spread), p.unit, p.words)
             for p in member.candidate.parameters
         ),
         gain=gain,
@@ -198,23 +198,9 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
         share=min(1.0, gain / total),
         frequency=float("nan") if spread is None else spread.frequency(member.name),
         at_bound=tuple(
-            p.name
-            for p in member.candidate.parameters
-            if not p.choices and _is_at_bound(values[p.name], shortest[p.linear] * p.low, p.high, several)
+            p.name for p in member.candidate.parameters if p.stops(values[p.name], shortest[p.linear], several)
         ),
     )
-
-
-def _is_at_bound(value: float, low: float, high: float, several: bool) -> bool:
-    """Whether a parameter is at a physical bound; 0 is one below if the effect has several sizes."""
-    width, stops = abs(value) * 1e-6, np.isfinite(low) and (low != 0.0 or several)
-    return bool((np.isfinite(high) and value >= high - width) or (stops and value <= low + width))
-
-
-def _meaning(parameter: EffectParameter) -> str:
-    """The meaning of a parameter, with its choices where it was chosen instead of fitted."""
-    choices = ", ".join(f"{choice:g}" for choice in parameter.choices)
-    return f"{parameter.meaning} (chosen out of {choices}, not fitted)" if choices else parameter.meaning
 
 
 def _ends(
@@ -525,7 +511,7 @@ def _term_remainders(end: Ending, members: Sequence[Member]) -> Remainder:
     words = dict.fromkeys(term.words for term in terms)
     if len(words) > 1 and all(t.shape in CURVED and (t.turns, t.times) == (turns, "") for t in terms):
         words = {f"a curve over {first.variable}" + (", opposite in the two directions" if turns else ""): None}
-    resembled = [str(resemblance(end.analysis, end.fit, end.fit.members.index(member))) for member in members]
+    resembled = [str(end.resembled[member.name]) for member in members]
     text = ", ".join([", and ".join(words), *filter(None, resembled)])
     offer = Offer(terms, [_weights(end, member) for member in members], setup.data.target.columns, text)
     texts = offer.formula(), offer.plugin()

@@ -10,7 +10,6 @@ import numpy as np
 import scipy
 
 from ...journal import recall_arrays
-from ...models.effects import EffectParameter
 from ...models.effects.memory import Memory
 from ...models.effects.unresolved import Unresolved
 from ...section import Array
@@ -248,9 +247,14 @@ class Fitter:
         size = np.linalg.norm(columns, axis=0)
         moving = size > np.sqrt(GONE) * np.linalg.norm(whole, axis=0)
         columns, owners = columns[:, moving] / size[moving], owners[moving]
-        inverse = np.linalg.inv(columns.T @ columns + GONE * np.eye(len(owners)))
+        gram = columns.T @ columns + GONE * np.eye(len(owners))
         large = (numbers[numbers != 0.0][moving] * size[moving]) ** 2 > least
-        bad = large & (np.diag(inverse) > MAX_CONTRIBUTION**2)
+        inflated = []
+        for at, owner in enumerate(owners):  # sizes that have one sign do not cancel each other
+            united = fit.members[owner].candidate.effect.together > 1
+            kept = np.flatnonzero((owners != owner) | (np.arange(len(owners)) == at) | (not united))
+            inflated.append(np.diag(np.linalg.inv(gram[np.ix_(kept, kept)]))[kept == at][0])
+        bad = large & (np.array(inflated) > MAX_CONTRIBUTION**2)
         sized = [
             k
             for k in effects
@@ -347,7 +351,7 @@ class Fitter:
         if not free:
             return member, 0.0
         start = np.array([member.shape[parameter.name] for parameter in free])
-        scale = np.array([_width(parameter, value) for parameter, value in zip(free, start, strict=True)])
+        scale = np.array([parameter.scale(value) for parameter, value in zip(free, start, strict=True)])
         low, high = np.array([(parameter.low, parameter.high) for parameter in free]).T
 
         def shape(x: Array) -> dict[str, float]:
@@ -377,13 +381,6 @@ class Fitter:
         if least >= first:  # no better than the start
             return member, -float(first)
         return Member(candidate, shape(x)), -float(least)
-
-
-def _width(parameter: EffectParameter, value: float) -> float:
-    """The scale of a nonlinear parameter: about one cell of the grid."""
-    if parameter.phase:
-        return 15.0
-    return 0.3 * abs(value) if value else 1.0
 
 
 def _gain(candidate: Candidate, gram: Array, product: Array) -> float:

@@ -16,14 +16,14 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ...models.effects.angle import highest_order
 from ...models.effects.effect import kind_of
 from ...models.effects.measurements import SESSION, labels_of, unit_numbers
 from ...models.effects.memory import FORCES
-from ...models.effects.unresolved import RADII, Term, Unresolved, cubic_splines, fewest_plays, plays, wave
+from ...models.effects.unresolved import RADII, Term, Unresolved, fewest_plays, knots, plays, spline, wave
 from ...models.gear import SUN
 from ...models.measurable import Column, Role
 from ...section import Array
-from ...units import converted
 from .data import GapData
 from .fit import Fitter, Member, is_term
 from .library import Candidate
@@ -148,19 +148,6 @@ def stretches(column: Column, rows: int) -> int:
     return min(6 if column.role in (Role.TORQUE, Role.FORCE) else 4, max(2, rows // 25))
 
 
-def knots(values: Array, count: int) -> Array:
-    """The ends of `count` stretches of values (n,) with equally many rows."""
-    return np.asarray(np.unique(np.quantile(values, np.linspace(0, 1, count + 1))))
-
-
-def spline(values: Array, count: int) -> Array:
-    """Cubic B-splines (n, count + 3) of values (n,), their knots at quantiles."""
-    inner = knots(values, count)
-    if len(inner) < 3:
-        return values[:, None].astype(float)
-    return cubic_splines(values, inner)
-
-
 def _smooth(column: Column, x: Array, sign: Array | None) -> list[tuple[Form, Array]]:
     """Smooth functions of one input, equal in both directions and opposite in them."""
     kind = "trend" if column.role is Role.TIME else "interval"
@@ -206,23 +193,12 @@ def _raw_products(inputs: list[Column], values: dict[str, Array], sign: Array | 
     """Products of two unscaled inputs, one column each: a usual form of laws of two variables."""
     forms = []
     for first, second in combinations(inputs, 2):
-        a, b = (from_origin(c, values[c.name]) for c in (first, second))
+        a, b = (c.from_origin(values[c.name]) for c in (first, second))
         for p, q in ((1, 1), (2, 1), (1, 2)):
             form = Form("product", first.name, further_variables=(second.name,), powers=(p, q))
             both = [(form, (a**p * b**q)[:, None])]
             forms += both + _directional_forms(both, sign)
     return forms
-
-
-def origin(column: Column) -> float:
-    """Where a law of an input begins, in its unit: 20 degC of a temperature, else 0."""
-    return float(converted(20.0, "C", column.unit)) if column.role is Role.TEMPERATURE else 0.0
-
-
-def from_origin(column: Column, x: Array) -> Array:
-    """An input (n,) relative to its origin, scaled to magnitude 1 at most."""
-    away = x - origin(column)
-    return np.asarray(away / max(float(np.abs(away).max()), 1e-300))
 
 
 def _swings(inputs: list[Column], values: dict[str, Array]) -> list[tuple[Form, Array]]:
@@ -298,7 +274,7 @@ def order_grid(data: GapData) -> Array:
     highest = OVER_A_WORKSPACE if Role.POSITION in data.measurements else HIGHEST
     if data.target.gear is not None:
         highest = min(max(highest, data.target.gear.waves[-1] + ORDERS_BEYOND_GEAR), MAX_ORDER)
-    return np.arange(max(0.25, least), highest + 0.1, 0.25)
+    return np.arange(max(0.25, least), min(highest, highest_order(angle)) + 0.1, 0.25)
 
 
 def _orders(data: GapData) -> list[tuple[Form, Array]]:
@@ -387,7 +363,7 @@ def term_of(form: Form, data: GapData, output: str) -> Term | None:
     columns = {c.name: c for c in data.inputs}
     turns = form.direction == "odd"
     if form.kind == "direction":
-        name = next(c.name for c in data.inputs if c.role is Role.DIRECTION)
+        name = next(c.name for role in (Role.DIRECTION, Role.SPEED) for c in data.inputs if c.role is role)
         return Term(output, name, "constant", turns=True)
     if form.shape == LEVELS and not data.target.population:
         labels, _ = labels_of(data.measurements.table[form.variable])
@@ -435,7 +411,7 @@ def _product(base: Term, form: Form, data: GapData, columns: dict[str, Column]) 
         term = replace(base, shape="product", zero=float(x.mean()), scale=float(x.std()))
         return replace(term, times=second, times_zero=float(y.mean()), times_scale=float(y.std()))
     p, q = form.powers
-    ends = [origin(columns[n]) for n in (form.variable, second)]
+    ends = [columns[n].origin for n in (form.variable, second)]
     sizes = [float(np.abs(v - z).max()) for v, z in zip((x, y), ends, strict=True)]
     return replace(
         base,

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ... import registry
 from ...journal import recall_columns
 from ...models.effects import Effect, EffectParameter, Target
+from ...models.effects.angle import GearOrder, orders_shown
 from ...models.effects.effect import Action, InsideSeveral, Measurements
 from ...models.effects.measurements import (
     Active,
@@ -30,7 +31,7 @@ from ...models.effects.measurements import (
     target_of,
 )
 from ...models.effects.population import Law, OfUnits
-from ...models.effects.shapes import Orders, Shape
+from ...models.effects.shapes import Shape
 from ...models.effects.unresolved import Unresolved
 from ...models.measurable import NO_CHANGES, Column, MeasurableModel, Role, Sources
 from ...section import Array
@@ -148,8 +149,6 @@ MOVING = (Role.ANGLE, Role.TORQUE, Role.FORCE, Role.SPEED, Role.DIRECTION, Role.
 """Roles of a test bench that the effects of a drive need."""
 BEND = 2.5
 """The least gain of the first nonlinear parameter of an effect."""
-FINEST = 0.01
-"""Smallest delay that is tried, as a fraction of the longest."""
 BIT = 2.0 * log(2.0)
 """The least gain of a choice of two forms."""
 FEW = 4
@@ -158,8 +157,6 @@ MAX_GRID_POINTS = 400
 """Points of the grid of an effect's nonlinear parameters, at most."""
 LINEAR_STEP = 0.05
 """A change of an internal quantity, in its unit, at which the outputs are still linear."""
-STILL = 1e-6
-"""[rad] Range of an angle that did not change."""
 NO_TRACE = "the data contain no trace of it"
 LEAST_UNITS = 3
 """Units of a lot from which its separate offset can be estimated."""
@@ -275,7 +272,7 @@ class Columns:
             return self._by_rows(candidate.effect, shape)
         if isinstance(candidate.effect, Shape) and candidate.effect.plain(self.data.target):
             return self._of_shape(candidate.effect, shape)
-        steps = {parameter.name: _step(parameter) for parameter in candidate.linear}
+        steps = {parameter.name: parameter.small for parameter in candidate.linear}
         return np.column_stack([self.total(candidate, {**shape, name: step}) / step for name, step in steps.items()])
 
     def _of_shape(self, effect: Shape, shape: Mapping[str, float]) -> Array:
@@ -344,23 +341,19 @@ class Columns:
         return np.concatenate([act(m, float(m.mean()), rng) - m for m in means])
 
 
-def _step(parameter: EffectParameter) -> float:
-    """A small value of a linear parameter, at which a model is still linear in it."""
-    end = parameter.high if parameter.high > 0 else parameter.low
-    return 0.01 * end if np.isfinite(end) else 1.0
-
-
 def candidates(names: Iterable[str], data: GapData, own: Iterable[Effect] = ()) -> list[Candidate]:
     """The effects of these names, and of the user's own, that apply to the model and the columns of the data."""
     applicable = []
     for effect in (*(registry.load("effects", name)() for name in names), *own):
-        applies = effect.applies(data.target) and not _at_one_angle(effect, data)
+        applies = effect.applies(data.target) and not effect.lacks(data.measurements, data.target)
         known = effect.shown(data.measured, data.target) if applies else None
         if known is not None:
             numbers = effect.parameters(data.target)
             linear = tuple(p for p in numbers if p.linear)
             fixed = {name: (value,) for name, value in known.items()}
             shape = tuple(replace(p, choices=fixed.get(p.name, p.choices)) for p in numbers if not p.linear)
+            if isinstance(effect, GearOrder):
+                shape = (replace(shape[0], choices=orders_shown(data.target, data.measurements)),)
             candidate = Candidate(effect, linear, shape, _lacks_variable(effect, data))
             applicable.append(replace(candidate, on_scatter=_changes_scatter(candidate, data)))
     return applicable
@@ -370,16 +363,9 @@ def _changes_scatter(candidate: Candidate, data: GapData) -> bool:
     """Whether a candidate changes the scatter of units, at values within its bounds."""
     if not data.target.population:
         return False
-    values = {n.name: _step(n) for n in candidate.linear}
-    values |= {n.name: n.choices[0] if n.choices else _within(n) for n in candidate.shape}
+    values = {n.name: n.small for n in candidate.linear}
+    values |= {n.name: n.choices[0] if n.choices else n.inner for n in candidate.shape}
     return acts_on_scatter(candidate.effect, values, data.measurements, data.target)
-
-
-def _within(number: EffectParameter) -> float:
-    low, high = number.low, number.high
-    if np.isfinite([low, high]).all():
-        return 0.5 * (low + high)
-    return low + 1.0 if np.isfinite(low) else 0.5 * min(high, 2.0)
 
 
 def not_considered(names: Iterable[str], data: GapData) -> list[str]:
@@ -401,8 +387,8 @@ def _reason(effect: Effect, data: GapData) -> str:
     """The reason why an effect is no candidate, empty where it is a candidate."""
     if why := effect.left_out(data.target):
         return why
-    if _at_one_angle(effect, data):
-        return "fewer than half a wave over the angle"
+    if few := effect.lacks(data.measurements, data.target):
+        return few
     return NO_TRACE if effect.shown(data.measured, data.target) is None else ""
 
 
@@ -414,17 +400,6 @@ def _matters(effect: Effect, why: str, data: GapData) -> bool:
     if set(effect.needs) <= roles:
         return why not in (Effect.own_reason(effect, data.target), NO_TRACE)
     return data.target.model == "table"
-
-
-def _at_one_angle(effect: Effect, data: GapData) -> bool:
-    """Whether the rows hold a single angle, or less than half a wave of an order of an effect: its waves
-    then fit any offset or slope.
-    """
-    if Role.ANGLE not in effect.needs or Role.ANGLE not in data.measurements:
-        return False
-    reach = float(np.ptp(np.asarray(data.measurements[Role.ANGLE], dtype=float)))
-    orders = effect.orders_of(data.target) if isinstance(effect, Orders) else ()
-    return reach < STILL or bool(orders and min(orders) * reach < np.pi)
 
 
 def _lacks_variable(effect: Effect, data: GapData) -> bool:
@@ -475,31 +450,12 @@ def grid(candidate: Candidate, spread: float) -> list[dict[str, float]]:
     """
     free = sum(not parameter.choices for parameter in candidate.shape)
     coarse = FEW if free > 2 else 6
-    axes = [_axis(parameter, spread, len(candidate.shape), coarse) for parameter in candidate.shape]
+    axes = [parameter.grid(spread, free, coarse) for parameter in candidate.shape]
     while np.prod([len(axis) for axis in axes]) > MAX_GRID_POINTS:
         longest = max(range(len(axes)), key=lambda k: len(axes[k]))
         axes[longest] = axes[longest][::2]
     names = [parameter.name for parameter in candidate.shape]
     return [dict(zip(names, point, strict=True)) for point in product(*axes)]
-
-
-def _axis(parameter: EffectParameter, spread: float, dimensions: int, coarse: int) -> list[float]:
-    if parameter.choices:
-        return list(parameter.choices)
-    low, high = parameter.low, parameter.high
-    count = 15 if dimensions == 1 else 24 if parameter.phase or parameter.unit == "Hz" else coarse
-    if parameter.phase:
-        return [float(x) for x in np.linspace(low, high, count, endpoint=False)]
-    if np.isfinite(high) and low == -high and parameter.unit == "s":  # a delay of either sign
-        half = np.geomspace(high * FINEST, high, count // 2)
-        return [float(x) for x in (*-half[::-1], *half)]
-    if not np.isfinite(high):
-        high = max(low, 0.0) + 10.0 * spread
-    if not np.isfinite(low):
-        low = -high
-    if low >= 0.0:
-        return [float(x) for x in np.geomspace(max(low, high * 1e-3), high, count)]
-    return [float(x) for x in np.linspace(low, high, count)]
 
 
 POINTS = 9

@@ -208,17 +208,12 @@ def _members_in_variable(search: Search, fit: Fit, generic: Remaining, at: int) 
     if form.kind == "order":
         return {k for k in range(len(fit.members)) if _overlap(search, fit, generic, at, k) > 0.1}
     variables = {generic.roles.get(name) for name in (form.variable, *form.further_variables)}
-    roles_by_member = enumerate(acts_in(member.candidate.effect.needs) for member in fit.members)
+    roles_by_member = enumerate(member.candidate.effect.acts_in() for member in fit.members)
     return {
         k
         for k, roles in roles_by_member
         if (roles - {Role.DIRECTION}) & variables or (roles == {Role.DIRECTION} and form.direction)
     }
-
-
-def acts_in(needs: Sequence[Role]) -> set[Role]:
-    """The variables that an effect acts in; force stands for torque."""
-    return {*needs, Role.FORCE} if Role.TORQUE in needs else set(needs)
 
 
 def _overlap(search: Search, fit: Fit, generic: Remaining, at: int, k: int) -> float:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import islice
 from math import radians, tau
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ import pandas as pd
 
 from ... import tables
 from ...configuration.columns import output_of
-from ...errors import Fault, nearest, raise_all
+from ...errors import Fault, abbreviated_list, nearest, raise_all
 from ...models.effects.effect import kind_of
 from ...models.effects.measurements import SESSION
 from ...models.measurable import Column, Role
@@ -134,7 +133,7 @@ def _stiffness_note(data: GapData) -> Iterator[str]:
     for output in data.outputs:
         y = data.measured[output.name]
         spread = float(np.std(load) * np.std(y))
-        slope = _covariance(load, y) / max(float(np.var(load)), 1e-300)
+        slope = float(np.cov(load, y, bias=True)[0, 1]) / max(float(np.var(load)), 1e-300)
         if spread > 0.0 and abs(slope) * np.std(load) > FOLLOWS * np.std(y):
             description = unlikely_stiffness(1.0 / slope, output.unit, "N" if role is Role.FORCE else "Nm")
             if description:
@@ -172,14 +171,10 @@ def unlikely_numbers(fit: Fit, data: GapData) -> list[str]:
 def _factor(measured: Array, predicted: Array) -> float:
     """The ratio of the measurement to the prediction; 0 where they are not correlated."""
     spread = float(np.std(measured) * np.std(predicted))
-    covariance = _covariance(measured, predicted)
+    covariance = float(np.cov(measured, predicted, bias=True)[0, 1])
     if spread == 0.0 or covariance < MIN_FOLLOWING_RATIO * spread:
         return 0.0
     return covariance / float(np.var(predicted))
-
-
-def _covariance(x: Array, y: Array) -> float:
-    return float(np.mean((x - x.mean()) * (y - y.mean())))
 
 
 def _doubt(data: GapData, role: Role) -> str:
@@ -299,12 +294,6 @@ def _unused(plan: GapPlan, cells: pd.DataFrame, ignored: Sequence[str], known: S
     missing = [] if plan.model is None else [name for name in known if name not in cells]
     without_role = [str(name) for name in cells.columns if name not in {*ignored, *known}]
     return [name for name in without_role if not nearest(name, missing)]
-
-
-def abbreviated_list(names: Iterable[str]) -> str:
-    """The first ten of some names."""
-    first = [*islice(names, 11)]
-    return ", ".join(first[:10] + ["..."] * (len(first) > 10))
 
 
 def _digest(table: tables.Table, path: Path | None) -> str:

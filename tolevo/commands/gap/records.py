@@ -429,7 +429,10 @@ class FoundParameter:
     meaning: str = ""
 
     def __str__(self) -> str:
-        return f"{self.name} = {self.value:.4g} [{self.low:.4g}, {self.high:.4g}] {self.unit}"
+        whole = (
+            f" (reversal error {2.0 * self.value:.4g} {self.unit})" if "half of the reversal" in self.meaning else ""
+        )
+        return f"{self.name} = {self.value:.4g} [{self.low:.4g}, {self.high:.4g}] {self.unit}{whole}"
 
 
 @dataclass(frozen=True, slots=True)

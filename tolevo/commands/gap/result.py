@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from itertools import chain
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
 
 import numpy as np
 
 from ...models.effects import EffectParameter
+from ...models.effects.angle import GearOrder
+from ...models.effects.memory import Memory
+from ...models.measurable import Role
 from ...section import Array
 from .analysis import CURVED, Analysis, analysis_without_effect, variables_of, with_curves
 from .blocks import HeldOut
@@ -69,17 +73,15 @@ def misfit_of(analysis: Analysis, fit: Fit, curved: Fit) -> dict[tuple[str, str]
             if common > NEGLIGIBLE_FRACTION:
                 bias, whole = float(g @ added) ** 2 / size, float(added @ added)
                 variances[member.name, number] = max(EITHER * bias, (whole - bias) / count * common) / size
-    alone, moves = fitter.fit(fit.effects), [resemblance(analysis, fit, at).moved for at in terms]
-    readings = [(other.fit, fit) for other in analysis.rivals]
+    alone, sizes = fitter.fit(fit.effects), _sizes(fit)
+    readings = [(other.fit, fit) for other in analysis.rivals if not analysis.search.cancelling(other.fit)]
     readings += [(reading, alone) for at in terms for reading in _readings(analysis, fit, alone, at)]
     for reading, than in readings if named else ():
-        if not analysis.search.cancelling(reading):
-            before = _sizes(than)
-            moves.append({key: size - before[key] for key, size in _sizes(reading).items() if size and key in before})
-    sizes = _sizes(fit)
-    for key, away in chain.from_iterable(moved.items() for moved in moves):
-        if abs(away) > FORM_OFF * abs(sizes.get(key, 0.0)):
-            variances[key] = max(variances.get(key, 0.0), EITHER * away**2)
+        before = _sizes(than)
+        for key, size in _sizes(reading).items():
+            away = abs(size - before.get(key, size)) if size else 0.0
+            if FORM_OFF < away / max(abs(sizes.get(key, 0.0)), 1e-300) < OTHER_CAUSE:
+                variances[key] = max(variances.get(key, 0.0), EITHER * away**2)
     return variances
 
 
@@ -94,38 +96,45 @@ def _sizes(fit: Fit) -> dict[tuple[str, str], float]:
 
 
 def _readings(analysis: Analysis, fit: Fit, whole: Fit, at: int) -> Iterator[Fit]:
-    """Fits of the effects (`whole`), one over a curve's variables exchanged, off by at most twice the curve's size."""
+    """Fits of the effects (`whole`), one over a curve's variables exchanged, off by at most twice the curve's size, or
+    one more that explains most of the curve: by as much is the form of the effects off.
+    """
     search, data = analysis.search, analysis.setup.data
     over, most = variables_of(fit.members[at], data), fit.rss + TWICE * (whole.rss - fit.rss)
+    if effect_of(fit.members[at]).term.shape not in CURVED:
+        return
     for k, member in enumerate(whole.members):
-        if variables_of(member, data) != over or effect_of(fit.members[at]).term.shape not in CURVED:
-            continue
         rest = whole.without(k)
-        without = search.fitter.fit(rest).rss
-        for other in scan(search.fitter, search.white, search.dictionary, rest):
-            if without - other.gain > most:
-                break
-            if other.member.name != member.name and variables_of(other.member, data) == over:
-                reading = search.fitter.fit((*rest, other.member))
-                if reading.rss < most:
-                    yield reading
+        for other in _over(analysis, rest, over) if variables_of(member, data) == over else ():
+            reading = search.fitter.fit((*rest, other))
+            if other.name != member.name and reading.rss < most and not search.cancelling(reading):
+                yield reading
+    for other in _over(analysis, whole.members, over):
+        more = search.fitter.refined((*whole.members, other))
+        determined = not other.shape or not search.cancelling(more)
+        if determined and whole.rss - more.rss > ALIKE * (whole.rss - fit.rss):
+            yield more
+
+
+def _over(analysis: Analysis, members: Sequence[Member], over: tuple[frozenset[str], bool]) -> list[Member]:
+    """The effects that act in these variables, or follow the direction alone, as they fit best beside some members."""
+    search, data = analysis.search, analysis.setup.data
+    others = [result.member for result in scan(search.fitter, search.white, search.dictionary, members)]
+    return [other for other in others if variables_of(other, data) in (over, (frozenset(), over[1]))]
 
 
 @dataclass(frozen=True)
 class Resemblance:
-    """Effects `names` that a curve resembles, the fraction of its squares that they explain, and by how much the
-    sizes of the effects beside it would differ, by owner and name, if these were its cause.
-    """
+    """Effects `names` that a curve resembles, and the fraction of its squares that they explain."""
 
     names: tuple[str, ...] = ()
     fraction: float = 0.0
-    moved: Mapping[tuple[str, str], float] = field(default_factory=dict)
 
     def __str__(self) -> str:
         return f"{100.0 * self.fraction:.0f} % like {' and '.join(self.names)}" if self.names else ""
 
 
-def resemblance(analysis: Analysis, fit: Fit, at: int) -> Resemblance:
+def _resemblance(analysis: Analysis, fit: Fit, at: int) -> Resemblance:
     """The one or two effects over the variables of a curve that explain most of it beside those that are there."""
     search, data, members = analysis.search, analysis.setup.data, fit.members
     fitter, over = search.fitter, variables_of(members[at], data)
@@ -146,9 +155,7 @@ def resemblance(analysis: Analysis, fit: Fit, at: int) -> Resemblance:
             off = curve - project_out(whole, fitter.q) @ sizes
             fraction, own = 1.0 - float(off @ off) / float(curve @ curve), sizes[len(sizes) - apart.sum() :]
             if fraction > best[0] and (own >= low).all() and (own <= high).all():
-                linear = [(members[k].name, number.name) for k in beside for number in members[k].candidate.linear]
-                moved = dict(zip(linear, sizes.tolist(), strict=False))
-                best = fraction, Resemblance((*found.names, member.name), fraction, moved), columns[:, apart]
+                best = fraction, Resemblance((*found.names, member.name), fraction), columns[:, apart]
         if not best[1].names:
             break
         found, open_to = best[1], [member for member in open_to if member.name not in best[1].names]
@@ -191,6 +198,8 @@ def _columns(fitter: Fitter, fit: Fit, at: int) -> Array:
     return np.hstack(columns)
 
 
+OTHER_CAUSE = 0.5
+"""Fraction of a size by which another reading of the form moves it, beyond which it is another cause."""
 FORM_OFF, FORM_FAR_OFF, FORM_ALIKE = 0.05, 0.12, 0.3
 """Limits of the part of an effect that is orthogonal to a larger effect of its variables, as a
 fraction of the latter (the second where what remains over them is no small part of it), and of their
@@ -227,6 +236,12 @@ class Ending:
             return "partial"
         rivals = self.analysis.rivals or len(self.analysis.scatter) > 1 or self.on_scatter_instead
         return "ambiguous" if rivals else "named"
+
+    @cached_property
+    def resembled(self) -> dict[str, Resemblance]:
+        """What each term resembles."""
+        terms = [(at, member.name) for at, member in enumerate(self.fit.members) if is_term(member)]
+        return {name: _resemblance(self.analysis, self.fit, at) for at, name in terms}
 
     @property
     def identified(self) -> tuple[int, ...]:
@@ -279,7 +294,29 @@ def finish_analysis(analysis: Analysis) -> Ending:
             taken_back, reduced = before.pop()
             needed.add(taken_back)
         ending = reduced
-    return ending
+    return _with_names(ending, needed) if ending.rows else ending
+
+
+def _with_names(end: Ending, needed: Collection[str]) -> Ending:
+    """The ending in which an effect replaces the term with its only column, where nothing speaks against it: what
+    excluded it may be gone.
+    """
+    search, analysis, members = end.analysis.search, end.analysis, end.analysis.fit.members
+    for at, other in product(range(len(members)), search.dictionary.members):
+        columns, own = (search.fitter.white(member) for member in (members[at], other))
+        if not is_term(members[at]) or other.shape or {columns.shape[1], own.shape[1]} != {1}:
+            continue
+        if np.linalg.norm(project_out(columns, basis(own))) < STEP * np.linalg.norm(columns):
+            fit = search.fitter.fit(sorted([*members[:at], other, *members[at + 1 :]], key=is_term))
+            selection, named = (
+                replace(analysis.selection, fit=fit),
+                replace(analysis.identified, confirmed=fit.identified),
+            )
+            excluded = analysis.excluded - {other.name}
+            ending = _widen_ending(replace(analysis, selection=selection, identified=named, excluded=excluded))
+            if np.any(fit.coefficients[fit.names.index(other.name)]) and not _weakest_effect(ending, needed):
+                return ending
+    return end
 
 
 def _weakest_effect(end: Ending, needed: Collection[str]) -> tuple[str, str] | None:
@@ -297,9 +334,22 @@ def _weakest_effect(end: Ending, needed: Collection[str]) -> tuple[str, str] | N
             continue
         larger = "" if name in needed else _form_of(end, at)
         member = end.fit.members[at]
-        if larger or end.model.nothing(member) or end.model.undetermined(member):
+        if larger or end.model.nothing(member) or end.model.undetermined(member) or _sideband(end, at):
             return name, larger
     return None
+
+
+def _sideband(end: Ending, at: int) -> bool:
+    """Whether an order that nobody declared may be part of a larger remainder over the angle, of which another effect
+    has the main part, or, of less than a turn, an error of the form of a memory.
+    """
+    data, effects = end.setup.data, [member.candidate.effect for member in end.fit.effects]
+    if not isinstance(end.fit.members[at].candidate.effect, GearOrder) or data.target.gear is not None:
+        return False
+    if np.ptp(data.measurements[Role.ANGLE]) < 2.0 * np.pi and any(isinstance(effect, Memory) for effect in effects):
+        return True
+    contribution = float(np.linalg.norm(end.analysis.search.fitter.contribution(end.fit, at)))
+    return bool(_containing(end, at)) and _remains_of(end, at) > contribution
 
 
 def _predicts_as_well(end: Ending) -> bool:
@@ -317,13 +367,33 @@ def _is_renamed(end: Ending, name: str, reduced: Ending) -> bool:
 
 def _form_of(end: Ending, at: int) -> str:
     """The larger effect of the same variables of whose form this effect may be an error, or ""."""
-    data, members = end.setup.data, end.fit.members
-    (inputs, turns), effect = variables_of(members[at], data), members[at].candidate.effect
-    acting = [(k, *variables_of(members[k], data)) for k in end.identified if k != at]
-    over = [k for k, others, opposite in acting if (inputs or turns) and inputs <= others and turns <= opposite]
+    members, over = end.fit.members, _containing(end, at)
+    effect = members[at].candidate.effect
     preferred = [k for k in end.identified if members[k].candidate.effect.family == effect.yields_to]
     forms = [k for k in preferred if _is_form(end, at, k, 0.0)] + [k for k in over if _is_form(end, at, k)]
-    return next((members[k].name for k in forms), "")
+    return next((members[k].name for k in forms or (over if over and _outdone(end, at) else ())), "")
+
+
+def _containing(end: Ending, at: int) -> list[int]:
+    """The other effects that act in all variables of an effect."""
+    members, data = end.fit.members, end.setup.data
+    inputs, turns = variables_of(members[at], data)
+    acting = [(k, *variables_of(members[k], data)) for k in end.identified if k != at]
+    return [k for k, others, opposite in acting if (inputs or turns) and inputs <= others and turns <= opposite]
+
+
+def _outdone(end: Ending, at: int) -> bool:
+    """Whether another effect over its variables fits as well beside the others, its numbers undetermined: which of
+    the two there is does not show.
+    """
+    search, member = end.analysis.search, end.fit.members[at]
+    rest, here = [each for each in end.fit.effects if each is not member], search.fitter.refined(end.fit.effects)
+    for other in _over(end.analysis, rest, variables_of(member, end.setup.data)):
+        reading = search.fitter.refined((*rest, other))
+        near = search.worse(reading, here) <= search.settings.set_distance
+        if other.name != member.name and near and search.cancelling(reading):
+            return True
+    return False
 
 
 def _is_form(end: Ending, small: int, large: int, least_alike: float = FORM_ALIKE) -> bool:

@@ -19,6 +19,9 @@ from .plan import GapSettings
 from .records import Step
 from .scan import Dictionary, ScanResult, Thresholds, scan
 
+JOINT, JOINTLY, JOINT_GAIN = 100, 6, 10.0
+"""Points of a grid, at most, that is searched with every other effect, sets that are then
+fitted, and by how much one of them must be better than an effect added to the others as they are."""
 REFINED = 8
 """Number of candidates whose nonlinear parameters are fitted at each step."""
 WITHIN = 40.0
@@ -96,6 +99,28 @@ class Search:
         for larger in self.refined(start.members, candidates):
             if start.rss - larger.rss > self.limit(larger) and self.worse(than, larger) > 1e-3:
                 yield larger
+
+    def jointly(self, fit: Fit, excluded: Collection[str]) -> Fit | None:
+        """The best fit with one more effect, a nonlinear parameter of another one searched on its grid beside each
+        candidate: alone, that effect may have contained both. None where none is significant.
+        """
+        sets: list[tuple[float, list[Member]]] = []
+        for at, member in enumerate(fit.members):
+            start, end = self.dictionary.places.get(member.name, (0, 0))
+            if not 1 < end - start <= JOINT or member.candidate.is_nonlinear:
+                continue
+            best: dict[str, tuple[float, list[Member]]] = {}
+            for point in self.dictionary.members[start:end]:
+                members = [*fit.members[:at], point, *fit.members[at + 1 :]]
+                rss = self.fitter.fit(members).rss
+                for result in self.open(members)[:REFINED]:
+                    name, left = result.member.name, rss - result.gain
+                    if name not in excluded and (name not in best or left < best[name][0]):
+                        best[name] = left, [*members, result.member]
+            sets += best.values()
+        fits = [self.fitter.refined(members) for _, members in ranked(sets, lambda each: -each[0])[:JOINTLY]]
+        larger = (each for each in self.ordered(fits) if not self.cancelling(each))
+        return next((each for each in larger if fit.rss - each.rss > self.limit(each)), None)
 
     def ordered(self, fits: Iterable[Fit]) -> list[Fit]:
         """Fits from the best to the worst."""
@@ -285,6 +310,9 @@ def select(search: Search, quick: bool = False) -> Selection:
     while len(fit.members) < most and len(visited) <= VISITED * most:
         alone = {name for names in rejected if len(names) == 1 for name in names}
         grown = next(search.additions(fit, alone, fit), None)
+        both = None if quick else search.jointly(fit, alone)
+        if both is not None and search.worse(grown or fit, both) > JOINT_GAIN:
+            grown = both
         if grown is None and not quick:
             grown = masked_pair(search, fit, rejected)
         if grown is None:
@@ -460,6 +488,10 @@ def _rivals_of(search: Search, fit: Fit, replaced: Sequence[int]) -> Iterator[Ot
                 distance = min(distance, search.worse(whole, fit))
         if distance <= search.settings.set_distance:
             yield Other(whole, (rival.names[-1],), names, distance)
+    for candidate in candidates:  # with the same columns beside the others, of which it contains some
+        same = search.fitter.fit([*effects, candidate.member])
+        if abs(same.rss - base.rss) < SAME_COLUMNS and search.cancelling(same) and len(replaced) == 1:
+            yield Other(same, (candidate.member.name,), names, search.worse(same, base))
 
 
 def correlation(fitter: Fitter, fit: Fit, other: Other) -> float:
