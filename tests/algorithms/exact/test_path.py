@@ -236,8 +236,15 @@ def test_front_of_alternatives_is_the_lower_envelope_of_all(seed: int, linear: b
         Feature(
             f"t_{at}",
             tuple(
-                Way(Reciprocal(a, b), *ends, *(((w,), none) if linear else (none, (w,))), choice=float(number))
-                for number, (a, b, *ends) in enumerate(own)
+                Way(
+                    Reciprocal(a, b),
+                    low,
+                    high,
+                    (w,) if linear else none,
+                    none if linear else (w,),
+                    choice=float(number),
+                )
+                for number, (a, b, low, high) in enumerate(own)
             ),
             f"process_{at}",
         )
@@ -263,7 +270,7 @@ def test_front_of_alternatives_is_the_lower_envelope_of_all(seed: int, linear: b
 
 
 def _variations(found: Optimum, s: np.ndarray, linear: bool) -> np.ndarray:
-    return found.t @ s if linear else np.linalg.norm(found.t * s, axis=1)
+    return np.asarray(found.t @ s if linear else np.linalg.norm(found.t * s, axis=1))
 
 
 def test_an_allocation_alone_on_the_front_is_one_of_its_points() -> None:
