@@ -274,8 +274,9 @@ class Reducer:
         best = np.inf, x
         for _ in range(3):
             bounds = [(v - 0.7, v + 0.7) for v in x[:count]] + [(v - 1.0, v + 1.0) for v in x[count:]]
+            solve: Any = minimize
             given: Any = {"bounds": bounds, "constraints": rules, "options": {"maxiter": 40, "ftol": 1e-6}}
-            found: Any = minimize(lambda at: cost(at)[0], x, jac=lambda at: cost(at)[1], method="SLSQP", **given)
+            found = solve(lambda at: cost(at)[0], x, jac=lambda at: cost(at)[1], method="SLSQP", **given)
             x = found.x
             if limits(x)[0].min() > -1e-5:
                 if found.fun > best[0] * (1.0 - 1e-4):
