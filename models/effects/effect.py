@@ -316,6 +316,10 @@ class Effect(ABC):
         still = Role.ANGLE in {*self.needs} & {*measurements.by_role} and np.ptp(measurements[Role.ANGLE]) < STILL
         return FEW if still else ""
 
+    def lacks_path(self, target: Target) -> str:
+        """Why the rows of a table are not the path that it needs; empty where they are, or where it needs none."""
+        return ""
+
     def reached(self, target: Target) -> tuple[Output, ...]:
         """The outputs that it can act on: of its `dimensions`, or of an unknown unit."""
         kinds = (*self.dimensions, "")

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import Fault
 from ...section import Array, Output
 from ...units import converted
 from ..measurable import NO_CHANGES, Changeable, Column, MeasurableModel, Role, ranks_of_units
@@ -386,6 +387,12 @@ def add_zero(outputs: Mapping[str, Array], zero: Mapping[str, float]) -> dict[st
 def effect_actions(effects: Sequence[Active], measurements: Measurements, target: Target) -> list[Action]:
     """The action of each effect on the rows."""
     return [effect.effect.act(measurements, effect.values, target) for effect in effects]
+
+
+def pathless_effects(effects: Iterable[Active], target: Target) -> list[Fault]:
+    """Faults of stated effects with a memory, of a table whose rows are no path for them."""
+    lacking = ((one.effect.name, one.effect.lacks_path(target)) for one in effects)
+    return [Fault("effect", f"{name} has no place in these rows: {why}") for name, why in lacking if why]
 
 
 def changes_of(actions: Iterable[Action]) -> dict[str, Array]:

@@ -57,6 +57,9 @@ class Memory(Shape):
         shows = role in target.reversing or not (self.of_reversals and target.largest)
         return role is not None and shows and Role.POSITION not in target.roles() and super().own_applies(target)
 
+    def lacks_path(self, target: Target) -> str:
+        return "" if self.driven_by(target) is not None else self.own_reason(target)
+
     def own_reason(self, target: Target) -> str:
         if not target.travelled() & {*self.drives}:
             return f"no column of the role {' or '.join(map(str, self.drives))}"

@@ -1,0 +1,79 @@
+"""Forms of the library that the rows choose: the exponent of Stribeck's friction, orders that nobody declared."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tolevo.commands.gap import gap
+from tolevo.commands.gap.configuration import read_gap
+from tolevo.commands.gap.read import read_data
+from tolevo.commands.gap.records import GapResult
+from tolevo.errors import InputError
+
+pytestmark = pytest.mark.usefixtures("without_figures", "units_once")
+
+HEAD = """model = "table"
+[columns]
+x = { role = "ROLE", unit = "UNIT" }
+clock = { role = "time", unit = "s" }
+measured = { role = "measured", unit = "N" }
+predicted = { role = "predicted", unit = "N" }
+[settings]
+simulations = 300
+bootstrap = 0
+"""
+ROWS = 400
+
+
+def found(folder: Path, role: str, unit: str, x: np.ndarray, gap_of_rows: np.ndarray, noise: float) -> GapResult:
+    configuration, table = folder / "gap.toml", folder / "rows.csv"
+    configuration.write_text(HEAD.replace("ROLE", role).replace("UNIT", unit), encoding="utf-8")
+    measured = gap_of_rows + np.random.default_rng(1).normal(0.0, noise, ROWS)
+    columns = {"x": x, "clock": np.arange(ROWS) * 1.0, "measured": measured, "predicted": 0.0}
+    pd.DataFrame(columns).to_csv(table, index=False)
+    plan = read_gap(configuration)
+    return gap.analysis_result(plan, read_data(plan, table))
+
+
+@pytest.mark.parametrize("exponent", [1.0, 2.0])
+def test_stribecks_friction_falls_with_the_exponent_of_the_rows(tmp_path: Path, exponent: float) -> None:
+    """Of a signed speed alone, without a column of the direction."""
+    rng = np.random.default_rng(5)
+    speed = rng.choice([-1.0, 1.0], ROWS) * rng.uniform(0.01, 0.6, ROWS)
+    friction = np.sign(speed) * (20.0 + 12.0 * np.exp(-((np.abs(speed) / 0.08) ** exponent)))
+    result = found(tmp_path, "speed", "m/s", speed, friction, 0.3)
+    assert result.verdict == "named"
+    (effect,) = result.effects
+    assert effect.name == "stribeck"
+    numbers = {number.name: number for number in effect.parameters}
+    assert numbers["exponent"].value == exponent
+    for name, made in (("level_N", 20.0), ("excess_N", 12.0), ("speed_m_per_s", 0.08)):
+        width = numbers[name].high - numbers[name].low
+        assert numbers[name].low - 0.5 * width <= made <= numbers[name].high + 0.5 * width  # some 4 standard errors
+        assert numbers[name].value == pytest.approx(made, rel=0.05)
+
+
+@pytest.mark.parametrize(("turns", "named"), [(0.25, False), (0.6, True), (2.0, True)])
+def test_an_order_that_nobody_declared_needs_two_waves(tmp_path: Path, turns: float, named: bool) -> None:
+    angle = np.linspace(0.0, 2.0 * np.pi * turns, ROWS)
+    result = found(tmp_path, "angle", "rad", angle, 5.0 * np.sin(5.0 * angle + 0.3), 0.5)
+    assert ("gear_order" in result.names) is named
+    if named:
+        assert {number.name: number.value for number in result.effects[0].parameters}["order"] == 5.0
+
+
+def test_a_stated_memory_needs_rows_in_order(tmp_path: Path) -> None:
+    configuration, table = tmp_path / "gap.toml", tmp_path / "rows.csv"
+    text = HEAD.replace("ROLE", "angle").replace("UNIT", "rad").replace('clock = { role = "time", unit = "s" }\n', "")
+    text += '[[effect]]\nname = "dahl_friction"\n[effect.parameters]\nlevel_N = 5.0\nlength_rad = 0.1\n'
+    configuration.write_text(text, encoding="utf-8")
+    angle = np.random.default_rng(3).uniform(0.0, 6.0, ROWS)
+    pd.DataFrame({"x": angle, "measured": np.sin(angle), "predicted": 0.0}).to_csv(table, index=False)
+    with pytest.raises(
+        InputError, match="dahl_friction has no place in these rows: its memory needs rows in the order"
+    ):
+        read_data(read_gap(configuration), table)
