@@ -26,7 +26,10 @@ from .settings import Bound, Settings
 from .tolerance_problem import ToleranceProblem, Variant
 
 if TYPE_CHECKING:
-    from .forms import CostBound
+    from .forms import CostBound, Form
+
+COMPARED = 33
+"""Values of t at which costs of two ways are compared."""
 
 # Names and limits of outputs in conditions, also of problems that have conditions of their own.
 
@@ -150,6 +153,69 @@ def declaration_in(names: Sequence[str], plain: Declaration) -> Declaration:
     )
 
 
+def joined_form(conditions: Sequence[str], forms: Sequence[Form | None], common: Collection[str]) -> Form | None:
+    """The form whose requirements are those of every condition; None where one has none, where the same features are
+    not made in the same ways, or where there are more than sums and roots of them.
+    """
+    known = [form for form in forms if form is not None]
+    if len(known) < len(forms):
+        return None
+    first = known[0]
+    for form in known:
+        more = (form.correlation, form.quantiles, form.surpluses, form.also, form.settled, form.labels, form.tested)
+        if any(part is not None and len(part) for part in more) or form.base != first.base or not _alike(form, first):
+            return None
+
+    def named(condition: str, name: str) -> str:
+        return name if name in common else f"{condition}.{name}"
+
+    pairs = list(zip(conditions, known, strict=True))
+    features = tuple(
+        replace(
+            feature,
+            ways=tuple(
+                replace(
+                    way,
+                    linear=sum((form.features[at].ways[number].linear for form in known), ()),
+                    spread=sum((form.features[at].ways[number].spread for form in known), ()),
+                    offset=sum(
+                        (form.features[at].ways[number].offset or (0.0,) * len(form.outputs) for form in known), ()
+                    ),
+                )
+                for number, way in enumerate(feature.ways)
+            ),
+        )
+        for at, feature in enumerate(first.features)
+    )
+    return replace(
+        first,
+        outputs=tuple(f"{condition}.{name}" for condition, form in pairs for name in form.outputs),
+        features=features,
+        offset=np.concatenate([form.offset for form in known]),
+        constant=np.concatenate([form.constant for form in known]),
+        statement=f"{first.statement}; in every condition",
+        exact=all(form.exact for form in known),
+        relaxed=tuple(dict.fromkeys(named(condition, name) for condition, form in pairs for name in form.relaxed)),
+        most=tuple(np.concatenate([form.own_limits for form in known]).tolist()) if any(f.most for f in known) else (),
+        stands={f"{c}.{name}": f"{c}.{output}" for c, form in pairs for name, output in form.stands.items()},
+        only_bounds=any(form.only_bounds for form in known),
+    )
+
+
+def _alike(one: Form, other: Form) -> bool:
+    """Whether two forms have the same features, made in the same ways at the same costs."""
+
+    def ways_of(form: Form) -> list[tuple[Any, ...]]:
+        marks = []
+        for feature in form.features:
+            for way in feature.ways:
+                t = np.linspace(way.low, way.high, COMPARED)
+                marks.append((feature.variable, feature.choice, feature.count, way.choice, *t, *way.curve.cost(t)))
+        return marks
+
+    return ways_of(one) == ways_of(other)
+
+
 def _of_plain(name: str) -> Any:
     """A method that is the same in all conditions."""
 
@@ -245,9 +311,10 @@ class InConditions(ToleranceProblem):
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
         return self._named(problem.outputs_of(designs, searching, errors=False) for problem in self.alone)
 
-    def _verified(self, designs: Array, outputs: Mapping[str, Array]) -> dict[str, Array]:
+    def _own(self, outputs: Mapping[str, Array]) -> list[dict[str, Array]]:
+        """Outputs of each condition, by their names there."""
         common = self.plain.declaration.unconditional
-        own = [
+        return [
             {
                 name.removeprefix(f"{condition}."): value
                 for name, value in outputs.items()
@@ -255,6 +322,9 @@ class InConditions(ToleranceProblem):
             }
             for condition in self.operating.names
         ]
+
+    def _verified(self, designs: Array, outputs: Mapping[str, Array]) -> dict[str, Array]:
+        own = self._own(outputs)
         return self._named(p._verified(designs, values) for p, values in zip(self.alone, own, strict=True))
 
     def needed(self, designs: Array) -> dict[str, Array]:
@@ -370,6 +440,34 @@ class InConditions(ToleranceProblem):
             broken = self.violations(designs, self.outputs_of(designs, searching=True))
             rows.append(designs[int(np.argmin(np.maximum(broken, 0.0).sum(axis=1)))])
         return np.array(rows)
+
+    def form(self) -> Form | None:
+        forms = [problem.form() for problem in self.alone]
+        return joined_form(self.operating.names, forms, self.plain.declaration.unconditional)
+
+    def form_values(self, form: Form, designs: Array, outputs: Mapping[str, Array]) -> Array:
+        values = np.empty((len(designs), len(form.outputs)))
+        for problem, condition, own in zip(self.alone, self.operating.names, self._own(outputs), strict=True):
+            rows = [at for at, name in enumerate(form.outputs) if name.startswith(f"{condition}.")]
+            alone = replace(
+                form,
+                outputs=tuple(form.outputs[at].removeprefix(f"{condition}.") for at in rows),
+                most=tuple(form.most[at] for at in rows) if form.most else (),
+                stands={name.rpartition(".")[2]: output.rpartition(".")[2] for name, output in form.stands.items()},
+            )
+            if rows:
+                values[:, rows] = problem.form_values(alone, designs, own)
+        return values
+
+    def form_columns(self, columns: Mapping[str, Array]) -> dict[str, Array]:
+        return self.plain.form_columns(columns)
+
+    def stand_in_limit(self, name: str, high: float) -> float:
+        condition, _, output = name.partition(".")
+        return self.alone[self.operating.names.index(condition)].stand_in_limit(output, high)
+
+    def unproven(self) -> str:
+        return self.plain.unproven()
 
     def cost_bound(self) -> CostBound | None:
         bounds = {

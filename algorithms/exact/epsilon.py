@@ -21,6 +21,7 @@ from ...section import Array, Flags
 from ..archive import nondominated
 from ..run import BudgetSpent, Run, recalled_results
 from ..settings import Budget
+from .combination import arc_length
 from .descent import Descents
 from .local import NEARLY, Branch, joint_front, joint_front_points
 
@@ -413,6 +414,19 @@ def epsilon_front(run: Run, points: int) -> None:
     alive = [branch for branch in branches if branch.f]
     if alive and problem.n_obj == 2:
         _front(run, alive, points)
+        if problem.settings.operating is not None:  # each reported point is verified in every condition
+            run.choose(_evenly_along_front(run, points))
+
+
+def _evenly_along_front(run: Run, points: int) -> Array:
+    """At most so many search vectors (n, variables) of the front of two objectives, evenly by its arc length."""
+    x, f = run.archive.arrays()
+    rows = np.flatnonzero(nondominated(f))
+    rows = rows[np.argsort(f[rows, 0], kind="stable")]
+    if not len(rows):
+        return x
+    length = arc_length(f[rows].T)
+    return np.asarray(x[rows[np.unique(np.searchsorted(length, np.linspace(0.0, length[-1], points)))]])
 
 
 def _front(run: Run, alive: list[Branch], points: int) -> None:

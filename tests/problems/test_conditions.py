@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,8 @@ from tolevo.commands.run.answers import _applies
 from tolevo.commands.run.run import drawn
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
-from tolevo.problems.conditions import InConditions
+from tolevo.models.costs import Reciprocal
+from tolevo.problems.conditions import InConditions, joined_form
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.tolerance_problem import ToleranceProblem
 
@@ -450,3 +452,63 @@ def test_limits_of_validity_of_some_conditions_name_these() -> None:
     cool = problem_of({**TWO, "condition": [COLD, {**WARM, "temperature_difference_K": -1.0}]})
     (note,) = cool.effect_notes()
     assert "changes by +0.736 um against the discs" in note and "warmer" not in note
+
+
+# ---------------------------------------------------------------- the convex form of all conditions
+
+
+LOADS: list[dict[str, Any]] = [
+    {"name": "empty", "payload_kg": 0.0, "limits": {"pose_accuracy_mm": 9.0}},
+    {"name": "full", "payload_kg": 10.0, "limits": {"pose_accuracy_mm": 9.0}},
+]
+JOINT: dict[str, Any] = {"problem": "robot_joint", "seed": 1, "algorithm": {"name": "exact", "points": 4}}
+
+
+def cheapest_joint(table: dict[str, Any]) -> tuple[float, float]:
+    """Least cost of a joint, and by how many percent its bound lies below."""
+    front = tolevo.run({**JOINT, "parameters": {"nested": False}, "objectives": {"minimise": ["cost"]}, **table}).front
+    return float(front["cost"].iloc[0]), float(front["gap_percent"].iloc[0])
+
+
+def test_least_cost_in_two_conditions_is_proven_and_that_of_one_where_the_other_is_idle() -> None:
+    limits = {"empty": 0.3, "full": 0.2}
+    alone = {}
+    for load in LOADS:
+        one = {"parameters": {"nested": False, "payload_kg": load["payload_kg"]}}
+        alone[load["name"]] = cheapest_joint({**one, "limits": {"pose_accuracy_mm": limits[str(load["name"])]}})[0]
+    for idle in limits:
+        given = [
+            {**c, "limits": {"pose_accuracy_mm": 9.0 if c["name"] == idle else limits[str(c["name"])]}} for c in LOADS
+        ]
+        cost, gap = cheapest_joint({"condition": given})
+        (other,) = set(limits) - {idle}
+        assert cost == pytest.approx(alone[other], rel=1e-3)
+        assert 0.0 <= gap < 0.01
+    both = [{**c, "limits": {"pose_accuracy_mm": limits[str(c["name"])]}} for c in LOADS]
+    cost, gap = cheapest_joint({"condition": both})
+    assert cost > 1.02 * max(alone.values())  # each optimum breaks the other's limit
+    assert 0.0 <= gap < 0.01
+
+
+def test_front_in_conditions_has_as_many_points_as_asked_for_and_their_bounds() -> None:
+    objectives = {"minimise": ["cost", "empty.pose_accuracy_mm"]}
+    table = {**JOINT, "parameters": {"nested": False}, "objectives": objectives, "condition": LOADS}
+    front = tolevo.run(table).front
+    assert 4 <= len(front) <= 5  # a reference may be one more
+    assert np.all(front["bound"] <= front["cost"])
+    assert np.sum(front["gap_percent"] < 0.01) >= 4
+
+
+def test_conditions_in_which_features_are_made_in_other_ways_have_no_form() -> None:
+    problem = problem_of({**JOINT, "objectives": {"minimise": ["cost"]}, "condition": LOADS})
+    assert isinstance(problem, InConditions)
+    first, second = (alone.form() for alone in problem.alone)
+    assert first is not None
+    assert second is not None
+    assert joined_form(["a", "b"], [first, second], {"cost"}) is not None
+    feature = second.features[0]
+    dearer = replace(feature.ways[0], curve=Reciprocal(1.0, 1.0))
+    other = replace(second, features=(replace(feature, ways=(dearer, *feature.ways[1:])), *second.features[1:]))
+    assert joined_form(["a", "b"], [first, other], {"cost"}) is None
+    assert joined_form(["a", "b"], [first, None], {"cost"}) is None
+    assert joined_form(["a", "b"], [first, replace(second, base=1.0)], {"cost"}) is None

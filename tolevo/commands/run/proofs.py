@@ -83,7 +83,7 @@ def add_bounds(
     Both are NaN in rows that are marked as not feasible, or that are not `within` the search space
     (n,). Where a point disproves its bound all are NaN and the statement says so.
     """
-    frame = frame.assign(bound=np.nan, gap_percent=np.nan)
+    frame = frame.copy().assign(bound=np.nan, gap_percent=np.nan)  # in one piece: it may have hundreds of columns
     frame = frame[[name for name in frame if name != "knee"] + ["knee"] * ("knee" in frame)]
     eligible = frame[frame["feasible"].astype(bool)] if "feasible" in frame else frame
     eligible = eligible if within is None else eligible[within[frame.index.isin(eligible.index)]]
