@@ -28,13 +28,14 @@ EQUAL = 1e-12
 
 
 SOLVED = 1e-6
-"""Fraction of the largest by which values differ at most that are equal but for the tolerance of a solver."""
+"""Relative difference by which values differ at most that are equal but for the tolerance of a solver."""
 
 
 def descending(values: Array) -> Integers:
     """Rows of values (n,) from the largest to the least; equal ones as they come, on every processor."""
     order = np.argsort(-values, kind="stable")
-    falls = -np.diff(values[order]) > SOLVED * np.max(np.abs(values), initial=0.0)
+    rounding = EQUAL * np.max(np.abs(values), where=np.isfinite(values), initial=0.0)
+    falls = ~np.isclose(values[order][1:], values[order][:-1], rtol=SOLVED, atol=rounding, equal_nan=True)
     level = np.concatenate([[0], np.cumsum(falls)])[: len(order)]
     return np.asarray(order[np.lexsort([order, level])])
 

@@ -338,12 +338,12 @@ def few_units_note(place: str, units: int, coverage: float) -> str:
     All n units lie below the quantile with a probability of coverage^n, whatever their law is (Wilks 1941, Annals of
     Mathematical Statistics 12, 91-96).
     """
-    reached = 1.0 - coverage**units
-    if reached >= SURE:
+    missed = 100.0 * coverage**units
+    if missed <= 100.0 * (1.0 - SURE) or not 0.0 < coverage < 1.0:
         return ""
-    enough = ceil(log(1.0 - SURE) / log(coverage))
+    enough, digits = ceil(log(1.0 - SURE) / log(coverage)), 2 if missed < 99.0 else 4
     return (
-        f"{place} = {units}: with a probability of {100.0 * (1.0 - reached):.2g} % none of them lies beyond the "
+        f"{place} = {units}: with a probability of {missed:.{digits}g} % none of them lies beyond the "
         f"quantile at {100.0 * coverage:g} %: so few hardly determine it (from {enough:,} on the probability is "
         f"at most {100.0 * (1.0 - SURE):.2g} %)"
     )

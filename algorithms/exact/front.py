@@ -105,10 +105,11 @@ def _along_envelope(form: Form, points: int, upper: float, most: float) -> Optim
     falls = np.flatnonzero(least < np.concatenate([[np.inf], np.minimum.accumulate(least)[:-1]]))
     best, number = np.argmin(costs[:, falls], axis=0), np.arange(len(falls))
     begins = 1 + np.flatnonzero(np.diff(best))  # of pieces of the envelope; what lies before has no length
-    begins = begins if 2 * len(begins) <= points else begins[:0]
+    begins = begins if 2 * len(begins) <= points - 2 else begins[:0]
     steps = np.diff(arc_length(np.stack([values[falls], least[falls]])))
     length = np.concatenate([[0.0], np.cumsum(np.where(np.diff(best) == 0, steps, 0.0))])
     even = np.interp(np.linspace(0.0, length[-1], points - len(begins)), length, number)
+    even[[0, -1]] = number[[0, -1]]  # ends that are points have no length
     places = np.sort(np.concatenate([even, begins]))
     at, made = np.interp(places, number, values[falls]), best[np.rint(places).astype(np.int64)]
     t, cost, value = np.empty((points, len(form.features))), np.empty(points), np.empty(points)

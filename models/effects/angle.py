@@ -95,8 +95,8 @@ WAVES = 2
 """Waves of an order that nobody declared, at least."""
 IN_STEP = 0.7
 """Mean of the wave whose length is one step of the angle, from which rows are in equal steps."""
-FINE = 1e-9
-"""Part of the range of an angle that is no step."""
+FINE = 1e-5
+"""Part of the range of an angle that is no step, but the noise of its encoder."""
 
 
 def orders_shown(target: Target, measurements: Measurements) -> tuple[float, ...]:
@@ -112,10 +112,11 @@ def highest_order(angle: Array) -> float:
     per turn; any order of other rows.
     """
     reach = float(np.ptp(angle))
-    places = np.unique(np.round((angle - angle.min()) / (FINE * reach))) * FINE * reach if reach > 0.0 else angle[:1]
-    if len(places) < 2:
+    steps = np.diff(np.sort(angle))
+    steps = steps[steps > FINE * reach]
+    if not len(steps):
         return inf
-    per_turn = tau / float(np.median(np.diff(places)))
+    per_turn = tau / float(np.median(steps))
     return 0.5 * per_turn if abs(np.mean(np.exp(1j * per_turn * angle))) > IN_STEP else inf
 
 

@@ -13,7 +13,7 @@ holds for all correlations, -1 and 1 included. Of d > 2 dimensions the first d -
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -25,16 +25,22 @@ from .mechanism import ROUNDING, Law, Mechanism, Tolerances, mean_of, root_of, s
 
 RANK = 1e-10
 """Fraction of the largest singular value below which directions count as dependent."""
+JUST_INSIDE = 1e-100
+"""Distance that stands for an edge through the mean, at which angles at corners still count."""
 PARALLEL = 1e-13
 """Sine of the angle below which two edges count as parallel."""
 FRAMES = 256
 """Directions of integration that are tried in more than two dimensions."""
-ORDERS = {1: (48, 72), 2: (26, 36)}
+ORDERS = {1: (48, 72), 2: (36, 48)}
 """Orders of two Gauss-Legendre rules of one and two dimensions: the second has the value, both together the error."""
 REACH, NO_WEIGHT = 7.5, 1e-12
 """Standard deviations up to which a dimension is integrated, beyond which 1e-13 lies, and a weight that is left out."""
-POINTS = 2048
+BEYOND = 1e-10
+"""What these leave out of a probability, at most."""
+POINTS = 4096
 """Points of the Sobol sample of more dimensions."""
+RARE = 0.02
+"""Sum of probabilities below which that sample hardly has a point that breaks two limits."""
 FAR = 40.0
 """Distance of a limit that is never reached, in standard deviations."""
 MEMORY = 2**18
@@ -43,7 +49,9 @@ MEMORY = 2**18
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Probability:
-    """Probabilities (n,), bounds of their errors, and derivatives by the rooms c (n, q) and the rows a (n, q, k)."""
+    """Probabilities (n,), their errors (standard errors of a sample), and derivatives by the rooms c (n, q) and the
+    rows a (n, q, k).
+    """
 
     value: Array
     error: Array
@@ -111,6 +119,9 @@ def _spanned(unit: Array, axes: Array) -> tuple[Array, Array]:
 
     No row is close to what the first d - 2 axes span, so that all change but slowly along these.
     """
+    if axes.shape[1] > 2:  # a basis that depends on the span alone: singular vectors of equal values are any
+        towards = np.random.default_rng(1).standard_normal((axes.shape[2], axes.shape[1]))
+        axes = np.linalg.qr(axes.swapaxes(1, 2) @ (axes @ towards))[0].swapaxes(1, 2)
     normals = unit @ axes.swapaxes(1, 2)
     if axes.shape[1] > 2:
         frames = _frames(axes.shape[1])
@@ -144,8 +155,10 @@ def _integrated(axes: Array, normals: Array, distance: Array) -> tuple[Array, Ar
         by_normal[:, :, -2:] -= np.sum(h * face, axis=1)[:, :, None] * along + turn[:, :, None] * _across(along)
     every = np.array(values)
     if len(rules) > 2:
-        return every.mean(axis=0), every.std(axis=0, ddof=1) / np.sqrt(len(rules)), by_room, by_normal @ axes
-    return every[-1], np.abs(every[-1] - every[0]), by_room, by_normal @ axes
+        unseen = np.where(alone < RARE, 0.5 * alone**2, 0.0)  # both of two rare limits broken, by independent errors
+        error = every.std(axis=0, ddof=1) / np.sqrt(len(rules)) + unseen
+        return every.mean(axis=0), error, by_room, by_normal @ axes
+    return every[-1], np.abs(every[-1] - every[0]) + BEYOND, by_room, by_normal @ axes
 
 
 def _bell(x: Array) -> Array:
@@ -162,6 +175,7 @@ def _polygons(n: Array, h: Array) -> tuple[Array, Array, Array]:
     """P(n z <= h) (...,) in the plane for unit normals n (..., q, 2) at distances h (..., q); the probability of each
     edge along its line, and the first moment of that (..., q).
     """
+    h = np.where(h == 0.0, JUST_INSIDE, h)  # the limit for an edge through 0
     cosine, sine = n @ n.swapaxes(-1, -2), _across(n) @ n.swapaxes(-1, -2)  # of edge i (rows) and constraint j
     parallel = np.abs(sine) <= PARALLEL
     room = h[..., None, :] - h[..., :, None] * np.where(parallel, np.sign(cosine), cosine)
@@ -171,8 +185,7 @@ def _polygons(n: Array, h: Array) -> tuple[Array, Array, Array]:
     again = (cosine > 0.0) & np.tri(h.shape[-1], k=-1, dtype=bool)  # the same edge, of which one counts
     outside = np.any(parallel & ((room < 0.0) | (again & (room == 0.0))), axis=-1) | ~(first < last)
     first, last = (np.where(outside, 0.0, value) for value in (first, last))
-    safe = np.where(h == 0.0, np.finfo(float).tiny, h)
-    whole = np.all(h >= 0.0, axis=-1) - np.sum(owens_t(safe, last / safe) - owens_t(safe, first / safe), axis=-1)
+    whole = np.all(h >= 0.0, axis=-1) - np.sum(owens_t(h, last / h) - owens_t(h, first / h), axis=-1)
     return whole, ndtr(last) - ndtr(first), _bell(first) - _bell(last)
 
 
@@ -217,7 +230,8 @@ class JointNormal:
         room = np.array([side * (limit - mechanism.centre) for mechanism, side, limit in self._limits])
         size = np.array([abs(limit) for _, _, limit in self._limits])
         room = room + ROUNDING * size - (mean * spread + shift) @ directed.T
-        return within_polytopes((directed * spread[:, None]) @ deviations, room)
+        kept = within_polytopes((directed * spread[:, None]) @ deviations, room)
+        return replace(kept, error=kept.error + np.abs(kept.by_room) @ (ROUNDING * size))
 
 
 def joint_normal(mechanisms: Sequence[Mechanism], laws: Sequence[Law | str]) -> JointNormal | None:

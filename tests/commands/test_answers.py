@@ -221,6 +221,8 @@ def test_nothing_is_loosened_where_every_step_breaks_a_limit(name: str, tmp_path
 @pytest.mark.parametrize("seed", range(3))
 def test_it_is_told_that_steps_begin_at_values_that_the_drawing_does_not_have(seed: int) -> None:
     result, _ = tried(random_stack(seed))
+    assert result.choices is not None
+    assert result.allocation is not None
     first = result.choices.iloc[0]
     drawn = result.allocation[result.allocation["point"] == first["point"]]
     pairs = zip(drawn["rounded"], (first[name] for name in drawn["variable"]), strict=True)

@@ -13,6 +13,7 @@ from tolevo.commands.gap.configuration import read_gap
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.records import GapResult
 from tolevo.errors import InputError
+from tolevo.models.effects.angle import highest_order
 
 pytestmark = pytest.mark.usefixtures("without_figures", "units_once")
 
@@ -77,3 +78,13 @@ def test_a_stated_memory_needs_rows_in_order(tmp_path: Path) -> None:
         InputError, match="dahl_friction has no place in these rows: its memory needs rows in the order"
     ):
         read_data(read_gap(configuration), table)
+
+
+def test_orders_that_the_rows_cannot_tell_from_others_are_none_of_theirs() -> None:
+    """Half of the positions per turn, whatever the noise of the encoder; rows at random places have no end."""
+    rng, places = np.random.default_rng(0), np.arange(36) * 10.0
+    again = np.repeat(places, 10)
+    for degrees in (again, again + rng.normal(0.0, 1e-4, 360), np.r_[places, places[::-1] + rng.normal(0.0, 1e-3, 36)]):
+        assert highest_order(np.deg2rad(degrees)) == pytest.approx(18.0, rel=1e-3)
+    assert highest_order(rng.uniform(0.0, 6.0, 300)) == np.inf
+    assert highest_order(np.zeros(5)) == np.inf

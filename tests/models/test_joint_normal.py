@@ -93,3 +93,28 @@ def test_a_mean_outside_of_its_limits() -> None:
     assert _rectangle(one, np.array([-np.inf]), np.array([0.0]))[0] == pytest.approx(0.5, rel=1e-12)
     both = np.vstack([one, one])
     assert _rectangle(both, np.array([1.0, -np.inf]), np.array([np.inf, -1.0]))[0] == 0.0
+
+
+def test_limits_through_the_mean_leave_the_angle_between_them() -> None:
+    """P(a z <= 0, b z <= 0) = 1/4 + arcsin(rho)/(2 pi) (Sheppard 1899)."""
+    for rho in (-1.0, -0.9, -0.3, 0.0, 0.5, 0.99, 1.0):
+        rows = np.array([[1.0, 0.0], [rho, np.sqrt(1.0 - rho**2)]])
+        kept = within_polytopes(rows[None], np.zeros((1, 2)))
+        assert kept.value[0] == pytest.approx(0.25 + np.arcsin(rho) / (2.0 * np.pi), abs=1e-12)
+    orthants = within_polytopes(np.eye(3)[None], np.zeros((1, 3)))
+    assert orthants.value[0] == pytest.approx(0.125, abs=float(orthants.error[0]))
+
+
+@pytest.mark.parametrize("dimensions", [3, 4, 5])
+@pytest.mark.parametrize("reach", [1.0, 3.0, 4.0])
+def test_a_box_is_the_same_on_every_basis_and_within_its_error(dimensions: int, reach: float) -> None:
+    """Rows that are orthogonal have equal singular values, of which any basis consists."""
+    rows = np.vstack([np.eye(dimensions), -np.eye(dimensions)])
+    exact = (2.0 * ndtr(reach) - 1.0) ** dimensions
+    found = []
+    for seed in range(4):
+        noise = np.random.default_rng(seed).normal(0.0, 1e-15, rows.shape)
+        kept = within_polytopes((rows + noise)[None], np.full((1, 2 * dimensions), reach))
+        assert abs(kept.value[0] - exact) <= (4.0 if dimensions == 5 else 1.0) * kept.error[0]  # 5: a standard error
+        found.append(kept.value[0])
+    np.testing.assert_allclose(found, found[0], rtol=1e-10)

@@ -186,3 +186,13 @@ def test_discrete_stacks_have_the_cost_of_their_enumeration_and_its_design_is_fe
         frame = problem.frame(np.array([[columns[name] for name in problem.names]]))
         assert bool(frame["feasible"][0])
         assert min(float(frame[f"margin_{limit.name}"][0]) for limit in problem.limits) >= 0.0
+
+
+def test_one_value_far_from_the_others_does_not_make_them_equal() -> None:
+    for values, order in (
+        ([1.0, 3.0, np.nan, 2.0], [1, 3, 0, 2]),
+        ([1.0, 3.0, -np.inf, 2.0], [1, 3, 0, 2]),
+        ([-9.0, -7.0, -8.0, -1e8], [1, 2, 0, 3]),
+        ([1.0, 1.0 + 1e-9, 2.0, 1e-17, 0.0], [2, 0, 1, 3, 4]),
+    ):
+        assert descending(np.array(values)).tolist() == order

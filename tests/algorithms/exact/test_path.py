@@ -281,3 +281,15 @@ def test_an_allocation_alone_on_the_front_is_one_of_its_points() -> None:
     found = front(form, 20, np.array([np.inf]))
     assert np.any(found.chosen[:, 0] == 0)
     assert np.sum(found.chosen[:, 0] == 1) > 10
+
+
+def test_two_points_of_a_front_with_alternatives_are_its_ends() -> None:
+    ways = [[(9.0, 0.0, 0.02, 0.02), (1.0, 0.1, 0.05, 0.5)]] * 2
+    features = tuple(
+        Feature(
+            f"t_{at}", tuple(Way(Reciprocal(a, b), low, high, (0.0,), (1.0,)) for a, b, low, high in own), f"p_{at}"
+        )
+        for at, own in enumerate(ways)
+    )
+    found = front(Form(("v",), features, np.zeros(1), np.zeros(1), ""), 2, np.array([np.inf]))
+    assert sorted(found.cost.tolist()) == pytest.approx([2.0 * (1.0 + 0.1 / 0.5), 18.0])
