@@ -21,7 +21,7 @@ from typing import Any
 from ...errors import Fault, nearest
 from ...models.expressions import Formula, Let
 from ...models.iso286 import SYMBOLS, Fit
-from ...models.stack.features import PLANE, Disc, component
+from ...models.stack.mechanism import PLANE, Disc, component
 from ...section import POSITIVE, Range, Section
 from ...units import NO_ZONE, family
 from .definition import Part, Process, Requirement

@@ -10,9 +10,18 @@ import pytest
 from tolevo.models.expressions import Formula
 from tolevo.models.inputs import Normal
 from tolevo.models.stack.extremes import extremes
-from tolevo.models.stack.features import Disc, component
 from tolevo.models.stack.linear_sum import LinearSum, linear_sum_of
-from tolevo.models.stack.mechanism import Law, Mechanism, Sample, law_of, linear_model, worst_by_corners, yield_percent
+from tolevo.models.stack.mechanism import (
+    Disc,
+    Law,
+    Mechanism,
+    Sample,
+    component,
+    law_of,
+    linear_model,
+    worst_by_corners,
+    yield_percent,
+)
 
 UNITS = 1_000_000
 T = np.array([[0.2, 0.1]])
