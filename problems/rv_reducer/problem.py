@@ -377,6 +377,8 @@ LOADED_POSITIONS = 31
 more."""
 MAX_CACHED_EVALUATIONS = 2
 """Most evaluations that are stored, so that a derivative costs no second evaluation."""
+MAX_KNOWN_DESIGNS = 1024
+"""Most designs whose outputs are stored: corners of the box and roundings are asked for again and again."""
 SAMPLED_OUTPUTS = frozenset((*SAMPLED, *SAMPLED_UNDER_LOAD))
 
 
@@ -435,7 +437,7 @@ class RvReducer(PromisingUnits, Machined):
     )
     machinable = frozenset(TERMS)
     _of_searches = frozenset(("_searched", "_recent", "_finer"))
-    _drawn_again = _of_searches | {"_reported", "_verdicts", "_mixed", "_promised_units"}
+    _drawn_again = _of_searches | {"_reported", "_known", "_verdicts", "_mixed", "_promised_units"}
 
     _fresh_alone = False
     """Whether searches see the units that reported points are tested on."""
@@ -558,6 +560,11 @@ class RvReducer(PromisingUnits, Machined):
         """The last evaluations on the search's population, by design."""
         return OrderedDict()
 
+    @cached_property
+    def _known(self) -> OrderedDict[tuple[bytes, bool, tuple[str, ...]], list[float]]:
+        """Outputs of the last designs, by design, population and names."""
+        return OrderedDict()
+
     def evaluation(self, design: Array, searching: bool) -> Evaluation:
         """A full design (all variables,) on one of the two populations."""
         if not searching:
@@ -607,6 +614,11 @@ class RvReducer(PromisingUnits, Machined):
         if self.model.sorting is not None:
             columns |= {output.name: np.full(len(designs), np.nan) for output in OF_SORTING}
         for at, design in enumerate(designs):
+            key = design.tobytes(), searching, tuple(columns)
+            if key in self._known:
+                for column, value in zip(columns.values(), self._known[key], strict=True):
+                    column[at] = value
+                continue
             evaluation = self.evaluation(design, searching)
             if self.model.sorting is not None and not searching:
                 self._add_sorting(columns, at, design, evaluation)
@@ -615,6 +627,9 @@ class RvReducer(PromisingUnits, Machined):
                 columns[name][at] = evaluation.value(name)
                 if errors:
                     columns[f"{name}_error"][at] = evaluation.error(name)
+            self._known[key] = [float(column[at]) for column in columns.values()]
+            if len(self._known) > MAX_KNOWN_DESIGNS:
+                self._known.popitem(last=False)
         return columns | {"cost": self.cost_of(designs)} | self.profile(designs)
 
     def _add_sorting(self, columns: dict[str, Array], at: int, design: Array, evaluation: Evaluation) -> None:

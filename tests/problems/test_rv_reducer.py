@@ -221,3 +221,17 @@ def test_limits_met_exactly_where_the_grade_alone_is_searched(one: RvReducer, gr
     (found,) = search(problem, Exact(), Budget(), 1).chosen
     assert found[0] == grade
     assert problem.cost_of(problem.complete(found[None]))[0] == cost[backlash <= limit].min()
+
+
+def test_a_design_that_is_asked_for_again_is_not_computed_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    few = {"positions": 7, "search_units": 32, "report_units": 64}
+    problem, other = RvReducer(Settings(parameters=few)), RvReducer(Settings(parameters=few))
+    designs = problem.complete(np.stack([problem.xl, problem.xu]))
+    for searching in (True, False):
+        first = problem.outputs_of(designs, searching=searching)
+        with monkeypatch.context() as patch:
+            patch.setattr(RvReducer, "evaluation", lambda *_: pytest.fail("computed again"))
+            again = problem.outputs_of(designs[::-1], searching=searching)
+        fresh = other.outputs_of(designs[::-1], searching=searching)
+        assert all(np.array_equal(first[name][::-1], again[name], equal_nan=True) for name in first)
+        assert all(np.array_equal(fresh[name], again[name], equal_nan=True) for name in first)
