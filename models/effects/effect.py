@@ -299,6 +299,9 @@ class Effect(ABC):
     inside_name: ClassVar[str] = ""
     """The quantity inside a model that represents the effect, where it has another name."""
 
+    reach: ClassVar[str] = ""
+    """Stem of the number at whose least value rows show nothing of what distinguishes it: of a memory, or a speed."""
+
     def place(self, target: Target) -> Changeable | None:
         """The changeable quantity with the effect's name, without its unit."""
         name = self.inside_name or self.name

@@ -78,10 +78,10 @@ def as_curve(fitter: Fitter, fit: Fit, small: Sequence[int], large: Sequence[int
     """
     columns = fitter.columns.of
     added = [columns(m.candidate, m.shape) @ fit.coefficients[k] for k, m in enumerate(fit.members) if k in small]
-    large_columns = np.hstack([columns(fit.members[k].candidate, fit.members[k].shape) for k in large])
     contribution, q = np.sum(added, axis=0), basis(fitter.raw_base)
-    shared = np.linalg.lstsq(project_out(large_columns, q), project_out(contribution, q), rcond=1e-9)[0]
-    parts = np.split(contribution - large_columns @ shared, len(data.outputs))
+    for x in [np.hstack([columns(fit.members[k].candidate, fit.members[k].shape) for k in large])] if large else []:
+        contribution -= x @ np.linalg.lstsq(project_out(x, q), project_out(contribution, q), rcond=1e-9)[0]
+    parts = np.split(contribution, len(data.outputs))
     acting = [at for at, part in enumerate(parts) if np.any(part)]
     over = {variables_of(fit.members[k], data) for k in small}
     if len(acting) != 1 or len(over) != 1:
@@ -533,22 +533,29 @@ def _initial_settling(null_model: NullModel, selection: Selection, trusted: froz
     return Settling(null_model.search, null_model.generic, null_model.setup.data, selection.accepted, trusted)
 
 
-def analysis_without_effect(analysis: Analysis, name: str, trusted: str = "") -> Analysis:
+def analysis_without_effect(analysis: Analysis, name: str, trusted: str = "", kept: bool = False) -> Analysis:
     """The analysis of rows without the effect `name` and those with the same columns, the remaining
     ones fitted and tested again. What is excluded stays excluded. The contribution of `name` may
-    belong to the form of the effect `trusted`; it stays as a generic curve.
+    belong to the form of the effect `trusted`, or is to be `kept`; it stays as a generic curve.
     """
-    null_model, selection, fit = analysis.null_model, analysis.selection, analysis.fit
-    curve, sure = None, analysis.trusted
-    if trusted:
-        sure |= {trusted}
-        members = [fit.names.index(name)], [fit.names.index(trusted)]
-        curve = as_curve(null_model.search.fitter, fit, *members, analysis.setup.data)
-    settling = _initial_settling(null_model, selection, sure)
-    excluded = analysis.excluded | {name, *same_columns(name, analysis.rivals)}
-    fit = settling.again(fit, excluded, () if curve is None else (curve,))
-    answer = _answer(null_model, settling, selection, fit, excluded)
-    return replace(answer, excluded=excluded, trusted=sure)
+    fit, excluded = analysis.fit, analysis.excluded | {name, *same_columns(name, analysis.rivals)}
+    analysis = replace(analysis, trusted=analysis.trusted | {trusted} if trusted else analysis.trusted)
+    large, curve = [fit.names.index(trusted)] if trusted else [], None
+    if trusted or kept:
+        curve = as_curve(analysis.search.fitter, fit, [fit.names.index(name)], large, analysis.setup.data)
+    if kept and curve is not None:  # effects over its variables would only divide it anew
+        over = variables_of(curve, analysis.setup.data)
+        alike = {m.name for m in analysis.search.dictionary.members if variables_of(m, analysis.setup.data) == over}
+        excluded |= alike - {*fit.names}
+    settling = _initial_settling(analysis.null_model, analysis.selection, analysis.trusted)
+    return analysis_of_fit(analysis, settling.again(fit, excluded, () if curve is None else (curve,)), excluded)
+
+
+def analysis_of_fit(analysis: Analysis, fit: Fit, excluded: frozenset[str]) -> Analysis:
+    """The analysis of rows that ends with another fit, its rivals and remainder those of this one."""
+    settling = _initial_settling(analysis.null_model, analysis.selection, analysis.trusted)
+    answer = _answer(analysis.null_model, settling, analysis.selection, fit, excluded)
+    return replace(answer, excluded=excluded, trusted=analysis.trusted)
 
 
 def _answer(

@@ -11,6 +11,7 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.effects.memory import Memory
 from .blocks import HeldOut, Improvement, Split, Training, improvement, predict_held_out
 from .fit import Fit, Fitter, Member, is_term
 from .generic import label
@@ -521,13 +522,17 @@ def first_of_confounded(fit: Fit, alternatives: Sequence[Other], population: boo
     """The fit with the preferred effect where another effect has the same columns, else None.
 
     What may be the instrument is not attributed to physics. An effect yields to a family that it names
-    (a delay to a memory) where that fits as well. Of an offset that is the same in every
+    (a delay to a memory) where that fits as well, and a memory beside terms, hence of a form that is off, to an
+    effect with fewer numbers. Of an offset that is the same in every
     unit of a batch the process is preferred: an allocation can answer it, a gauge cannot.
     """
     for alternative in alternatives:
-        new, replaced = alternative.fit.members[-1].candidate, alternative.instead_of
+        replaced = alternative.instead_of
         current = next(m.candidate for m in fit.members if m.name == replaced[0])
+        new = next(m.candidate for m in alternative.fit.members if m.name == alternative.names[-1])
         if len(replaced) == 1 and new.effect.family == current.effect.yields_to:
+            return alternative.fit
+        if fit.terms and len(replaced) == 1 and isinstance(current.effect, Memory) and new.count < current.count:
             return alternative.fit
         if abs(alternative.distance) >= SAME_COLUMNS or len(replaced) > 1 or new.unread:
             continue
