@@ -12,7 +12,7 @@ import numpy as np
 from tolevo.commands.gap.analysis import Settling
 from tolevo.commands.gap.data import GapData
 from tolevo.commands.gap.fit import Fit, Fitter, Member, Space
-from tolevo.commands.gap.generic import Form, generic
+from tolevo.commands.gap.generic import generic
 from tolevo.commands.gap.library import Candidate
 from tolevo.commands.gap.linear import join_groups
 from tolevo.commands.gap.noise import Noise
@@ -21,7 +21,7 @@ from tolevo.commands.gap.scan import Dictionary, Remaining, Thresholds
 from tolevo.commands.gap.selection import Search
 from tolevo.models.effects import Effect, EffectParameter
 from tolevo.models.effects.measurements import measurements_of, target_from
-from tolevo.models.effects.unresolved import Unresolved
+from tolevo.models.effects.unresolved import Form, Unresolved
 from tolevo.models.measurable import Column, Role
 from tolevo.section import Output
 

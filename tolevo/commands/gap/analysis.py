@@ -10,23 +10,13 @@ import numpy as np
 from ...models.effects import Effect
 from ...models.effects.measurements import changes_of, effect_actions
 from ...models.effects.memory import Memory
-from ...models.effects.unresolved import Term, Unresolved, broken_line
+from ...models.effects.unresolved import LEVELS, Term, Unresolved, broken_line
 from ...models.measurable import Role
 from .blocks import HeldOut, improvement
 from .close import corrected
 from .data import GapData
 from .fit import Fit, Fitter, Member, Space, is_term
-from .generic import (
-    LEVELS,
-    effect_of,
-    is_plays,
-    member_of,
-    member_with,
-    stack_columns,
-    term_of,
-    whole_term,
-    without_idle_plays,
-)
+from .generic import effect_of, is_plays, member_of, member_with, stack_columns, term_of, whole_term, without_idle_plays
 from .linear import basis, project_out, ranked, rms
 from .null_model import (
     Identified,

@@ -15,8 +15,8 @@ import pandas as pd
 from ... import tables
 from ...configuration.columns import output_of
 from ...errors import Fault, abbreviated_list, nearest, raise_all
-from ...models.effects.effect import kind_of
 from ...models.effects.angle import unheld_orders
+from ...models.effects.effect import kind_of
 from ...models.effects.measurements import SESSION, pathless_effects
 from ...models.measurable import Column, Role
 from ...section import Array, Output

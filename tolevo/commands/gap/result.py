@@ -359,8 +359,14 @@ def _weakest_effect(end: Ending, needed: Collection[str]) -> tuple[str, str, boo
         own, *others = (search.fitter.contribution(effects, k) for k in (at, *range(len(effects.members))))
         adds = len(effects.coefficients[at]) == 1 and all(float(own @ other) > 0.0 for other in others)
         return effects.names[at], "", adds and any(np.sum(other**2) > np.sum(own**2) for other in others)
-    size = {each.name: float(np.linalg.norm(search.fitter.contribution(effects, k))) for k, each in enumerate(effects.members)}
-    times = {k: float(np.linalg.norm(search.fitter.contribution(end.fit, k))) / max(size[end.fit.names[k]], 1e-300) for k in end.identified}
+    size = {
+        each.name: float(np.linalg.norm(search.fitter.contribution(effects, k)))
+        for k, each in enumerate(effects.members)
+    }
+    times = {
+        k: float(np.linalg.norm(search.fitter.contribution(end.fit, k))) / max(size[end.fit.names[k]], 1e-300)
+        for k in end.identified
+    }
     if (inflated := max(times, key=times.__getitem__, default=-1)) >= 0 and times[inflated] > MAX_CONTRIBUTION:
         return end.fit.names[inflated], "", False  # it cancels against terms
     for at in end.identified:
@@ -408,8 +414,13 @@ def _warms_late(end: Ending, at: int) -> bool:
     if not reading or not warm:
         return False
     columns = [fitter.columns.of(end.fit.members[k].candidate, end.fit.members[k].shape) for k in warm]
-    parts = np.split(np.sum([c @ end.fit.coefficients[k] for k, c in zip(warm, columns, strict=True)], axis=0), len(data.outputs))
-    late = [reading[o.name](part) - part if o.name in reading else 0.0 * part for o, part in zip(data.outputs, parts, strict=True)]
+    parts = np.split(
+        np.sum([c @ end.fit.coefficients[k] for k, c in zip(warm, columns, strict=True)], axis=0), len(data.outputs)
+    )
+    late = [
+        reading[o.name](part) - part if o.name in reading else 0.0 * part
+        for o, part in zip(data.outputs, parts, strict=True)
+    ]
     own = fitter.contribution(end.fit, at)
     return float(project_out(fitter.space.whiten(np.concatenate(late)), fitter.q) @ own) > 0.5 * float(own @ own)
 
