@@ -8,7 +8,7 @@ extrapolates as its power.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from hashlib import sha256
 from typing import Any
@@ -22,6 +22,8 @@ from ..measurable import Column, Role
 from .effect import Action, Effect, EffectParameter, Measurements, Target, Values
 from .measurements import SESSION, fixed_unit, labels_of, path_starts
 
+CURVED = ("spline", "power", "curve")
+"""Shapes of terms of one variable that together are a curve over it."""
 SHAPES = ("constant", "spline", "power", "step", "wave", "swing", "product", "levels", "curve", "plays")
 
 
@@ -290,6 +292,10 @@ EXACT = 1e-3
 """Deviation at which no more knots are added, as a fraction of the largest value."""
 
 
+NO_CURVE = 0.02
+"""Deviation from which points are no function of one variable, as a fraction of their rms."""
+
+
 def broken_line(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ...], float]:
     """Knots and heights of a broken line through points (n,), of magnitude 1 at most, and its rms
     error relative to the points. Knots are added one by one where the error is largest (Douglas and
@@ -354,6 +360,27 @@ class Unresolved(Effect):
 
     def own_action(self, measurements: Measurements, values: Values, target: Target) -> Action:
         return Action(output={self.term.output: self.term.columns(measurements) @ self.coefficients(values)})
+
+
+def acts_over(effect: Effect, inputs: Iterable[Column], target: Target) -> tuple[frozenset[str], bool]:
+    """The inputs that an effect is a function of, that along whose path it has a memory too, and whether it follows
+    the direction as well.
+    """
+    if isinstance(effect, Unresolved):
+        return frozenset(effect.term.variables), effect.term.turns
+    roles = effect.acts_in(target)
+    return frozenset(c.name for c in inputs if c.role in roles - {Role.DIRECTION}), Role.DIRECTION in roles
+
+
+@dataclass(frozen=True)
+class Resemblance:
+    """Effects `names` that a curve resembles, and the fraction of its squares that they explain."""
+
+    names: tuple[str, ...] = ()
+    fraction: float = 0.0
+
+    def __str__(self) -> str:
+        return f"{100.0 * self.fraction:.0f} % like {' and '.join(self.names)}" if self.names else ""
 
 
 def unresolved_of(table: Mapping[str, Any]) -> tuple[Unresolved, dict[str, float]]:

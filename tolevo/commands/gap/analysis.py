@@ -10,7 +10,7 @@ import numpy as np
 from ...models.effects import Effect
 from ...models.effects.measurements import changes_of, effect_actions
 from ...models.effects.memory import Memory
-from ...models.effects.unresolved import LEVELS, Term, Unresolved, broken_line
+from ...models.effects.unresolved import CURVED, LEVELS, NO_CURVE, Term, Unresolved, acts_over, broken_line
 from ...models.measurable import Role
 from .blocks import HeldOut, improvement
 from .close import corrected
@@ -55,9 +55,6 @@ from .selection import (
 )
 from .setup import Setup, move_setup
 
-NO_CURVE = 0.02
-"""Deviation from which a contribution is no function of one variable, as a fraction of its rms."""
-
 
 def as_curve(fitter: Fitter, fit: Fit, small: Sequence[int], large: Sequence[int], data: GapData) -> Member | None:
     """The sum of small members of a fit that large ones cannot explain, as a term over its variable;
@@ -91,18 +88,8 @@ def as_curve(fitter: Fitter, fit: Fit, small: Sequence[int], large: Sequence[int
 
 
 def variables_of(member: Member, data: GapData) -> tuple[frozenset[str], bool]:
-    """The inputs that a member is a function of, that along whose path it has a memory too, and whether it follows
-    the direction as well.
-    """
-    effect = member.candidate.effect
-    if isinstance(effect, Unresolved):
-        return frozenset(effect.term.variables), effect.term.turns
-    roles = effect.acts_in(data.target)
-    return frozenset(c.name for c in data.inputs if c.role in roles - {Role.DIRECTION}), Role.DIRECTION in roles
-
-
-CURVED = ("spline", "power", "curve")
-"""Shapes of terms of one variable that together are a curve over it."""
+    """The inputs that a member acts in, and whether it follows the direction as well."""
+    return acts_over(member.candidate.effect, data.inputs, data.target)
 
 
 def with_curves(fitter: Fitter, fit: Fit, data: GapData) -> Fit:
@@ -113,13 +100,15 @@ def with_curves(fitter: Fitter, fit: Fit, data: GapData) -> Fit:
     groups: dict[tuple[str, frozenset[str], bool], list[int]] = {}
     for k, member in enumerate(fit.members):
         effect = member.candidate.effect
-        if isinstance(effect, Unresolved) and effect.term.shape in CURVED:
+        if isinstance(effect, Unresolved) and effect.term.shape in (*CURVED, "constant"):
             groups.setdefault((effect.term.output, *variables_of(member, data)), []).append(k)
     pairs = zip(fit.members, fit.coefficients, strict=True)
     members = {k: without_idle_plays(*pair, data) for k, pair in enumerate(pairs)}
-    for (_, variables, turns), terms in groups.items():
+    signed = {c.name for c in data.inputs if c.role is Role.SPEED and np.min(data.values(c.name)) < 0.0}
+    for (_, variables, turns), terms in groups.items():  # of a signed speed a curve may be opposite or not
         acting = [(k, *variables_of(fit.members[k], data)) for k in fit.identified]
-        large = [k for k, inputs, opposite in acting if inputs <= variables and opposite == turns]
+        either = bool(variables & signed)
+        large = [k for k, inputs, opposite in acting if inputs <= variables and (either or opposite == turns)]
         curve = as_curve(fitter, fit, terms, large, data) if large else None
         if curve is not None:
             members = {k: member for k, member in members.items() if k not in terms} | {terms[0]: curve}
@@ -539,6 +528,12 @@ def analysis_without_effect(analysis: Analysis, name: str, trusted: str = "", ke
         excluded |= alike - {*fit.names}
     settling = _initial_settling(analysis.null_model, analysis.selection, analysis.trusted)
     return analysis_of_fit(analysis, settling.again(fit, excluded, () if curve is None else (curve,)), excluded)
+
+
+def settled_again(analysis: Analysis, fit: Fit) -> Fit:
+    """The answer with the effects of a fit and with its terms, and what is significant in addition."""
+    settling = _initial_settling(analysis.null_model, analysis.selection, analysis.trusted)
+    return settling.again(fit, analysis.excluded, fit.terms)
 
 
 def analysis_of_fit(analysis: Analysis, fit: Fit, excluded: frozenset[str]) -> Analysis:

@@ -5,23 +5,26 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
+from itertools import islice, product
 
 import numpy as np
 
 from ...models.effects import EffectParameter
 from ...models.effects.angle import GearOrder
+from ...models.effects.measurements import changes_of_reading
 from ...models.effects.memory import Memory
 from ...models.effects.shapes import Orders
+from ...models.effects.unresolved import CURVED, Resemblance
 from ...models.measurable import Role
 from ...section import Array
-from .analysis import CURVED, Analysis, analysis_of_fit, analysis_without_effect, variables_of, with_curves
+from .analysis import Analysis, analysis_of_fit, analysis_without_effect, settled_again, variables_of, with_curves
 from .blocks import HeldOut
 from .close import Corrected, corrected
 from .fit import MAX_CONTRIBUTION, Fit, Fitter, Member, is_term
 from .generic import effect_of, whole_term
 from .linear import basis, project_out, ranked
 from .scan import scan
+from .selection import SAME_CAUSE
 from .setup import Setup
 
 # The bias of an effect's parameter due to the form of the generic terms that are fitted with it.
@@ -122,17 +125,6 @@ def _over(analysis: Analysis, members: Sequence[Member], over: tuple[frozenset[s
     search, data = analysis.search, analysis.setup.data
     others = [result.member for result in scan(search.fitter, search.white, search.dictionary, members)]
     return [other for other in others if variables_of(other, data) in (over, (frozenset(), over[1]))]
-
-
-@dataclass(frozen=True)
-class Resemblance:
-    """Effects `names` that a curve resembles, and the fraction of its squares that they explain."""
-
-    names: tuple[str, ...] = ()
-    fraction: float = 0.0
-
-    def __str__(self) -> str:
-        return f"{100.0 * self.fraction:.0f} % like {' and '.join(self.names)}" if self.names else ""
 
 
 def _resemblance(analysis: Analysis, fit: Fit, at: int) -> Resemblance:
@@ -314,18 +306,27 @@ def _with_names(end: Ending, needed: Collection[str]) -> Ending:
     for over in dict.fromkeys(variables_of(member, data)[0] for member in curves):
         rest = [member for member in members if member not in curves or variables_of(member, data)[0] != over]
         apart = [member for member in rest if is_term(member) or not variables_of(member, data)[0] <= over]
-        fits = [_searched_over(analysis, start, over) for start in ([rest] if apart == rest else [rest, apart])]
-        best += [(search.worse(fit, analysis.fit), fit) for fit in fits if search.worse(fit, analysis.fit) < 0.0]
+        alone = (each.member for each in scan(search.fitter, search.white, search.dictionary, apart))
+        first = islice((m for m in alone if variables_of(m, data)[0] <= over), STARTS)
+        fits = [_searched_over(analysis, start, over) for start in (rest, *([*apart, m] for m in first))]
+        without, most = search.fitter.fit(rest).rss, search.fitter.fit(members).rss
+        as_much = [fit for fit in fits if without - fit.rss > SAME_CAUSE * (without - most)]
+        best += [(search.worse(fit, analysis.fit), fit) for fit in as_much]
     for _, fit in ranked(best, lambda each: -each[0]):
         new = {*fit.names} - {*analysis.fit.names}
         ending = _widen_ending(analysis_of_fit(analysis, fit, analysis.excluded - new))
-        if all(np.any(fit.coefficients[fit.names.index(name)]) for name in new) and not _weakest_effect(ending, needed):
+        if search.worse(fit, analysis.fit) > 0.0:  # a remainder is a term again
+            ending = _widen_ending(analysis_of_fit(analysis, settled_again(analysis, fit), analysis.excluded - new))
+        fit = ending.analysis.fit
+        present = all(np.any(fit.coefficients[k]) for k in fit.identified if fit.names[k] in new)
+        more = search.fitter.fit(fit.effects).rss < search.fitter.fit(analysis.fit.effects).rss
+        if present and more and not _weakest_effect(ending, needed):
             return ending
     return end
 
 
-SEARCHED, NEAREST = 5, 3
-"""Steps of a search among the effects of a curve's variables, and the likeliest of each, which are fitted."""
+STARTS, SEARCHED, NEAREST = 4, 5, 3
+"""Effects with which a search among those of a curve's variables begins, its steps, and the likeliest of each."""
 
 
 def _searched_over(analysis: Analysis, start: Sequence[Member], over: frozenset[str]) -> Fit:
@@ -383,8 +384,8 @@ def _weakest_effect(end: Ending, needed: Collection[str]) -> tuple[str, str, boo
 
 
 def _sideband(end: Ending, at: int) -> bool:
-    """Whether an order that nobody declared may be part of a larger remainder over the angle, of which another effect
-    has the main part, or an order, of less than a turn, an error of the form of a memory.
+    """Whether an order that nobody declared may be part of a larger remainder over the angle (or of a visible one, if
+    it is small), of which another effect has the main part, or one of less than a turn an error of a memory's form.
     """
     data, effects = end.setup.data, [member.candidate.effect for member in end.fit.effects]
     effect = end.fit.members[at].candidate.effect
@@ -392,8 +393,10 @@ def _sideband(end: Ending, at: int) -> bool:
         return False
     if np.ptp(data.measurements[Role.ANGLE]) < 2.0 * np.pi and any(isinstance(each, Memory) for each in effects):
         return True
-    contribution = float(np.linalg.norm(end.analysis.search.fitter.contribution(end.fit, at)))
-    return isinstance(effect, GearOrder) and bool(_containing(end, at)) and _remains_of(end, at) > contribution
+    sizes = {k: float(np.linalg.norm(end.analysis.search.fitter.contribution(end.fit, k))) for k in end.identified}
+    larger, remains = max((sizes[k] for k in _containing(end, at)), default=0.0), _remains_of(end, at)
+    beyond = VISIBLE if sizes[at] < FORM_FAR_OFF * larger else 1.0
+    return isinstance(effect, GearOrder) and larger > 0.0 and remains > beyond * sizes[at]
 
 
 def _of_path(end: Ending, at: int) -> bool:
@@ -408,21 +411,14 @@ def _of_path(end: Ending, at: int) -> bool:
 
 def _warms_late(end: Ending, at: int) -> bool:
     """Whether an effect on the reading has mostly what the temperature moves: heat arrives late by itself."""
-    fitter, data, member = end.analysis.search.fitter, end.setup.data, end.fit.members[at]
-    reading = member.candidate.effect.act(data.measurements, member.shape, data.target).reading
-    warm = [k for k in end.identified if Role.TEMPERATURE in end.fit.members[k].candidate.effect.acts_in(data.target)]
-    if not reading or not warm:
-        return False
-    columns = [fitter.columns.of(end.fit.members[k].candidate, end.fit.members[k].shape) for k in warm]
-    parts = np.split(
-        np.sum([c @ end.fit.coefficients[k] for k, c in zip(warm, columns, strict=True)], axis=0), len(data.outputs)
-    )
-    late = [
-        reading[o.name](part) - part if o.name in reading else 0.0 * part
-        for o, part in zip(data.outputs, parts, strict=True)
-    ]
-    own = fitter.contribution(end.fit, at)
-    return float(project_out(fitter.space.whiten(np.concatenate(late)), fitter.q) @ own) > 0.5 * float(own @ own)
+    fitter, data, fit, effects = end.analysis.search.fitter, end.setup.data, end.fit, end.fit.members
+    warm = [k for k in end.identified if Role.TEMPERATURE in effects[k].candidate.effect.acts_in(data.target)]
+    moved = [fitter.columns.of(effects[k].candidate, effects[k].shape) @ fit.coefficients[k] for k in warm]
+    parts = np.split(sum(moved, 0.0 * end.setup.residual), len(data.outputs))
+    named, reads = {o.name: part for o, part in zip(data.outputs, parts, strict=True)}, effects[at]
+    late = changes_of_reading(reads.candidate.effect, reads.shape, named, data.measurements, data.target)
+    own, of_heat = fitter.contribution(fit, at), project_out(fitter.space.whiten(np.concatenate(late)), fitter.q)
+    return float(of_heat @ own) > 0.5 * float(own @ own)
 
 
 def _predicts_as_well(end: Ending) -> bool:
