@@ -34,7 +34,9 @@ def member(name: str, linear: int = 1, low: float = -inf, family: str = "load", 
     """A name with so many coefficients, each not below `low`; `unread` and `shape` as they are."""
     numbers = tuple(EffectParameter(f"c{k}", "", "", low) for k in range(linear))
     shape = tuple(EffectParameter(one, "", "", linear=False) for one in more.get("shape", {}))
-    effect = SimpleNamespace(name=name, family=family, yields_to="", needs=(), together=more.get("together", 1))
+    effect = SimpleNamespace(
+        name=name, family=family, yields_to="", reach="", needs=(), together=more.get("together", 1)
+    )
     candidate = Candidate(effect, numbers, shape, more.get("unread", False))  # type: ignore[arg-type]
     return Member(candidate, more.get("shape", {}))
 

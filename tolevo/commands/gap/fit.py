@@ -298,7 +298,8 @@ class Fitter:
         x = np.hstack([self.base, *parts])
 
         def computed() -> tuple[Array]:
-            size = np.maximum(np.linalg.norm(x, axis=0), 1e-300)
+            norms = np.linalg.norm(x, axis=0)
+            size = np.where(norms > 0.0, norms, 1.0)  # of a column of zeros any number would do
             low, high = self._bounds(members)
             coefficients, *_ = np.linalg.lstsq(x / size, self.y, rcond=1e-9)
             coefficients = coefficients / size
