@@ -127,9 +127,8 @@ def test_what_all_channels_read_late_is_a_delay(tmp_path: Path) -> None:
     assert gap.analysis_result(plan, read_data(plan, table)).names == ("delay",)
 
 
-def test_the_effects_of_a_speed_take_the_place_of_curves_over_it(tmp_path: Path) -> None:
-    """Dry friction that falls off, a drag, and a bias that makes it another one in each direction: none of their
-    pairs fits, and a search one by one ends with curves."""
+def test_three_effects_of_a_speed_are_named_without_a_curve_over_it(tmp_path: Path) -> None:
+    """Dry friction that falls off, a drag, and a bias: no pair of effects of the speed has this form."""
     rng = np.random.default_rng(8)
     speed = rng.choice([-1.0, 1.0], ROWS) * np.maximum(0.6 * rng.uniform(0.0, 1.0, ROWS) ** 2, 1e-3)
     friction = np.sign(speed) * (20.0 + 12.0 * np.exp(-((speed / 0.07) ** 2))) + 15.0 * speed + 1.3
