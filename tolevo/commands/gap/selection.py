@@ -532,7 +532,7 @@ def first_of_confounded(fit: Fit, alternatives: Sequence[Other], population: boo
         new = next(m.candidate for m in alternative.fit.members if m.name == alternative.names[-1])
         if len(replaced) == 1 and new.effect.family == current.effect.yields_to:
             return alternative.fit
-        if fit.terms and len(replaced) == 1 and isinstance(current.effect, Memory) and new.count < current.count:
+        if isinstance(current.effect, Memory) and len(replaced) == 1 and fit.terms and new.count < current.count:
             return alternative.fit
         if abs(alternative.distance) >= SAME_COLUMNS or len(replaced) > 1 or new.unread:
             continue
