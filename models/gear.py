@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 PINS, CRANK = "pin passing", "crank"
+DECLARED = "declared"
+"""Kind of a gear that is given by its orders."""
 SUN_OVER_CARRIER, SUN = "sun against the carrier", "sun"
 NAMED = (PINS, CRANK, SUN_OVER_CARRIER, SUN)
 """Orders that named effects cover."""

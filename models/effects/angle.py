@@ -6,8 +6,9 @@ from math import cos, inf, log, pi, tau
 
 import numpy as np
 
+from ...errors import Fault
 from ...section import Array
-from ..gear import CRANK, PINS, SUN, SUN_OVER_CARRIER
+from ..gear import CRANK, DECLARED, PINS, SUN, SUN_OVER_CARRIER
 from ..measurable import Role
 from .effect import EffectParameter, Measurements, Target, Values, quantity, value_or_zero
 from .shapes import Columns, OneColumn, Orders, Shape, Weight, no_waves, polar, turns
@@ -118,6 +119,15 @@ def highest_order(angle: Array) -> float:
         return inf
     per_turn = tau / float(np.median(steps))
     return 0.5 * per_turn if abs(np.mean(np.exp(1j * per_turn * angle))) > IN_STEP else inf
+
+
+def unheld_orders(measurements: Measurements, target: Target) -> list[Fault]:
+    """Faults of declared orders whose waves are others of these rows."""
+    if target.gear is None or target.gear.kind != DECLARED or Role.ANGLE not in measurements or not turns(target):
+        return []
+    most = highest_order(np.asarray(measurements[Role.ANGLE], dtype=float))
+    text = "has more waves per turn than half of the rows, {:.6g}: they would be those of another order; leave it out"
+    return [Fault(f"gear.orders.{name}", text.format(most)) for name, k in target.gear.orders.items() if k > most]
 
 
 class OutputEccentricity(Orders):

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from math import inf, isfinite
 from types import MappingProxyType
 from typing import Any, ClassVar
@@ -113,6 +114,21 @@ class EffectParameter:
         stops_below = isfinite(low) and (low != 0.0 or several)
         at_end = (isfinite(self.high) and value >= self.high - width) or (stops_below and value <= low + width)
         return at_end and not self.choices
+
+
+COARSE, MAX_GRID_POINTS = 4, 400
+"""Values of each of three or more nonlinear parameters on their grid, and its points, at most."""
+
+
+def grid(numbers: Sequence[EffectParameter], spread: float) -> list[dict[str, float]]:
+    """Grid of nonlinear parameters; a single empty set without any. `spread` is the scale of unbounded ones."""
+    free = sum(not number.choices for number in numbers)
+    axes = [number.grid(spread, free, COARSE if free > 2 else 6) for number in numbers]
+    while np.prod([len(axis) for axis in axes]) > MAX_GRID_POINTS:
+        longest = max(range(len(axes)), key=lambda k: len(axes[k]))
+        axes[longest] = axes[longest][::2]
+    names = [number.name for number in numbers]
+    return [dict(zip(names, point, strict=True)) for point in product(*axes)]
 
 
 FEW = "fewer than half a wave over the angle"
@@ -298,6 +314,9 @@ class Effect(ABC):
     inside_bounds: ClassVar[tuple[float, float]] = (0.0, inf)
     inside_name: ClassVar[str] = ""
     """The quantity inside a model that represents the effect, where it has another name."""
+
+    reach: ClassVar[str] = ""
+    """Stem of the number at whose least value rows show nothing of what distinguishes it: of a memory, or a speed."""
 
     def place(self, target: Target) -> Changeable | None:
         """The changeable quantity with the effect's name, without its unit."""

@@ -12,7 +12,7 @@ from ..gear import PINS
 from ..measurable import Role
 from .effect import EffectParameter, Measurements, Target, Values, kind_of, quantity
 from .measurements import play_along_path
-from .shapes import POSITIONS, Columns, Load, LoadShape, Orders, Shape, Weight
+from .shapes import POSITIONS, Columns, Load, LoadShape, Orders, Shape, Weight, lacks_loads
 
 
 class BearingClearance(LoadShape):
@@ -175,6 +175,9 @@ class LoadFriction(LoadShape):
     needs = (Role.TORQUE, Role.DIRECTION)
     mistaken_for = ("friction_hysteresis", "load_viscous")
     reference = "Bittencourt and Gunnarsson, J. Dyn. Syst. Meas. Control 134, 2012"
+
+    def lacks(self, measurements: Measurements, target: Target) -> str:
+        return lacks_loads(measurements) or super().lacks(measurements, target)
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("rate", "a, half of the loop per unit of load", Load.unit(target)),)

@@ -404,6 +404,14 @@ def changes_of(actions: Iterable[Action]) -> dict[str, Array]:
     return changes
 
 
+def changes_of_reading(
+    effect: Effect, values: Values, parts: Mapping[str, Array], measurements: Measurements, target: Target
+) -> list[Array]:
+    """By how much an effect on the reading changes parts (n,) of the outputs, by name."""
+    read = effect.act(measurements, values, target).reading
+    return [read[name](part) - part if name in read else 0.0 * part for name, part in parts.items()]
+
+
 def apply_output_actions(
     outputs: Mapping[str, Array], actions: Sequence[Action], means: Mapping[str, float], rng: np.random.Generator
 ) -> dict[str, Array]:

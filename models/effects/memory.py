@@ -39,9 +39,6 @@ class Memory(Shape):
     of_reversals: ClassVar[bool] = True
     """Whether it shows only where the driving column turns back."""
 
-    reach: ClassVar[str] = ""
-    """Stem of the number at whose least value nothing of the rows before is left: rows show no shorter memory."""
-
     def driven_by(self, target: Target) -> Role | None:
         """The role of the driving column; None where the table has none, or its rows are no path."""
         roles = target.paths if target.largest else target.travelled()

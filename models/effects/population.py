@@ -293,3 +293,24 @@ class ToolWearDrift(MovedUnits):
 
     def pattern(self, measurements: Measurements) -> NDArray[Any]:
         return unit_numbers(measurements)
+
+
+DRAWS = 32
+"""Draws that distinguish an effect on the scatter from fixed shifts of the units."""
+STILL_LAW = 1e-9
+
+
+def acts_on_scatter(effect: Effect, values: Mapping[str, float], measurements: Measurements, target: Target) -> bool:
+    """Whether an effect on a population does more than shift each unit by a fixed amount."""
+    act = effect.act(measurements, values, target).population if target.population else None
+    if act is None:
+        return False
+
+    def moves(seed: int) -> Array:
+        rng = np.random.default_rng(seed)
+        drawn = rng.normal(size=len(measurements))
+        return np.asarray(act(drawn, 0.0, rng) - drawn)
+
+    first, *repeats = map(moves, range(DRAWS))
+    size = max(float(np.abs(first).max(initial=0.0)), 1.0)
+    return any(bool((np.abs(repeat - first) > STILL_LAW * size).any()) for repeat in repeats)

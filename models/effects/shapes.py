@@ -231,6 +231,18 @@ class Load:
         return (low * largest, high * largest) if largest > 0.0 else (0.0, inf)
 
 
+STEADY = 0.1
+"""Standard deviation of the magnitude of a load, as a fraction of its mean, under which what grows with it does not
+show: a friction that does not grow with the load is never so exactly the same.
+"""
+
+
+def lacks_loads(measurements: Measurements) -> str:
+    """Why rows do not show what grows with the magnitude of the load; empty where they do."""
+    size = np.abs(Load.of(measurements))
+    return "the load is nearly the same in every row" if np.std(size) < STEADY * np.mean(size) else ""
+
+
 class LoadShape(OneColumn):
     """One weight times a function of the load."""
 

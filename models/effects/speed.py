@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...section import Array
 from ..measurable import Role
 from .effect import EffectParameter, Measurements, Target, Values, quantity
-from .shapes import Columns, Load, OneColumn, Shape, SignedSpeed, Weight, no_waves, speed_unit
+from .shapes import Columns, Load, OneColumn, Shape, SignedSpeed, Weight, lacks_loads, no_waves, speed_unit
 
 
 class LoadViscous(Shape):
@@ -34,6 +34,9 @@ class LoadViscous(Shape):
 
     def own_applies(self, target: Target) -> bool:
         return Load.applies(target, self.needs)
+
+    def lacks(self, measurements: Measurements, target: Target) -> str:
+        return lacks_loads(measurements) or super().lacks(measurements, target)
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
         per = f"({Load.unit(target)} {speed_unit(target)})"
@@ -74,6 +77,7 @@ class Stribeck(Shape):
     formula = "d (c + e exp(-(v/v_s)^n)), e = s - c, n 1 or 2"
     needs = (Role.SPEED, Role.DIRECTION)
     mistaken_for = ("friction_hysteresis", "viscous_friction", "delay")
+    reach = "speed"
     reference = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30, 1994"
 
     def weights(self, target: Target) -> tuple[Weight, ...]:

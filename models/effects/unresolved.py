@@ -8,7 +8,7 @@ extrapolates as its power.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from hashlib import sha256
 from typing import Any
@@ -22,6 +22,8 @@ from ..measurable import Column, Role
 from .effect import Action, Effect, EffectParameter, Measurements, Target, Values
 from .measurements import SESSION, fixed_unit, labels_of, path_starts
 
+CURVED = ("spline", "power", "curve")
+"""Shapes of terms of one variable that together are a curve over it."""
 SHAPES = ("constant", "spline", "power", "step", "wave", "swing", "product", "levels", "curve", "plays")
 
 
@@ -163,6 +165,68 @@ class Term:
         return {**stated, "coefficients": [float(coefficient) for coefficient in coefficients]}
 
 
+LEVELS, STEP, SWING = "levels", "step", "swing"
+"""Shapes of a form over labels, an order and the time: a separate level for each label, a step, a
+slow wave."""
+ODD, EVEN, FROM_ZERO, FROM_LEAST = "odd", "even", "from zero", "from its least"
+"""Shapes of a power: of a signed input odd or even, of another one from zero or its least."""
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """Meaning of a group of generic columns: `kind` as in a `Region`, over `variable` and
+    `further_variables`.
+
+    `shape` is one of those above; a step comes `after` so many `of` all. `powers` are those of the
+    two inputs of a single product. A wave may grow `by` a column or role to the power `by_power`.
+    """
+
+    kind: str
+    variable: str
+    order: float = np.nan
+    direction: str = ""
+    further_variables: tuple[str, ...] = ()
+    shape: str = ""
+    after: int = 0
+    of: str = ""
+    powers: tuple[int, int] | None = None
+    by: str = ""
+    by_power: int = 1
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """The names of all variables."""
+        return (self.variable, *self.further_variables)
+
+    @property
+    def words(self) -> list[str]:
+        """The form in words: what it is, and its details."""
+        if self.shape == LEVELS:
+            return [f"a separate level for each {self.variable}"]
+        what = {
+            "order": f"a wave of order {self.order:g} of {self.variable}",
+            "distribution": "an offset of all units",
+            "direction": "an offset that changes sign with the direction",
+            "product": f"a product of {' and '.join(self.variables)}",
+            "trend": f"a change along {self.variable}",
+            "memory": f"a memory of the path of {self.variable}",
+        }.get(self.kind, f"a dependence on {self.variable}")
+        details = [what]
+        if self.kind == "power":
+            details.append(f"about its power {self.order:.3g}, {self.shape}")
+        elif self.shape == STEP:
+            details.append(f"step after {self.after} of {self.of}")
+        elif self.shape == SWING:
+            details.append(f"a swing of {self.order:g} cycles")
+        if self.powers is not None:
+            details.append(f"powers {self.powers[0]} and {self.powers[1]}")
+        if self.by:
+            details.append(f"times {self.by}" + (" squared" if self.by_power == 2 else ""))
+        if self.direction and self.kind != "direction":
+            details.append("opposite in the two directions")
+        return details
+
+
 def cubic_splines(x: Array, knots: Array) -> Array:
     """Cubic B-splines (n, k + 2) of values (n,) over k knots; beyond the ends as there."""
     ends = np.r_[[knots[0]] * 3, knots, [knots[-1]] * 3]
@@ -226,6 +290,10 @@ MOST_KNOTS = 60
 """Knots of a curve, at most."""
 EXACT = 1e-3
 """Deviation at which no more knots are added, as a fraction of the largest value."""
+
+
+NO_CURVE = 0.02
+"""Deviation from which points are no function of one variable, as a fraction of their rms."""
 
 
 def broken_line(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ...], float]:
@@ -292,6 +360,27 @@ class Unresolved(Effect):
 
     def own_action(self, measurements: Measurements, values: Values, target: Target) -> Action:
         return Action(output={self.term.output: self.term.columns(measurements) @ self.coefficients(values)})
+
+
+def acts_over(effect: Effect, inputs: Iterable[Column], target: Target) -> tuple[frozenset[str], bool]:
+    """The inputs that an effect is a function of, that along whose path it has a memory too, and whether it follows
+    the direction as well.
+    """
+    if isinstance(effect, Unresolved):
+        return frozenset(effect.term.variables), effect.term.turns
+    roles = effect.acts_in(target)
+    return frozenset(c.name for c in inputs if c.role in roles - {Role.DIRECTION}), Role.DIRECTION in roles
+
+
+@dataclass(frozen=True)
+class Resemblance:
+    """Effects `names` that a curve resembles, and the fraction of its squares that they explain."""
+
+    names: tuple[str, ...] = ()
+    fraction: float = 0.0
+
+    def __str__(self) -> str:
+        return f"{100.0 * self.fraction:.0f} % like {' and '.join(self.names)}" if self.names else ""
 
 
 def unresolved_of(table: Mapping[str, Any]) -> tuple[Unresolved, dict[str, float]]:

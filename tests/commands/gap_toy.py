@@ -12,7 +12,7 @@ import numpy as np
 from tolevo.commands.gap.analysis import Settling
 from tolevo.commands.gap.data import GapData
 from tolevo.commands.gap.fit import Fit, Fitter, Member, Space
-from tolevo.commands.gap.generic import Form, generic
+from tolevo.commands.gap.generic import generic
 from tolevo.commands.gap.library import Candidate
 from tolevo.commands.gap.linear import join_groups
 from tolevo.commands.gap.noise import Noise
@@ -21,7 +21,7 @@ from tolevo.commands.gap.scan import Dictionary, Remaining, Thresholds
 from tolevo.commands.gap.selection import Search
 from tolevo.models.effects import Effect, EffectParameter
 from tolevo.models.effects.measurements import measurements_of, target_from
-from tolevo.models.effects.unresolved import Unresolved
+from tolevo.models.effects.unresolved import Form, Unresolved
 from tolevo.models.measurable import Column, Role
 from tolevo.section import Output
 
@@ -34,7 +34,9 @@ def member(name: str, linear: int = 1, low: float = -inf, family: str = "load", 
     """A name with so many coefficients, each not below `low`; `unread` and `shape` as they are."""
     numbers = tuple(EffectParameter(f"c{k}", "", "", low) for k in range(linear))
     shape = tuple(EffectParameter(one, "", "", linear=False) for one in more.get("shape", {}))
-    effect = SimpleNamespace(name=name, family=family, yields_to="", needs=(), together=more.get("together", 1))
+    effect = SimpleNamespace(
+        name=name, family=family, yields_to="", reach="", needs=(), together=more.get("together", 1)
+    )
     candidate = Candidate(effect, numbers, shape, more.get("unread", False))  # type: ignore[arg-type]
     return Member(candidate, more.get("shape", {}))
 

@@ -12,7 +12,7 @@ import pytest
 from tolevo.commands.gap.blocks import Trained, Training
 from tolevo.commands.gap.configuration import read_gap
 from tolevo.commands.gap.generic import stack_columns
-from tolevo.commands.gap.library import grid
+from tolevo.models.effects.effect import grid
 from tolevo.commands.gap.linear import Groups, basis, project_out, ranking
 from tolevo.commands.gap.null_model import build_null_model, noise_of
 from tolevo.commands.gap.read import read_data
@@ -65,7 +65,7 @@ def test_columns_are_what_an_effect_does_per_unit_of_each_coefficient(tmp_path: 
              if isinstance(one.effect, Shape) and one.effect.plain(setup.data.target)]  # fmt: skip
     assert {"torsional_compliance", "structural_resonance", "stribeck"} <= {o.name for o in plain}
     for one in plain:
-        shape = grid(one, 1.0)[-1]
+        shape = grid(one.shape, 1.0)[-1]
         each = [setup.columns.total(one, {**shape, number.name: 1e-3}) / 1e-3
                 for number in one.linear]  # fmt: skip
         np.testing.assert_allclose(setup.columns.of(one, shape), np.column_stack(each), atol=1e-9)

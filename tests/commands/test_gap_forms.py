@@ -1,4 +1,4 @@
-"""Forms of the library that the rows choose: the exponent of Stribeck's friction, orders that nobody declared."""
+"""Forms of the library that the rows choose, and names that they cannot show."""
 
 from __future__ import annotations
 
@@ -14,6 +14,11 @@ from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.records import GapResult
 from tolevo.errors import InputError
 from tolevo.models.effects.angle import highest_order
+from tolevo.models.effects.load import LoadFriction
+from tolevo.models.effects.measurements import measurements_of, target_from
+from tolevo.models.effects.speed import LoadViscous
+from tolevo.models.measurable import Column, Role
+from tolevo.section import Output
 
 pytestmark = pytest.mark.usefixtures("without_figures", "units_once")
 
@@ -88,3 +93,76 @@ def test_orders_that_the_rows_cannot_tell_from_others_are_none_of_theirs() -> No
         assert highest_order(np.deg2rad(degrees)) == pytest.approx(18.0, rel=1e-3)
     assert highest_order(rng.uniform(0.0, 6.0, 300)) == np.inf
     assert highest_order(np.zeros(5)) == np.inf
+
+
+def warmed(rows: int) -> np.ndarray:
+    """The temperature of a hall [degC], by day and by night."""
+    return 22.0 + 4.0 * np.sin(np.arange(rows) * 0.04) + 2.0 * np.sin(np.arange(rows) * 0.017 + 1.0)
+
+
+def test_what_warms_late_is_no_delay_of_the_channel(tmp_path: Path) -> None:
+    """A part whose temperature follows that of the hall as a first order lag."""
+    hall, lag = warmed(ROWS), 8.0
+    part = hall.copy()
+    for row in range(1, ROWS):
+        part[row] += (part[row - 1] - hall[row]) * np.exp(-1.0 / lag)
+    result = found(tmp_path, "temperature", "degC", hall, 3.0 * (part - 20.0), 0.3)
+    assert result.verdict == "partial"
+    assert result.names == ("thermal_zero",)
+
+
+def test_what_all_channels_read_late_is_a_delay(tmp_path: Path) -> None:
+    """The same hall, read late by a channel that also has what the prediction has."""
+    configuration, table = tmp_path / "gap.toml", tmp_path / "rows.csv"
+    configuration.write_text(HEAD.replace("ROLE", "temperature").replace("UNIT", "degC"), encoding="utf-8")
+    clock = np.arange(ROWS) * 1.0
+
+    def channel(t: np.ndarray) -> np.ndarray:
+        return 40.0 * np.sin(0.3 * t) + 30.0 * np.sin(0.11 * t)
+
+    noise = np.random.default_rng(1).normal(0.0, 0.3, ROWS)
+    columns = {"x": warmed(ROWS), "clock": clock, "measured": channel(clock - 0.8) + noise, "predicted": channel(clock)}
+    pd.DataFrame(columns).to_csv(table, index=False)
+    plan = read_gap(configuration)
+    assert gap.analysis_result(plan, read_data(plan, table)).names == ("delay",)
+
+
+def test_three_effects_of_a_speed_are_named_without_a_curve_over_it(tmp_path: Path) -> None:
+    """Dry friction that falls off, a drag, and a bias: no pair of effects of the speed has this form."""
+    rng = np.random.default_rng(8)
+    speed = rng.choice([-1.0, 1.0], ROWS) * np.maximum(0.6 * rng.uniform(0.0, 1.0, ROWS) ** 2, 1e-3)
+    friction = np.sign(speed) * (20.0 + 12.0 * np.exp(-((speed / 0.07) ** 2))) + 15.0 * speed + 1.3
+    result = found(tmp_path, "speed", "m/s", speed, friction, 0.06)
+    assert set(result.names) == {"stribeck", "viscous_friction", "gauge_bias"}
+    level = next(n for effect in result.effects for n in effect.parameters if n.name == "level_N")
+    assert level.value == pytest.approx(20.0, rel=0.02)
+
+
+@pytest.mark.parametrize(("spread", "shown"), [(0.04, False), (0.6, True)])
+def test_a_load_that_hardly_changes_shows_no_friction_that_grows_with_it(spread: float, shown: bool) -> None:
+    load = 80.0 * (1.0 + spread * np.sin(np.arange(200) * 0.1))
+    columns = (Column("T", "N m", "", role=Role.TORQUE), Column("v", "rpm", "", role=Role.SPEED))
+    table = {"T": load, "v": 100.0 * np.sin(np.arange(200) * 0.3 + 0.1)}
+    outputs = (Output("y", "N m", "torque"),)
+    target = target_from("table", outputs, columns, table)
+    for effect in (LoadFriction(), LoadViscous()):
+        assert (effect.lacks(measurements_of(columns, table), target) == "") is shown
+
+
+@pytest.mark.parametrize(
+    ("order", "fault"), [("1e9", "must lie in"), ("60", "more waves per turn than half of the rows")]
+)
+def test_a_declared_order_that_rows_cannot_hold_is_a_fault(tmp_path: Path, order: str, fault: str) -> None:
+    """Rows at every 3.6 degrees hold 50 waves per turn."""
+    configuration, table = tmp_path / "gap.toml", tmp_path / "rows.csv"
+    text = HEAD.replace("ROLE", "angle").replace("UNIT", "deg") + f'[gear]\norders = {{ "mesh" = {order} }}\n'
+    configuration.write_text(text, encoding="utf-8")
+    columns = {
+        "x": np.arange(ROWS) * 3.6,
+        "clock": np.arange(ROWS),
+        "measured": np.sin(np.arange(ROWS)),
+        "predicted": 0.0,
+    }
+    pd.DataFrame(columns).to_csv(table, index=False)
+    with pytest.raises(InputError, match=rf"gear\.orders\.mesh: .*{fault}"):
+        read_data(read_gap(configuration), table)

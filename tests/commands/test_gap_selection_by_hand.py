@@ -34,6 +34,8 @@ from tolevo.commands.gap.selection import (
     step_records,
     with_identified_by_likelihood,
 )
+from tolevo.models.effects.load import LoadFriction
+from tolevo.models.effects.memory import Dahl
 from tolevo.models.effects.unresolved import Term, Unresolved
 
 
@@ -289,6 +291,17 @@ def test_of_twins_the_instrument_goes_first_in_rows_and_the_process_in_a_batch(
     hidden: Any = SimpleNamespace(members=(member("x", family=new, unread=True),), names=("x",))
     unread = Other(hidden, ("x",), own.names, distance)
     assert first_of_confounded(own, [unread], population) is None
+
+
+@pytest.mark.parametrize(("terms", "simpler"), [(True, True), (False, True), (True, False)])
+def test_a_memory_beside_terms_yields_to_an_effect_with_fewer_numbers(terms: bool, simpler: bool) -> None:
+    own = SimpleNamespace(name="dahl", candidate=SimpleNamespace(effect=Dahl(), count=2))
+    other = SimpleNamespace(
+        name="dry", candidate=SimpleNamespace(effect=LoadFriction(), count=1 if simpler else 2, unread=False)
+    )
+    fit: Any = SimpleNamespace(members=(own,), terms=["a term"] * terms)
+    rival = Other(SimpleNamespace(members=(other, "a term")[: 1 + terms]), ("dry",), ("dahl",), 5.0)  # type: ignore[arg-type]
+    assert (first_of_confounded(fit, [rival], False) is rival.fit) == (terms and simpler)
 
 
 # ------------------------------------------------------------- what noise reaches

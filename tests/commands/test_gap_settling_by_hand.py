@@ -10,11 +10,10 @@ import pytest
 from tests.commands.gap_toy import PENALTY, N, directions, member, of_names, readings, settling, squares_left
 from tolevo.commands.gap.data import GapData
 from tolevo.commands.gap.fit import Fit, Member, is_term
-from tolevo.commands.gap.generic import FROM_ZERO, LEVELS, Form
 from tolevo.commands.gap.library import Candidate
 from tolevo.commands.gap.null_model import significant_forms
 from tolevo.commands.gap.scan import generic_residual
-from tolevo.models.effects.unresolved import Term, Unresolved
+from tolevo.models.effects.unresolved import FROM_ZERO, LEVELS, Form, Term, Unresolved
 
 SPEED = np.random.default_rng(8).permutation(np.linspace(0.02, 1.0, N))
 WARM = np.random.default_rng(9).permutation(np.linspace(0.0, 1.0, N))

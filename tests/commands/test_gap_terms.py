@@ -15,11 +15,10 @@ from typer.testing import CliRunner
 from tolevo.cli import app
 from tolevo.commands.gap import gap
 from tolevo.commands.gap.configuration import gap_plan, read_gap
-from tolevo.commands.gap.generic import EVEN, FROM_LEAST, FROM_ZERO, ODD, Form
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.records import GapResult
 from tolevo.models.effects.effect import Measurements
-from tolevo.models.effects.unresolved import Term, broken_line
+from tolevo.models.effects.unresolved import EVEN, FROM_LEAST, FROM_ZERO, ODD, Form, Term, broken_line
 from tolevo.models.measurable import Role
 
 HEAD = (

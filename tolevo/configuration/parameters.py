@@ -18,13 +18,13 @@ from ..models.capability import PartSample, read_sample
 from ..models.effects.effect import Effect, EffectParameter, Target
 from ..models.effects.measurements import Active, target_of
 from ..models.effects.unresolved import SHAPES, Term, Unresolved, unresolved_of
-from ..models.gear import BUILD, TEETH, Gear, contradictions
+from ..models.gear import BUILD, DECLARED, TEETH, Gear, contradictions
 from ..models.input_reading import keys, read_distribution
 from ..models.inputs import Distribution, Zone
 from ..models.measurable import MeasurableModel
 from ..problems.settings import VariableSetting
 from ..registry import PLUGIN_FAULTS
-from ..section import PLAIN, POSITIVE, TOLERANCES, Kind, Parameter, Range, Section, Value, Variable, shown
+from ..section import PLAIN, TOLERANCES, Kind, Parameter, Range, Section, Value, Variable, shown
 from ..units import split_unit, unit_hint
 from .plugins import ModelClass, load_named
 
@@ -500,8 +500,6 @@ def resolved_effects(effects: Iterable[Active]) -> dict[str, list[Mapping[str, A
 
 
 GEAR = "gear"
-DECLARED = "declared"
-"""Kind of a gear that is given by its orders."""
 
 
 def read_gear(top: Section) -> Gear | None:
@@ -522,10 +520,14 @@ def read_gear(top: Section) -> Gear | None:
     return _gear_by_teeth(section, kind)
 
 
+ORDERS = Range(low=0.0, high=1e6, open_low=True)
+"""Waves per turn of the output: a million of them are finer than an encoder resolves."""
+
+
 def _gear_by_orders(section: Section, kind: str | None) -> Gear | None:
     """A gear by its orders, named after their causes."""
     inner = section.section("orders")
-    numbers = {name: inner.number(name, "", POSITIVE) for name in inner.all_keys()}
+    numbers = {name: inner.number(name, "", ORDERS) for name in inner.all_keys()}
     teeth = [name for names in TEETH.values() for name in names if name in section]
     if kind is not None or teeth:
         section.accept((*teeth, "kind"))

@@ -10,23 +10,13 @@ import numpy as np
 from ...models.effects import Effect
 from ...models.effects.measurements import changes_of, effect_actions
 from ...models.effects.memory import Memory
-from ...models.effects.unresolved import Term, Unresolved, broken_line
+from ...models.effects.unresolved import CURVED, LEVELS, NO_CURVE, Term, Unresolved, acts_over, broken_line
 from ...models.measurable import Role
 from .blocks import HeldOut, improvement
 from .close import corrected
 from .data import GapData
 from .fit import Fit, Fitter, Member, Space, is_term
-from .generic import (
-    LEVELS,
-    effect_of,
-    is_plays,
-    member_of,
-    member_with,
-    stack_columns,
-    term_of,
-    whole_term,
-    without_idle_plays,
-)
+from .generic import effect_of, is_plays, member_of, member_with, stack_columns, term_of, whole_term, without_idle_plays
 from .linear import basis, project_out, ranked, rms
 from .null_model import (
     Identified,
@@ -65,9 +55,6 @@ from .selection import (
 )
 from .setup import Setup, move_setup
 
-NO_CURVE = 0.02
-"""Deviation from which a contribution is no function of one variable, as a fraction of its rms."""
-
 
 def as_curve(fitter: Fitter, fit: Fit, small: Sequence[int], large: Sequence[int], data: GapData) -> Member | None:
     """The sum of small members of a fit that large ones cannot explain, as a term over its variable;
@@ -78,10 +65,10 @@ def as_curve(fitter: Fitter, fit: Fit, small: Sequence[int], large: Sequence[int
     """
     columns = fitter.columns.of
     added = [columns(m.candidate, m.shape) @ fit.coefficients[k] for k, m in enumerate(fit.members) if k in small]
-    large_columns = np.hstack([columns(fit.members[k].candidate, fit.members[k].shape) for k in large])
     contribution, q = np.sum(added, axis=0), basis(fitter.raw_base)
-    shared = np.linalg.lstsq(project_out(large_columns, q), project_out(contribution, q), rcond=1e-9)[0]
-    parts = np.split(contribution - large_columns @ shared, len(data.outputs))
+    for x in [np.hstack([columns(fit.members[k].candidate, fit.members[k].shape) for k in large])] if large else []:
+        contribution -= x @ np.linalg.lstsq(project_out(x, q), project_out(contribution, q), rcond=1e-9)[0]
+    parts = np.split(contribution, len(data.outputs))
     acting = [at for at, part in enumerate(parts) if np.any(part)]
     over = {variables_of(fit.members[k], data) for k in small}
     if len(acting) != 1 or len(over) != 1:
@@ -101,18 +88,8 @@ def as_curve(fitter: Fitter, fit: Fit, small: Sequence[int], large: Sequence[int
 
 
 def variables_of(member: Member, data: GapData) -> tuple[frozenset[str], bool]:
-    """The inputs that a member is a function of, that along whose path it has a memory too, and whether it follows
-    the direction as well.
-    """
-    effect = member.candidate.effect
-    if isinstance(effect, Unresolved):
-        return frozenset(effect.term.variables), effect.term.turns
-    roles = effect.acts_in(data.target)
-    return frozenset(c.name for c in data.inputs if c.role in roles - {Role.DIRECTION}), Role.DIRECTION in roles
-
-
-CURVED = ("spline", "power", "curve")
-"""Shapes of terms of one variable that together are a curve over it."""
+    """The inputs that a member acts in, and whether it follows the direction as well."""
+    return acts_over(member.candidate.effect, data.inputs, data.target)
 
 
 def with_curves(fitter: Fitter, fit: Fit, data: GapData) -> Fit:
@@ -123,13 +100,15 @@ def with_curves(fitter: Fitter, fit: Fit, data: GapData) -> Fit:
     groups: dict[tuple[str, frozenset[str], bool], list[int]] = {}
     for k, member in enumerate(fit.members):
         effect = member.candidate.effect
-        if isinstance(effect, Unresolved) and effect.term.shape in CURVED:
+        if isinstance(effect, Unresolved) and effect.term.shape in (*CURVED, "constant"):
             groups.setdefault((effect.term.output, *variables_of(member, data)), []).append(k)
     pairs = zip(fit.members, fit.coefficients, strict=True)
     members = {k: without_idle_plays(*pair, data) for k, pair in enumerate(pairs)}
-    for (_, variables, turns), terms in groups.items():
+    signed = {c.name for c in data.inputs if c.role is Role.SPEED and np.min(data.values(c.name)) < 0.0}
+    for (_, variables, turns), terms in groups.items():  # of a signed speed a curve may be opposite or not
         acting = [(k, *variables_of(fit.members[k], data)) for k in fit.identified]
-        large = [k for k, inputs, opposite in acting if inputs <= variables and opposite == turns]
+        either = bool(variables & signed)
+        large = [k for k, inputs, opposite in acting if inputs <= variables and (either or opposite == turns)]
         curve = as_curve(fitter, fit, terms, large, data) if large else None
         if curve is not None:
             members = {k: member for k, member in members.items() if k not in terms} | {terms[0]: curve}
@@ -533,22 +512,35 @@ def _initial_settling(null_model: NullModel, selection: Selection, trusted: froz
     return Settling(null_model.search, null_model.generic, null_model.setup.data, selection.accepted, trusted)
 
 
-def analysis_without_effect(analysis: Analysis, name: str, trusted: str = "") -> Analysis:
+def analysis_without_effect(analysis: Analysis, name: str, trusted: str = "", kept: bool = False) -> Analysis:
     """The analysis of rows without the effect `name` and those with the same columns, the remaining
     ones fitted and tested again. What is excluded stays excluded. The contribution of `name` may
-    belong to the form of the effect `trusted`; it stays as a generic curve.
+    belong to the form of the effect `trusted`, or is to be `kept`; it stays as a generic curve.
     """
-    null_model, selection, fit = analysis.null_model, analysis.selection, analysis.fit
-    curve, sure = None, analysis.trusted
-    if trusted:
-        sure |= {trusted}
-        members = [fit.names.index(name)], [fit.names.index(trusted)]
-        curve = as_curve(null_model.search.fitter, fit, *members, analysis.setup.data)
-    settling = _initial_settling(null_model, selection, sure)
-    excluded = analysis.excluded | {name, *same_columns(name, analysis.rivals)}
-    fit = settling.again(fit, excluded, () if curve is None else (curve,))
-    answer = _answer(null_model, settling, selection, fit, excluded)
-    return replace(answer, excluded=excluded, trusted=sure)
+    fit, excluded = analysis.fit, analysis.excluded | {name, *same_columns(name, analysis.rivals)}
+    analysis = replace(analysis, trusted=analysis.trusted | {trusted} if trusted else analysis.trusted)
+    large, curve = [fit.names.index(trusted)] if trusted else [], None
+    if trusted or kept:
+        curve = as_curve(analysis.search.fitter, fit, [fit.names.index(name)], large, analysis.setup.data)
+    if kept and curve is not None:  # effects over its variables would only divide it anew
+        over = variables_of(curve, analysis.setup.data)
+        alike = {m.name for m in analysis.search.dictionary.members if variables_of(m, analysis.setup.data) == over}
+        excluded |= alike - {*fit.names}
+    settling = _initial_settling(analysis.null_model, analysis.selection, analysis.trusted)
+    return analysis_of_fit(analysis, settling.again(fit, excluded, () if curve is None else (curve,)), excluded)
+
+
+def settled_again(analysis: Analysis, fit: Fit) -> Fit:
+    """The answer with the effects of a fit and with its terms, and what is significant in addition."""
+    settling = _initial_settling(analysis.null_model, analysis.selection, analysis.trusted)
+    return settling.again(fit, analysis.excluded, fit.terms)
+
+
+def analysis_of_fit(analysis: Analysis, fit: Fit, excluded: frozenset[str]) -> Analysis:
+    """The analysis of rows that ends with another fit, its rivals and remainder those of this one."""
+    settling = _initial_settling(analysis.null_model, analysis.selection, analysis.trusted)
+    answer = _answer(analysis.null_model, settling, analysis.selection, fit, excluded)
+    return replace(answer, excluded=excluded, trusted=analysis.trusted)
 
 
 def _answer(

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from ...models.effects import EffectParameter
 from ...models.effects.memory import Memory
-from ...models.effects.unresolved import Offer
+from ...models.effects.unresolved import CURVED, Offer
 from ...section import Array
-from .analysis import CURVED, Analysis, variables_of
+from .analysis import Analysis, variables_of
 from .blocks import improvement
 from .close import corrected
 from .data import GapData

@@ -10,7 +10,6 @@ import numpy as np
 import scipy
 
 from ...journal import recall_arrays
-from ...models.effects.memory import Memory
 from ...models.effects.unresolved import Unresolved
 from ...section import Array
 from .library import Candidate, Columns
@@ -108,9 +107,8 @@ class Member:
 
     @property
     def forgets(self) -> bool:
-        """Whether it is an effect with a memory, as short as the rows can show: without one it is another effect."""
-        effect, shape = self.candidate.effect, self.candidate.shape
-        reach = effect.reach if isinstance(effect, Memory) else ""
+        """Whether it is as short as the rows can show, in its memory or its speed: it is another effect then."""
+        reach, shape = self.candidate.effect.reach, self.candidate.shape
         return any(self.shape[n.name] <= FORGOTTEN * n.low for n in shape if reach and n.stem == reach)
 
     @property
@@ -300,7 +298,8 @@ class Fitter:
         x = np.hstack([self.base, *parts])
 
         def computed() -> tuple[Array]:
-            size = np.maximum(np.linalg.norm(x, axis=0), 1e-300)
+            norms = np.linalg.norm(x, axis=0)
+            size = np.where(norms > 0.0, norms, 1.0)  # of a column of zeros any number would do
             low, high = self._bounds(members)
             coefficients, *_ = np.linalg.lstsq(x / size, self.y, rcond=1e-9)
             coefficients = coefficients / size

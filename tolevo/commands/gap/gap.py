@@ -470,7 +470,9 @@ def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
     if end.rows:
         notes += uneven_delays(analysis.search.fitter, end.fit, end.setup.data)
     if removed := removed_effects(analysis):
-        notes.append(f"{', '.join(removed)}: something similar is present, but its form differs")
+        notes.append(
+            f"{', '.join(removed)}: something similar is present, but its form differs, or its size is not determined"
+        )
     if far := far_move_note(end):
         notes.append(far)
     if len(end.setup.library) == 0:

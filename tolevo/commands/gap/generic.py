@@ -7,7 +7,7 @@ model they stand for it where no effect does.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 from operator import itemgetter
 from typing import Any
@@ -20,7 +20,24 @@ from ...models.effects.angle import highest_order
 from ...models.effects.effect import kind_of
 from ...models.effects.measurements import SESSION, labels_of, unit_numbers
 from ...models.effects.memory import FORCES
-from ...models.effects.unresolved import RADII, Term, Unresolved, fewest_plays, knots, plays, spline, wave
+from ...models.effects.unresolved import (
+    EVEN,
+    FROM_LEAST,
+    FROM_ZERO,
+    LEVELS,
+    ODD,
+    RADII,
+    STEP,
+    SWING,
+    Form,
+    Term,
+    Unresolved,
+    fewest_plays,
+    knots,
+    plays,
+    spline,
+    wave,
+)
 from ...models.gear import SUN
 from ...models.measurable import Column, Role
 from ...section import Array
@@ -36,11 +53,6 @@ ORDERS_BEYOND_GEAR = 10.0
 MAX_ORDER = 600.0
 OVER_A_WORKSPACE = 12.0
 """The same where the angle is that of a pose: no teeth pass by."""
-LEVELS, STEP, SWING = "levels", "step", "swing"
-"""Shapes of a form over labels, an order and the time: a separate level for each label, a step, a
-slow wave."""
-ODD, EVEN, FROM_ZERO, FROM_LEAST = "odd", "even", "from zero", "from its least"
-"""Shapes of a power: of a signed input odd or even, of another one from zero or its least."""
 MEAN = "mean of the units"
 PREDICTED = "predicted "
 """Prefix of the name of an output: its prediction as a variable."""
@@ -50,61 +62,6 @@ CYCLES = tuple(np.arange(0.75, 8.1, 0.25).tolist())
 """Cycles over the record that are tried."""
 POWERS = (0.25, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0)
 SMOOTH = (Role.TORQUE, Role.FORCE, Role.SPEED, Role.TEMPERATURE, Role.TIME, Role.PAYLOAD, Role.POSITION, Role.INPUT)
-
-
-@dataclass(frozen=True, slots=True)
-class Form:
-    """Meaning of a group of generic columns: `kind` as in a `Region`, over `variable` and
-    `further_variables`.
-
-    `shape` is one of those above; a step comes `after` so many `of` all. `powers` are those of the
-    two inputs of a single product. A wave may grow `by` a column or role to the power `by_power`.
-    """
-
-    kind: str
-    variable: str
-    order: float = np.nan
-    direction: str = ""
-    further_variables: tuple[str, ...] = ()
-    shape: str = ""
-    after: int = 0
-    of: str = ""
-    powers: tuple[int, int] | None = None
-    by: str = ""
-    by_power: int = 1
-
-    @property
-    def variables(self) -> tuple[str, ...]:
-        """The names of all variables."""
-        return (self.variable, *self.further_variables)
-
-    @property
-    def words(self) -> list[str]:
-        """The form in words: what it is, and its details."""
-        if self.shape == LEVELS:
-            return [f"a separate level for each {self.variable}"]
-        what = {
-            "order": f"a wave of order {self.order:g} of {self.variable}",
-            "distribution": "an offset of all units",
-            "direction": "an offset that changes sign with the direction",
-            "product": f"a product of {' and '.join(self.variables)}",
-            "trend": f"a change along {self.variable}",
-            "memory": f"a memory of the path of {self.variable}",
-        }.get(self.kind, f"a dependence on {self.variable}")
-        details = [what]
-        if self.kind == "power":
-            details.append(f"about its power {self.order:.3g}, {self.shape}")
-        elif self.shape == STEP:
-            details.append(f"step after {self.after} of {self.of}")
-        elif self.shape == SWING:
-            details.append(f"a swing of {self.order:g} cycles")
-        if self.powers is not None:
-            details.append(f"powers {self.powers[0]} and {self.powers[1]}")
-        if self.by:
-            details.append(f"times {self.by}" + (" squared" if self.by_power == 2 else ""))
-        if self.direction and self.kind != "direction":
-            details.append("opposite in the two directions")
-        return details
 
 
 def generic(data: GapData, predicted: Mapping[str, Array] | None = None) -> tuple[list[Form], list[Array]]:

@@ -6,7 +6,6 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from itertools import product
 from math import log
 from types import MappingProxyType
 from typing import Any
@@ -30,7 +29,7 @@ from ...models.effects.measurements import (
     measurements_of,
     target_of,
 )
-from ...models.effects.population import Law, OfUnits
+from ...models.effects.population import Law, OfUnits, acts_on_scatter
 from ...models.effects.shapes import Shape
 from ...models.effects.unresolved import Unresolved
 from ...models.measurable import NO_CHANGES, Column, MeasurableModel, Role, Sources
@@ -47,9 +46,6 @@ SMOOTHED = 0.1
 MIN_RELATIVE_DENSITY = 1e-12
 MAPPED = 8192
 """Units to which an effect without a density formula is applied."""
-DRAWS = 32
-"""Draws that distinguish an effect on the scatter from fixed shifts of the units."""
-STILL_LAW = 1e-9
 
 
 def estimate_law(drawn: Array, mean: float = 0.0, middle: float = 0.0) -> Law:
@@ -116,22 +112,6 @@ def _map_law(law: Law, effect: Effect, values: Mapping[str, float], target: Targ
     return estimate_law(np.asarray(action.population(units, law.mean, rng)), law.mean, law.mean)
 
 
-def acts_on_scatter(effect: Effect, values: Mapping[str, float], measurements: Measurements, target: Target) -> bool:
-    """Whether an effect on a population does more than shift each unit by a fixed amount."""
-    act = effect.act(measurements, values, target).population if target.population else None
-    if act is None:
-        return False
-
-    def moves(seed: int) -> Array:
-        rng = np.random.default_rng(seed)
-        drawn = rng.normal(size=len(measurements))
-        return np.asarray(act(drawn, 0.0, rng) - drawn)
-
-    first, *repeats = map(moves, range(DRAWS))
-    size = max(float(np.abs(first).max(initial=0.0)), 1.0)
-    return any(bool((np.abs(repeat - first) > STILL_LAW * size).any()) for repeat in repeats)
-
-
 def _units(columns: Iterable[Column], count: int) -> dict[str, NDArray[Any]]:
     """A table of units that differ only in their labels."""
     labels = np.arange(count).astype(str)
@@ -151,10 +131,6 @@ BEND = 2.5
 """The least gain of the first nonlinear parameter of an effect."""
 BIT = 2.0 * log(2.0)
 """The least gain of a choice of two forms."""
-FEW = 4
-"""Values of each of three or more nonlinear parameters on the grid."""
-MAX_GRID_POINTS = 400
-"""Points of the grid of an effect's nonlinear parameters, at most."""
 LINEAR_STEP = 0.05
 """A change of an internal quantity, in its unit, at which the outputs are still linear."""
 NO_TRACE = "the data contain no trace of it"
@@ -441,21 +417,6 @@ def _lot_offsets(candidate: Candidate, lots: Iterable[str], target: Target) -> t
 def carried(active: Iterable[Active], target: Target) -> float:
     """The shift of the mean of a population by effects on its scatter."""
     return sum(each.effect.carried(each.values, target) for each in active if isinstance(each.effect, OfUnits))
-
-
-def grid(candidate: Candidate, spread: float) -> list[dict[str, float]]:
-    """Grid of the nonlinear parameters in the fixed dictionary; a single empty set without any.
-
-    `spread` is the standard deviation of the residual: the scale of unbounded parameters.
-    """
-    free = sum(not parameter.choices for parameter in candidate.shape)
-    coarse = FEW if free > 2 else 6
-    axes = [parameter.grid(spread, free, coarse) for parameter in candidate.shape]
-    while np.prod([len(axis) for axis in axes]) > MAX_GRID_POINTS:
-        longest = max(range(len(axes)), key=lambda k: len(axes[k]))
-        axes[longest] = axes[longest][::2]
-    names = [parameter.name for parameter in candidate.shape]
-    return [dict(zip(names, point, strict=True)) for point in product(*axes)]
 
 
 POINTS = 9

@@ -9,11 +9,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...models.effects.measurements import unit_numbers
+from ...models.effects.unresolved import Form
 from ...models.measurable import Role
 from ...section import Array, Output
 from .data import GapData
 from .fit import Fit, Fitter
-from .generic import PREDICTED, Form, order_grid, order_of_units
+from .generic import PREDICTED, order_grid, order_of_units
 from .linear import basis, products, project_out, ranking
 from .noise import Noise
 from .records import Region, Shape

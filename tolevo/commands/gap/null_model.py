@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from ...journal import Arrays, recall_arrays
 from ...models.effects.instrument import step_of
+from ...models.effects.unresolved import STEP, SWING, Form
 from ...models.measurable import Role
 from ...section import Array, Output
 from .blocks import block_labels, coarsest_split
 from .fit import Fit, Fitter, Space
-from .generic import PREDICTED, STEP, SWING, Form
+from .generic import PREDICTED
 from .library import Candidate, Columns
 from .linear import Groups, basis, products, project_out, ranking
 from .noise import Noise, autocorrelation, outliers, residual_scale, robust_scale, size_follows

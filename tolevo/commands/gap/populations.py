@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from scipy.special import chdtri, ndtri
 
 from ...models.effects.measurements import labels_of, measurements_of, unit_numbers
-from ...models.effects.population import Law
+from ...models.effects.population import Law, acts_on_scatter
 from ...models.measurable import Column, Role, Source
 from ...section import Array
 from .data import GapData
 from .input_changes import KINDS, Change, Tables, UnitLaw
-from .library import acts_on_scatter, predictor
+from .library import predictor
 from .population import likelier
 from .records import Attribution, InputChange, Measurement, PopulationLine, Rival
 from .result import Ending

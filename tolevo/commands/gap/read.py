@@ -15,6 +15,7 @@ import pandas as pd
 from ... import tables
 from ...configuration.columns import output_of
 from ...errors import Fault, abbreviated_list, nearest, raise_all
+from ...models.effects.angle import unheld_orders
 from ...models.effects.effect import kind_of
 from ...models.effects.measurements import SESSION, pathless_effects
 from ...models.measurable import Column, Role
@@ -272,7 +273,8 @@ def checked_table(
     if unused:
         notes.append(f"not used, without a role: {abbreviated_list(unused)} (docs/conventions.md lists the roles)")
     data = assemble_data(plan, frame, present, outputs, predictions, stds, notes)
-    if faults := [*range_faults(plan, data, place), *pathless_effects(plan.active, data.target)]:
+    faults = [*range_faults(plan, data, place), *pathless_effects(plan.active, data.target)]
+    if faults := [*faults, *unheld_orders(data.measurements, data.target)]:
         return None, faults
     understood = (*table.lines(place), *(f"{place}: {note}" for note in fitted.notes))
     data = replace(data, understood=understood, table=table.record(), digest=_digest(table, path))

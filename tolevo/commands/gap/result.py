@@ -5,22 +5,26 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
+from itertools import islice, product
 
 import numpy as np
 
 from ...models.effects import EffectParameter
 from ...models.effects.angle import GearOrder
+from ...models.effects.measurements import changes_of_reading
 from ...models.effects.memory import Memory
+from ...models.effects.shapes import Orders
+from ...models.effects.unresolved import CURVED, Resemblance
 from ...models.measurable import Role
 from ...section import Array
-from .analysis import CURVED, Analysis, analysis_without_effect, variables_of, with_curves
+from .analysis import Analysis, analysis_of_fit, analysis_without_effect, settled_again, variables_of, with_curves
 from .blocks import HeldOut
 from .close import Corrected, corrected
-from .fit import Fit, Fitter, Member, is_term
+from .fit import MAX_CONTRIBUTION, Fit, Fitter, Member, is_term
 from .generic import effect_of, whole_term
-from .linear import basis, project_out
+from .linear import basis, project_out, ranked
 from .scan import scan
+from .selection import SAME_CAUSE
 from .setup import Setup
 
 # The bias of an effect's parameter due to the form of the generic terms that are fitted with it.
@@ -121,17 +125,6 @@ def _over(analysis: Analysis, members: Sequence[Member], over: tuple[frozenset[s
     search, data = analysis.search, analysis.setup.data
     others = [result.member for result in scan(search.fitter, search.white, search.dictionary, members)]
     return [other for other in others if variables_of(other, data) in (over, (frozenset(), over[1]))]
-
-
-@dataclass(frozen=True)
-class Resemblance:
-    """Effects `names` that a curve resembles, and the fraction of its squares that they explain."""
-
-    names: tuple[str, ...] = ()
-    fraction: float = 0.0
-
-    def __str__(self) -> str:
-        return f"{100.0 * self.fraction:.0f} % like {' and '.join(self.names)}" if self.names else ""
 
 
 def _resemblance(analysis: Analysis, fit: Fit, at: int) -> Resemblance:
@@ -281,10 +274,10 @@ def finish_analysis(analysis: Analysis) -> Ending:
     """
     ending, needed, before = _widen_ending(analysis), set[str](), list[tuple[str, Ending]]()
     while ending.rows:
-        name, larger = _weakest_effect(ending, needed) or ("", "")
+        name, larger, kept = _weakest_effect(ending, needed) or ("", "", False)
         if not name and (not before or _predicts_as_well(ending)):
             break
-        reduced = _widen_ending(analysis_without_effect(ending.analysis, name, larger)) if name else ending
+        reduced = _widen_ending(analysis_without_effect(ending.analysis, name, larger, kept)) if name else ending
         if larger and _predicts_as_well(reduced) and not _is_renamed(ending, name, reduced):
             before.append((name, ending))
         elif larger:
@@ -298,36 +291,85 @@ def finish_analysis(analysis: Analysis) -> Ending:
 
 
 def _with_names(end: Ending, needed: Collection[str]) -> Ending:
-    """The ending in which an effect replaces the term with its only column, where nothing speaks against it: what
-    excluded it may be gone.
+    """The ending in which an effect replaces the term with its only column, or all curves over its variables where it
+    fits better, and nothing speaks against it: what excluded it may be gone, or other effects had to be there first.
     """
-    search, analysis, members = end.analysis.search, end.analysis, end.analysis.fit.members
+    search, analysis, data = end.analysis.search, end.analysis, end.setup.data
+    members, best = analysis.fit.members, list[tuple[float, Fit]]()
     for at, other in product(range(len(members)), search.dictionary.members):
         columns, own = (search.fitter.white(member) for member in (members[at], other))
         if not is_term(members[at]) or other.shape or {columns.shape[1], own.shape[1]} != {1}:
             continue
         if np.linalg.norm(project_out(columns, basis(own))) < STEP * np.linalg.norm(columns):
-            fit = search.fitter.fit(sorted([*members[:at], other, *members[at + 1 :]], key=is_term))
-            selection, named = (
-                replace(analysis.selection, fit=fit),
-                replace(analysis.identified, confirmed=fit.identified),
-            )
-            excluded = analysis.excluded - {other.name}
-            ending = _widen_ending(replace(analysis, selection=selection, identified=named, excluded=excluded))
-            if np.any(fit.coefficients[fit.names.index(other.name)]) and not _weakest_effect(ending, needed):
-                return ending
+            best.append((0.0, search.fitter.fit(sorted([*members[:at], other, *members[at + 1 :]], key=is_term))))
+    curves = [member for member in members if is_term(member) and effect_of(member).term.shape in CURVED]
+    for over in dict.fromkeys(variables_of(member, data)[0] for member in curves):
+        rest = [member for member in members if member not in curves or variables_of(member, data)[0] != over]
+        apart = [member for member in rest if is_term(member) or not variables_of(member, data)[0] <= over]
+        alone = (each.member for each in scan(search.fitter, search.white, search.dictionary, apart))
+        first = islice((m for m in alone if variables_of(m, data)[0] <= over), STARTS)
+        fits = [_searched_over(analysis, start, over) for start in (rest, *([*apart, m] for m in first))]
+        without, most = search.fitter.fit(rest).rss, search.fitter.fit(members).rss
+        as_much = [fit for fit in fits if without - fit.rss > SAME_CAUSE * (without - most)]
+        best += [(search.worse(fit, analysis.fit), fit) for fit in as_much]
+    for _, fit in ranked(best, lambda each: -each[0]):
+        new = {*fit.names} - {*analysis.fit.names}
+        ending = _widen_ending(analysis_of_fit(analysis, fit, analysis.excluded - new))
+        if search.worse(fit, analysis.fit) > 0.0:  # a remainder is a term again
+            ending = _widen_ending(analysis_of_fit(analysis, settled_again(analysis, fit), analysis.excluded - new))
+        fit = ending.analysis.fit
+        present = all(np.any(fit.coefficients[k]) for k in fit.identified if fit.names[k] in new)
+        more = search.fitter.fit(fit.effects).rss < search.fitter.fit(analysis.fit.effects).rss
+        if present and more and not _weakest_effect(ending, needed):
+            return ending
     return end
 
 
-def _weakest_effect(end: Ending, needed: Collection[str]) -> tuple[str, str] | None:
-    """The first effect to be removed, and the larger effect whose form it may belong to (empty
-    where its parameters may be 0); None where all stay. An effect in `needed` belongs to no other
-    form.
+STARTS, SEARCHED, NEAREST = 4, 5, 3
+"""Effects with which a search among those of a curve's variables begins, its steps, and the likeliest of each."""
+
+
+def _searched_over(analysis: Analysis, start: Sequence[Member], over: frozenset[str]) -> Fit:
+    """The fit of some members with effects that act in no other variables, added or exchanged one by one."""
+    search, data = analysis.search, analysis.setup.data
+    fit = search.fitter.refined(sorted(start, key=is_term))
+    for _ in range(SEARCHED):
+        exchanged = [k for k in fit.identified if variables_of(fit.members[k], data)[0] <= over]
+        near = list[Fit]()
+        for base in (fit.members, *map(fit.without, exchanged)):
+            found = (each.member for each in scan(search.fitter, search.white, search.dictionary, base))
+            more = [m for m in found if variables_of(m, data)[0] <= over and m.name not in analysis.excluded]
+            near += search.ordered(search.fitter.fit(sorted([*base, m], key=is_term)) for m in more)[:NEAREST]
+        larger = search.ordered(search.fitter.refined(each.members) for each in near)
+        best = next((each for each in larger if not search.cancelling(each)), fit)
+        if search.worse(best, fit) > -search.thresholds.library:
+            break
+        fit = best
+    return fit
+
+
+def _weakest_effect(end: Ending, needed: Collection[str]) -> tuple[str, str, bool] | None:
+    """The first effect to be removed, the larger effect whose form it may belong to (empty where its parameters may
+    be 0), and whether its contribution stays, since it only adds to the others'; None where all effects stay. An
+    effect in `needed` belongs to no other form.
     """
     search = end.analysis.search
-    if cancelling := search.cancelling(search.fitter.fit(end.fit.effects), True):
-        alone = [search.fitter.fit([end.fit.effects[k]]).rss for k in cancelling]
-        return end.fit.effects[cancelling[int(np.argmax(alone))]].name, ""
+    effects = search.fitter.fit(end.fit.effects)
+    if cancelling := search.cancelling(effects, True):
+        at = ranked(list(cancelling), lambda k: -search.fitter.fit(effects.without(k)).rss)[0]  # the least needed
+        own, *others = (search.fitter.contribution(effects, k) for k in (at, *range(len(effects.members))))
+        adds = len(effects.coefficients[at]) == 1 and all(float(own @ other) > 0.0 for other in others)
+        return effects.names[at], "", adds and any(np.sum(other**2) > np.sum(own**2) for other in others)
+    size = {
+        each.name: float(np.linalg.norm(search.fitter.contribution(effects, k)))
+        for k, each in enumerate(effects.members)
+    }
+    times = {
+        k: float(np.linalg.norm(search.fitter.contribution(end.fit, k))) / max(size[end.fit.names[k]], 1e-300)
+        for k in end.identified
+    }
+    if (inflated := max(times, key=times.__getitem__, default=-1)) >= 0 and times[inflated] > MAX_CONTRIBUTION:
+        return end.fit.names[inflated], "", False  # it cancels against terms
     for at in end.identified:
         name = end.fit.names[at]
         if name in end.analysis.excluded:
@@ -335,21 +377,48 @@ def _weakest_effect(end: Ending, needed: Collection[str]) -> tuple[str, str] | N
         larger = "" if name in needed else _form_of(end, at)
         member = end.fit.members[at]
         if larger or end.model.nothing(member) or end.model.undetermined(member) or _sideband(end, at):
-            return name, larger
+            return name, larger, False
+        if _warms_late(end, at) or _of_path(end, at):
+            return name, "", False
     return None
 
 
 def _sideband(end: Ending, at: int) -> bool:
-    """Whether an order that nobody declared may be part of a larger remainder over the angle, of which another effect
-    has the main part, or, of less than a turn, an error of the form of a memory.
+    """Whether an order that nobody declared may be part of a larger remainder over the angle (or of a visible one, if
+    it is small), of which another effect has the main part, or one of less than a turn an error of a memory's form.
     """
     data, effects = end.setup.data, [member.candidate.effect for member in end.fit.effects]
-    if not isinstance(end.fit.members[at].candidate.effect, GearOrder) or data.target.gear is not None:
+    effect = end.fit.members[at].candidate.effect
+    if not isinstance(effect, (GearOrder, Orders)) or data.target.gear is not None:
         return False
-    if np.ptp(data.measurements[Role.ANGLE]) < 2.0 * np.pi and any(isinstance(effect, Memory) for effect in effects):
+    if np.ptp(data.measurements[Role.ANGLE]) < 2.0 * np.pi and any(isinstance(each, Memory) for each in effects):
         return True
-    contribution = float(np.linalg.norm(end.analysis.search.fitter.contribution(end.fit, at)))
-    return bool(_containing(end, at)) and _remains_of(end, at) > contribution
+    sizes = {k: float(np.linalg.norm(end.analysis.search.fitter.contribution(end.fit, k))) for k in end.identified}
+    larger, remains = max((sizes[k] for k in _containing(end, at)), default=0.0), _remains_of(end, at)
+    beyond = VISIBLE if sizes[at] < FORM_FAR_OFF * larger else 1.0
+    return isinstance(effect, GearOrder) and larger > 0.0 and remains > beyond * sizes[at]
+
+
+def _of_path(end: Ending, at: int) -> bool:
+    """Whether an effect with a memory may be an error of the form of a larger one over the same path, of which more
+    remains.
+    """
+    effects, target = [member.candidate.effect for member in end.fit.members], end.setup.data.target
+    paths = [effect.driven_by(target) if isinstance(effect, Memory) else None for effect in effects]
+    same = [k for k in end.identified if k != at and paths[k] is paths[at] is not None]
+    return end.remains and any(_is_form(end, at, k, 0.0) for k in same)
+
+
+def _warms_late(end: Ending, at: int) -> bool:
+    """Whether an effect on the reading has mostly what the temperature moves: heat arrives late by itself."""
+    fitter, data, fit, effects = end.analysis.search.fitter, end.setup.data, end.fit, end.fit.members
+    warm = [k for k in end.identified if Role.TEMPERATURE in effects[k].candidate.effect.acts_in(data.target)]
+    moved = [fitter.columns.of(effects[k].candidate, effects[k].shape) @ fit.coefficients[k] for k in warm]
+    parts = np.split(sum(moved, 0.0 * end.setup.residual), len(data.outputs))
+    named, reads = {o.name: part for o, part in zip(data.outputs, parts, strict=True)}, effects[at]
+    late = changes_of_reading(reads.candidate.effect, reads.shape, named, data.measurements, data.target)
+    own, of_heat = fitter.contribution(fit, at), project_out(fitter.space.whiten(np.concatenate(late)), fitter.q)
+    return float(of_heat @ own) > 0.5 * float(own @ own)
 
 
 def _predicts_as_well(end: Ending) -> bool:

@@ -11,11 +11,12 @@ import scipy
 from numpy.typing import NDArray
 
 from ...journal import recall_arrays
+from ...models.effects.effect import grid
+from ...models.effects.unresolved import Form
 from ...models.measurable import Role
 from ...section import Array
 from .fit import Fit, Fitter, Member
-from .generic import Form
-from .library import Candidate, Columns, grid
+from .library import Candidate, Columns
 from .linear import TIE, Groups, join_groups, project_out, ranked, ranking
 
 CHUNK = 250
@@ -41,7 +42,7 @@ class Dictionary:
 def dictionary(library: Sequence[Candidate], columns: Columns, spread: float, gap: Array | None = None) -> Dictionary:
     """The dictionary of every candidate on its grid, and where a `gap` (N,) shows one between, there."""
     data = columns.data
-    shapes = {candidate.name: grid(candidate, spread) for candidate in library}
+    shapes = {candidate.name: grid(candidate.shape, spread) for candidate in library}
     if gap is not None and len(data.outputs) == 1:
         for candidate in library:
             read = candidate.effect.read_from(gap, data.measurements, data.target)

@@ -11,6 +11,7 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.effects.memory import Memory
 from .blocks import HeldOut, Improvement, Split, Training, improvement, predict_held_out
 from .fit import Fit, Fitter, Member, is_term
 from .generic import label
@@ -31,7 +32,7 @@ BOTH = "significant, and held-out rows are predicted better"
 UNITS = "units scatter significantly in this form, held-out units as well"
 NO_BETTER = "held-out rows are not predicted better"
 BELOW_PRACTICAL_LIMIT = "its contribution is below the practical limit"
-NO_FORM = "its form is not that of the data: it is not significant given the other terms"
+NO_FORM = "given the others it is not significant, may be an error of their form, or has no number that is determined"
 AS_WELL = "fits at least as well as any generic form, given the others"
 TERM = "held-out rows are predicted better, and no effect of the library has this form"
 VISITED = 6
@@ -521,13 +522,17 @@ def first_of_confounded(fit: Fit, alternatives: Sequence[Other], population: boo
     """The fit with the preferred effect where another effect has the same columns, else None.
 
     What may be the instrument is not attributed to physics. An effect yields to a family that it names
-    (a delay to a memory) where that fits as well. Of an offset that is the same in every
+    (a delay to a memory) where that fits as well, and a memory beside terms, hence of a form that is off, to an
+    effect with fewer numbers. Of an offset that is the same in every
     unit of a batch the process is preferred: an allocation can answer it, a gauge cannot.
     """
     for alternative in alternatives:
-        new, replaced = alternative.fit.members[-1].candidate, alternative.instead_of
+        replaced = alternative.instead_of
         current = next(m.candidate for m in fit.members if m.name == replaced[0])
+        new = next(m.candidate for m in alternative.fit.members if m.name == alternative.names[-1])
         if len(replaced) == 1 and new.effect.family == current.effect.yields_to:
+            return alternative.fit
+        if isinstance(current.effect, Memory) and len(replaced) == 1 and fit.terms and new.count < current.count:
             return alternative.fit
         if abs(alternative.distance) >= SAME_COLUMNS or len(replaced) > 1 or new.unread:
             continue

@@ -14,15 +14,16 @@ import scipy
 
 from ...errors import raise_all
 from ...journal import recall_arrays
-from ...models.effects.effect import InsideSeveral, kind_of
+from ...models.effects.effect import InsideSeveral, grid, kind_of
 from ...models.effects.population import Law
 from ...models.effects.shapes import POSITIONS
+from ...models.effects.unresolved import Form
 from ...models.measurable import NO_CHANGES, Role
 from ...section import Array, Output
 from .data import GapData
 from .fit import Fit
-from .generic import Form, generic
-from .library import Candidate, Columns, add_lot_offsets, candidates, grid, law_of, not_considered, predictor
+from .generic import generic
+from .library import Candidate, Columns, add_lot_offsets, candidates, law_of, not_considered, predictor
 from .linear import Groups, basis, join_groups, project_out
 from .plan import GapPlan
 from .read import finite_faults
@@ -105,7 +106,7 @@ def _blocks(data: GapData, library: Sequence[Candidate], columns: Columns) -> It
         inside = candidate.effect.place(data.target) is not None or isinstance(candidate.effect, InsideSeveral)
         if candidate.is_nonlinear or inside:
             continue
-        shapes = grid(candidate, 1.0)
+        shapes = grid(candidate.shape, 1.0)
         every = max(1, len(shapes) // SHAPES)
         for shape in shapes[::every]:
             yield candidate, columns.of(candidate, shape)
