@@ -316,7 +316,7 @@ class Effect(ABC):
     """The quantity inside a model that represents the effect, where it has another name."""
 
     reach: ClassVar[str] = ""
-    """Stem of the number at whose least value rows show nothing of what distinguishes it: of a memory, or a speed."""
+    """Stem of the number at whose least value nothing of the rows before is left: rows show no shorter memory."""
 
     def place(self, target: Target) -> Changeable | None:
         """The changeable quantity with the effect's name, without its unit."""

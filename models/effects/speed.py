@@ -77,7 +77,6 @@ class Stribeck(Shape):
     formula = "d (c + e exp(-(v/v_s)^n)), e = s - c, n 1 or 2"
     needs = (Role.SPEED, Role.DIRECTION)
     mistaken_for = ("friction_hysteresis", "viscous_friction", "delay")
-    reach = "speed"
     reference = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30, 1994"
 
     def weights(self, target: Target) -> tuple[Weight, ...]:

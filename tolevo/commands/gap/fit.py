@@ -107,7 +107,7 @@ class Member:
 
     @property
     def forgets(self) -> bool:
-        """Whether it is as short as the rows can show, in its memory or its speed: it is another effect then."""
+        """Whether its memory is as short as the rows can show: without one it is another effect."""
         reach, shape = self.candidate.effect.reach, self.candidate.shape
         return any(self.shape[n.name] <= FORGOTTEN * n.low for n in shape if reach and n.stem == reach)
 
