@@ -156,7 +156,8 @@ class Corrected:
                 break
             # a limit that the model breaks but the form does not reach starts at the form's value
             base = np.where(excess > 0.0, np.minimum(moved, self._values(ways, t)), moved)
-            moved = np.where(real, base - scale * (excess + INSIDE), moved)
+            counts = real & self._answers_for_excess(excess, self._active(moved, t, ways, scale))
+            moved = np.where(counts, base - scale * (excess + INSIDE), moved)
         if best is not None:
             self._moved = np.subtract(moved, limit, out=np.zeros_like(limit), where=real)
             self._start = best.t
@@ -167,6 +168,14 @@ class Corrected:
         values, real = self._values(ways, t), np.isfinite(limit)
         level = np.where(real, limit, 0.0)
         return np.asarray(real & (values >= level - 1e-6 * scale))
+
+    def _answers_for_excess(self, excess: Array, active: Flags) -> Flags:
+        """Which limits (r,) are moved by an excess: of several that stand for one output, such as a joint yield, those
+        that hold the allocation back, or all where it is broken and none does.
+        """
+        same = np.equal.outer(np.array(self.form.outputs), np.array(self.form.outputs))
+        led = np.any(same & active, axis=1)
+        return np.asarray((np.count_nonzero(same, axis=1) == 1) | active | ((excess > 0.0) & ~led))
 
     def _values(self, ways: tuple[int, ...], t: Array) -> Array:
         """The form's values of an allocation, (r,)."""
@@ -207,6 +216,8 @@ def corrected_vectors(run: Run, form: Form, points: int) -> Array:
     end = corrected.point(chosen_at_end, limits, least=row)
     x = [] if end is None else [end.x]
     asked, chosen = _levels(run, form, limits, row, ends, points)
+    if end is not None and len(asked) == points <= MAX_COARSE_LEVELS:
+        asked, chosen = asked[1:], chosen[1:]  # of few points none is next to the least level
     before: Point | None = None
     for done, (limit, ways) in enumerate(zip(asked, chosen.tolist(), strict=True)):
         run.phase("points on the full model", 0.3 + 0.7 * done / len(asked))

@@ -140,3 +140,15 @@ def test_a_yield_of_which_one_requirement_has_no_form_is_solved_on_its_units() -
     run = tolevo.run(case.source("cost"))
     assert run.front["yield_percent"].iloc[0] == pytest.approx(99.0, abs=0.02)
     assert any("limits left out: yield_percent" in note for note in run.summary["notes"])
+
+
+@pytest.mark.parametrize("points", [2, 5])
+def test_a_front_of_few_points_has_as_many_and_both_ends(points: int) -> None:
+    """Once limits that held nothing back were tightened for a broken joint yield, and the cheap end was lost."""
+    case = Case(1, 2, 4)
+    case.laws = [{"distribution": "triangular"}] * 4
+    front = tolevo.run(case.source("cost", "r1.variation", points=points)).front
+    least = tolevo.run(case.source("cost")).front["cost"].iloc[0]
+    assert len(front) == points
+    assert front["cost"].min() == pytest.approx(least, rel=0.003)
+    assert front["cost"].max() > 2.0 * least
