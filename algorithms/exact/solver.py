@@ -206,16 +206,37 @@ def _solved_limits(problem: ToleranceProblem, form: Form) -> Array:
 
 
 def _improve_by_full_model(run: Run, form: Form, x: Array) -> Array:
-    """The one design of least cost by SLSQP on the full model, where the form is only a bound of that.
+    """The one design of least cost, or the cheap end of a front on a sample, by SLSQP on the full model, where the form
+    is only a bound of that.
 
     Limits of a form that are moved by what it understates end near the optimum, at a place that
     depends on the way there. `x` is kept where nothing that keeps the limits is cheaper.
     """
-    if form.exact or has_only_point_ways(form) or run.problem.objectives != (run.problem.priced,) or len(x) != 1:
+    problem = run.problem
+    alone = problem.objectives == (problem.priced,) and len(x) == 1
+    on_sample = problem.n_obj == 2 and problem.priced in problem.objectives and problem.smooth() is not problem
+    if form.exact or has_only_point_ways(form) or not len(x) or not (alone or on_sample):
         return x
-    if np.any(run.problem.tested(x)[1] > 0.0):
+    f, g = problem.tested(x)
+    kept, cost = np.all(g <= 0.0, axis=1), f[:, problem.objectives.index(problem.priced)]
+    if not np.any(kept):
         return x
-    return _cheapest_at_level(run.problem, x, np.full(1, np.inf))
+    at = int(np.argmin(np.where(kept, cost, np.inf)))
+    free = np.full(problem.n_obj, np.inf)
+    candidates = x[[at]] if alone else np.vstack([x[[at]], _cheap_end_afresh(problem, x[at], free)])
+    return np.vstack([x[:at], _cheapest_at_level(problem, candidates, free), x[at + 1 :]])
+
+
+def _cheap_end_afresh(problem: ToleranceProblem, x: Array, free: Array) -> Array:
+    """The cheapest search vector (1, variables) from x (variables,), with limits moved until fresh units keep them."""
+    from ..run import Run
+    from .epsilon import feasible_afresh, scale_of
+    from .local import Branch
+
+    run = Run(problem.smooth(), Budget(), seed=0)
+    branch = Branch(run, x, scale_of(problem))
+    start = branch.smooth.scaled(x[None, :])[0]
+    return feasible_afresh(run, branch, start, free, search=True, objective=problem.objectives.index(problem.priced))
 
 
 def _cheapest_at_level(problem: ToleranceProblem, x: Array, level: Array) -> Array:
