@@ -24,6 +24,7 @@ from ...section import Array
 from ...units import plain_number
 from .front import EXACT, ROBUST, exact_label, reported_front
 from .plan import RunPlan
+from .promise import cheapest_at, cheapest_design
 from .proofs import ProvenFront, distance_words, exact_front
 
 DISTANCE = "distance_to_front"
@@ -56,6 +57,8 @@ class SideSearch:
     engine: str = "pymoo"
     apart: bool = False
     overlay: bool = False
+    level: tuple[str, float] | tuple[()] = ()
+    """Output and value at which the least cost is solved in addition to the front."""
 
     @property
     def key(self) -> str:
@@ -68,8 +71,21 @@ class SideSearch:
         """Its reported front, None where it was interrupted; `report` is called with states that `keeper` saves."""
         result = search(self.problem, self.algorithm, self.budget, self.seed, report, self.engine, keeper)
         front = None if result.interrupted else reported_front(self.problem, result)
+        if front is not None and self.level:
+            front = with_least_cost(front, self.problem, *self.level)
         self.problem.release()
         return front
+
+
+def with_least_cost(front: pd.DataFrame, problem: ToleranceProblem, name: str, level: float) -> pd.DataFrame:
+    """A front and the least cost at one value of the other objective, which lies between points of the front."""
+    cheapest = cheapest_design(cheapest_at(problem, {name: level}))
+    if not np.isfinite(cheapest.cost):
+        return front
+    joint = pd.concat([front, problem.reported().frame(cheapest.design[None, :])], ignore_index=True)
+    joint = joint[joint["feasible"].astype(bool)] if "feasible" in joint else joint
+    best = nondominated(joint[list(problem.objectives)].to_numpy(dtype=float))
+    return joint[best][list(front.columns)].reset_index(drop=True)
 
 
 def documents(problem: ToleranceProblem, _: object = None) -> pd.DataFrame:
@@ -97,7 +113,11 @@ def side_searches(plan: RunPlan, printed: pd.DataFrame) -> tuple[SideSearch, ...
         if bounds and not continues_front(plan):
             wider = problem.relaxed(bounds)
             label = str(row["label"])
-            searches.append(SideSearch(label, wider, plan.algorithm, plan.budget, seed, True, plan.engine))
+            other = next((name for name in problem.objectives if name != "cost"), "")
+            solved = isinstance(plan.algorithm, Exact) and problem.n_obj == 2 and "cost" in problem.objectives
+            level = (other, float(row[other])) if solved else ()
+            side = SideSearch(label, wider, plan.algorithm, plan.budget, seed, True, plan.engine, level=level)
+            searches.append(side)
     return tuple(searches)
 
 
