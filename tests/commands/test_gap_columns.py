@@ -12,12 +12,12 @@ import pytest
 from tolevo.commands.gap.blocks import Trained, Training
 from tolevo.commands.gap.configuration import read_gap
 from tolevo.commands.gap.generic import stack_columns
-from tolevo.models.effects.effect import grid
 from tolevo.commands.gap.linear import Groups, basis, project_out, ranking
 from tolevo.commands.gap.null_model import build_null_model, noise_of
 from tolevo.commands.gap.read import read_data
 from tolevo.commands.gap.scan import Thresholds, dictionary
 from tolevo.commands.gap.setup import Setup, prepare_setup
+from tolevo.models.effects.effect import grid
 from tolevo.models.effects.shapes import Shape
 
 ROWS = 60

@@ -97,7 +97,8 @@ def test_orders_that_the_rows_cannot_tell_from_others_are_none_of_theirs() -> No
 
 def warmed(rows: int) -> np.ndarray:
     """The temperature of a hall [degC], by day and by night."""
-    return 22.0 + 4.0 * np.sin(np.arange(rows) * 0.04) + 2.0 * np.sin(np.arange(rows) * 0.017 + 1.0)
+    hours = np.arange(rows)
+    return np.asarray(22.0 + 4.0 * np.sin(hours * 0.04) + 2.0 * np.sin(hours * 0.017 + 1.0))
 
 
 def test_what_warms_late_is_no_delay_of_the_channel(tmp_path: Path) -> None:
