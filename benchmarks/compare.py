@@ -170,9 +170,11 @@ def number(value: float, form: str) -> str:
 
 
 def quartiles(values: list[float], form: str) -> str:
-    """Median and quartiles over seeds; a median that most seeds did not reach is "-"."""
+    """Median and quartiles over seeds; a median that most seeds did not reach is "-", such a quartile "never"."""
     low, median, high = (number(float(each), form) for each in np.quantile(values, QUARTILES, method="nearest"))
-    return median if len(values) < len(QUARTILES) or median == "-" else f"{median} ({low} to {high})"
+    if len(values) < len(QUARTILES) or median == "-":
+        return median
+    return f"{median} ({low}-{'never' if high == '-' else high})"
 
 
 def row(label: str, runs: list[Measured], base: list[Measured]) -> str:
