@@ -134,10 +134,10 @@ def ended_within(analysis: Analysis, most: int, monkeypatch: pytest.MonkeyPatch)
     """The ending, which may exclude effects in so many turns at most."""
     turns: list[str] = []
 
-    def counted(before: Analysis, name: str, trusted: str = "") -> Analysis:
+    def counted(before: Analysis, name: str, trusted: str = "", kept: bool = False) -> Analysis:
         assert len(turns) < most, turns
         turns.append(name)
-        return without(before, name, trusted)
+        return without(before, name, trusted, kept)
 
     monkeypatch.setattr(result, "analysis_without_effect", counted)
     end = finish_analysis(analysis)
